@@ -18,7 +18,7 @@ from typing import Any
 from work_precision import CASES, DURATION, Case
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
 
 TARGET = Path(__file__).with_suffix(".json")

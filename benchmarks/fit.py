@@ -32,8 +32,8 @@ from scipy.optimize import nnls
 from skrf.vectorFitting import VectorFitting
 
 import pyspice_runner as pr
-from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
-from pyspice_runner.spectra.fit import SpectrumFit
+from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 
 try:
     from impedance.models.circuits import CustomCircuit

@@ -22,8 +22,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.steady import steady_states
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.steady.steady import steady_states
 
 STEPS = 4000  # of the Runge-Kutta method in a period, 5 ns
 PULL = 10.0  # steps in the time constant by which the slider returns to its limit

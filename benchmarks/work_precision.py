@@ -24,9 +24,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import run_deck
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.spice.ngspice import run_deck
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
-from tests.analysis.test_reference import (
+from tests.run.test_reference import (
     GAIN_POINT,
     GAIN_STEPS,
     POINTS,

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.averaged_run import TRUSTED_CHECK, TRUSTED_OPEN
-from pyspice_runner.analysis.controlled import Sample
-from pyspice_runner.analysis.steady import steady_states
-from pyspice_runner.model.drive import Load
-from pyspice_runner.netlist.contact import law_of
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.averaged.run import TRUSTED_CHECK, TRUSTED_OPEN
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.law import law_of
+from pyspice_runner.control.simulate import Sample
+from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.steady.steady import steady_states
 
 PAGE = Path(__file__).with_name("averaged_accuracy.md")
 ALLOWED = 0.02  # of the friction torque: error of a point whose check passes

@@ -21,9 +21,9 @@ import numpy as np
 
 import pyspice_runner as pr
 from benchmarks.steady_state import cpu_seconds
-from pyspice_runner.analysis.control_loop import ControlLoop
-from pyspice_runner.analysis.controlled_run import ControlledRun
-from pyspice_runner.analysis.loop_controllers import LoopController
+from pyspice_runner.control.controllers import LoopController
+from pyspice_runner.control.loop import ControlLoop
+from pyspice_runner.control.run import ControlledRun
 
 PAGE = Path(__file__).with_name("averaged.md")
 RECORD = Path(__file__).with_suffix(".json")

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.stats import qmc
 
 import pyspice_runner as pr
-from pyspice_runner.model.load import SETS, changed_motor, stated_solid
-from pyspice_runner.model.solid.parameters import Solid
+from pyspice_runner.motor.load import SETS, changed_motor, stated_solid
+from pyspice_runner.motor.solid.parameters import Solid
 
 NAME = "bimodal40"
 FILE = Path(__file__).with_name("bimodal40_bands.json")

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 
-from tests.netlist.test_drivers import KINDS, NETWORKS, powered_up, ranges
+from tests.drivers.test_driver import KINDS, NETWORKS, powered_up, ranges
 
 
 def main() -> None:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.dielectric import HIGH_HZ, lossy_capacitance
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.dielectric import HIGH_HZ, lossy_capacitance
 
 PAGE = Path(__file__).with_name("losses.md")
 RUNS = 3  # of which the fastest counts

@@ -14,16 +14,16 @@ import numpy as np
 from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.engine.openvaf import compiler_version, find_compiler, find_osdi_ngspice
-from pyspice_runner.netlist.benches import AC_OPTIONS
-from pyspice_runner.netlist.compiled import loading, module_of, module_subcircuit
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.sources import Bench
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.compiled import loading, module_of, module_subcircuit
+from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.law import Law
 from pyspice_runner.run.kernel import ac
 from pyspice_runner.run.waveforms import Waveforms
-from tests.analysis.test_reference import DURATION, POINTS, speed_error, trajectory_error
-from tests.spectra.test_admittance import preloaded_closed_form
+from pyspice_runner.spice.ngspice import ngspice_version
+from pyspice_runner.spice.openvaf import compiler_version, find_compiler, find_osdi_ngspice
+from tests.impedance.test_admittance import preloaded_closed_form
+from tests.run.test_reference import DURATION, POINTS, speed_error, trajectory_error
 from tests.tools import second_simulator
 
 PAGE = Path(__file__).with_name("simulators.md")

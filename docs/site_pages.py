@@ -20,8 +20,8 @@ from mkdocs.structure.files import File, Files
 
 import pyspice_runner as pr
 from pyspice_runner.cli import app
-from pyspice_runner.netlist.library import Library, library_names, read_library
 from pyspice_runner.result import Result
+from pyspice_runner.spice.library import Library, library_names, read_library
 from pyspice_runner.view.live import live_page
 
 ROOT = Path(__file__).resolve().parents[1]

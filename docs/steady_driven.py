@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from itertools import product
 
-from tests.analysis.test_steady_driven import HELD, KINDS, MOUNTED, NETWORKS, both, friction_torque
+from tests.steady.test_steady_driven import HELD, KINDS, MOUNTED, NETWORKS, both, friction_torque
 
 STATORS = {"fixed": HELD, "mount": MOUNTED}
 

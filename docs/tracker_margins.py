@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.track import running_resonance
+from pyspice_runner.trackers.track import running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
 BEGIN, END = "<!-- margins by python -m docs.tracker_margins -->", "<!-- end of the margins -->"

@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from style import BLACK, BLUE, VERMILION, canvas, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.spectra.admittance import Admittance
+from pyspice_runner.impedance.admittance import Admittance
 
 COLOURS = {"free": BLUE, "preloaded": VERMILION}
 MARKS = {

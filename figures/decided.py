@@ -10,10 +10,10 @@ import numpy as np
 from style import BLACK, BLUE, ORANGE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.steady import steady_states
+from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import parameter
-from pyspice_runner.spectra.spectrum import Spectrum
+from pyspice_runner.steady.steady import steady_states
 
 FREE = {  # path → words
     "contact.friction": "friction", "contact.normal_stiffness_n_per_m15": "normal stiffness",

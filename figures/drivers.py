@@ -9,7 +9,7 @@ import numpy as np
 from style import GREEN, GREY, PURPLE, VERMILION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.drive import DriveReport
+from pyspice_runner.drivers.report import DriveReport
 
 FREQUENCY = 51.7e3
 VOLTAGE = 50.0

@@ -13,7 +13,7 @@ import numpy as np
 from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
-from pyspice_runner.model.beam import resonator_modes
+from pyspice_runner.motor.beam import resonator_modes
 
 LENGTHS = {3e-3: BLUE, 4.5e-3: ORANGE, 6e-3: VERMILION, 7.5e-3: GREEN}
 POSITIONS = 7 if draft() else 31

@@ -11,7 +11,7 @@ import numpy as np
 from style import BLACK, BLUE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import run_deck
+from pyspice_runner.spice.ngspice import run_deck
 from tools.benches.duffing import amplitudes, folds
 from tools.decks import SOFTENING, softening_deck
 

@@ -9,8 +9,8 @@ import numpy as np
 from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, drive_words, farthest, main, motor_words, samples, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled import Sample
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
+from pyspice_runner.control.simulate import Sample
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 69.0})

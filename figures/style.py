@@ -20,8 +20,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
-from pyspice_runner.model.drive import Drive
+from pyspice_runner.control.run import ControlledRun
+from pyspice_runner.motor.drive import Drive
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.view.plot_runs import state_path as coloured_path

@@ -14,7 +14,7 @@ import numpy as np
 from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, drive_words, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import operating_point
 
 TOLERANCES = {
     "contact.friction": (0.20, "friction"),

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.steady import steady_states
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import parameter
-from pyspice_runner.spectra.spectrum import Spectrum
+from pyspice_runner.steady.steady import steady_states
 
 RECORD = Path(__file__).with_suffix(".json")
 SEED = 33

@@ -34,11 +34,11 @@ import numpy as np
 from pydantic import ValidationError
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.dynamometer import Dynamometer
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.law import law_of
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.model.drive import check_together, free_tip
-from pyspice_runner.netlist.contact import law_of
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.motor.drive import check_together, free_tip
+from pyspice_runner.run.dynamometer import Dynamometer
 from pyspice_runner.run.operating_point import OperatingPoint
 from tests.soak import FruitlessError, cause, random_motor
 

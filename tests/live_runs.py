@@ -24,8 +24,8 @@ from urllib.parse import urlencode
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.spice.ngspice import ngspice_version
+from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.view.live import save_live_page
 
 HERE = Path(__file__).resolve().parent

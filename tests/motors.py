@@ -8,8 +8,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor, Slider
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor, Slider
 
 
 def mode(name: str, frequency: float, mass: float, quality: float, **rest: float) -> Mode:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pyspice_runner as pr
-from pyspice_runner.model.drive import Drive
+from pyspice_runner.motor.drive import Drive
 from pyspice_runner.run.waveforms import Waveforms
 
 

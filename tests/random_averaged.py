@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
 from tests.records import extended
 
 RECORD = Path(__file__).with_suffix(".json")

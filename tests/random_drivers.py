@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.design import Design
-from pyspice_runner.analysis.drive import DriveReport
+from pyspice_runner.drivers.design import Design
+from pyspice_runner.drivers.report import DriveReport
 from tests.records import extended
 
 RECORD = Path(__file__).with_suffix(".json")

@@ -20,14 +20,14 @@ import numpy as np
 from scipy.stats import binomtest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.period_map import PeriodMap
-from pyspice_runner.analysis.shooting import Point, Shooting, balance, start_point
-from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.drive import Load
-from pyspice_runner.model.parameters import Mode, Piezo
-from pyspice_runner.netlist.contact import PAPER_LAW
-from pyspice_runner.netlist.copies import Copy, Plant
+from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.parameters import Mode, Piezo
+from pyspice_runner.steady.copies import Copy, Plant
+from pyspice_runner.steady.period_map import PeriodMap
+from pyspice_runner.steady.shooting import Point, Shooting, balance, start_point
+from pyspice_runner.steady.steady import SteadyState
 from tests.motors import mode, motor
 from tests.random_steady import LONGEST_CHECK, STAYING, staying
 from tests.records import extended, write

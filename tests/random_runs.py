@@ -33,12 +33,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.model.drive import Drive, check_together, free_tip
-from pyspice_runner.model.parameters import Mode
-from pyspice_runner.netlist.contact import law_of
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.law import law_of
+from pyspice_runner.motor.drive import Drive, check_together, free_tip
+from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.spice.ngspice import ngspice_version
 from tests.reference.integrator import Tone, integrate
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.netlist.test_averaged_start import deck, expected, recipe, result
+from tests.averaged.test_averaged_start import deck, expected, recipe, result
 
 SEED, COUNT = 32, 200
 VOLTAGES, FREQUENCIES, PHASES, TORQUES = (40.0, 150.0), (39.6e3, 41.2e3), (60.0, 140.0), (-6e-3, 6e-3)  # V, Hz, °, N·m

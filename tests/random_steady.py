@@ -21,16 +21,16 @@ import numpy as np
 from pydantic import ValidationError
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.dynamometer import STUCK, Dynamometer
-from pyspice_runner.analysis.period_map import PeriodMap
-from pyspice_runner.analysis.shooting import Shooting
-from pyspice_runner.analysis.speed_torque import operating_point
-from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.model.drive import check_together
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.copies import Copy
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.motor.drive import check_together
+from pyspice_runner.run.dynamometer import STUCK, Dynamometer
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.steady.copies import Copy
+from pyspice_runner.steady.period_map import PeriodMap
+from pyspice_runner.steady.shooting import Shooting
+from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.steady import SteadyState
 from tests.records import Record, extended
 from tests.soak import Case, case
 

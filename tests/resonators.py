@@ -10,10 +10,10 @@ from math import pi, sqrt
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import run_deck
 from pyspice_runner.export.equivalent import circuit_library
-from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
-from pyspice_runner.spectra.fit import SpectrumFit
+from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.spice.ngspice import run_deck
 
 
 def resonator(

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import pyspice_runner as pr
-from pyspice_runner.model.drive import Drive
+from pyspice_runner.motor.drive import Drive
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import Waveforms
 

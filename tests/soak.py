@@ -32,19 +32,19 @@ from pydantic import ValidationError
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.dynamometer import Dynamometer, off_beat
-from pyspice_runner.analysis.speed_torque import operating_point
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.model.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, check_together, free_tip
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Contact, Mode, Parameters, Piezo, Rotor
-from pyspice_runner.model.tracking import DisturbanceKind
-from pyspice_runner.netlist.benches import UNIFORM_POINTS
-from pyspice_runner.netlist.contact import PAPER_LAW
-from pyspice_runner.netlist.drivers import DriverKind, NetworkKind
-from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.fixtures import UNIFORM_POINTS
+from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.circuit.source import Source
+from pyspice_runner.drivers.driver import DriverKind, NetworkKind
+from pyspice_runner.motor.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, check_together, free_tip
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.spice.ngspice import ngspice_version
+from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.trackers.loop_filter import DisturbanceKind
 
 RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 2000, 7

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.model.beam import Resonator, solve_resonator
-from pyspice_runner.model.parameters import Beam, Patch, Tip
-from pyspice_runner.model.solid.materials import VACUUM
-from pyspice_runner.model.solid.parameters import Box, Electrode, Face, Solid, Support
-from pyspice_runner.model.solid.stator import solve_stator
+from pyspice_runner.motor.beam import Resonator, solve_resonator
+from pyspice_runner.motor.parameters import Beam, Patch, Tip
+from pyspice_runner.motor.solid.materials import VACUUM
+from pyspice_runner.motor.solid.parameters import Box, Electrode, Face, Solid, Support
+from pyspice_runner.motor.solid.stator import solve_stator
 
 Array = NDArray[np.float64]
 WIDTH = 1e-3  # in m: narrow, as the theory of beams has no stress across the width

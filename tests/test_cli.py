@@ -232,7 +232,7 @@ def test_invalid_input_ends_with_status_2_and_one_or_two_sentences(
 
 
 def test_an_unknown_key_of_a_toml_is_named(tmp_path: Path) -> None:
-    from pyspice_runner.model.load import SETS
+    from pyspice_runner.motor.load import SETS
 
     text = (SETS / "andersen2002.toml").read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(text.replace("preload_n", "prelaod_n"), encoding="utf-8")

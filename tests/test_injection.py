@@ -19,20 +19,20 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.export.equivalent import circuit_library
-from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
-from pyspice_runner.model.equivalent import EquivalentCircuit, MotionalArm
-from pyspice_runner.model.motor import Provenance
-from pyspice_runner.netlist.library import read_library
-from pyspice_runner.netlist.motor import motor_library
-from pyspice_runner.netlist.sources import DriveSource, motor_bench
+from pyspice_runner.motor.circuit_file import is_circuit_file, load_circuit
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.motor.motor import Provenance
+from pyspice_runner.spice.library import read_library
 from tests.data.spectra import make
 from tests.fuzz.entry_points import clear, harmless, nothing_runs, warm
 from tests.fuzz.nasty import ATTEMPTS, MARKER
 from tests.fuzz.watch import watched
-from tests.model.toml_text import toml
+from tests.motor.toml_text import toml
 from tests.selection import mostly
 
 MOTOR = pr.load_motor("andersen2002")

@@ -35,7 +35,7 @@ def test_an_estimate_that_is_too_small_counts_as_broken(monkeypatch: pytest.Monk
     coarse = replace(short("spring-slider"), accuracy=1e-4)
     reference = random_runs.exact(coarse)
     # the step that the accuracy asks for is taken without a second trial, because the estimate is passed at once
-    monkeypatch.setattr("pyspice_runner.analysis.simulate.points_per_period", lambda _: 40.0)
+    monkeypatch.setattr("pyspice_runner.run.simulate.points_per_period", lambda _: 40.0)
     found = random_runs._outcome(coarse, 0, 1e-4, reference, 0.0)
     assert found.kind == "broken"
     assert not random_runs.passes(random_runs.summary([found], SEED))

@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.impact import Throw, impact
 from pyspice_runner.datasets import Curves, Dataset, as_result
 from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.impact import Throw, impact
 from pyspice_runner.units import engineering, unit_in
 from pyspice_runner.view.draw import plain
 

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyspice_runner as pr
-from pyspice_runner.model.parameters import Contact, Mode
+from pyspice_runner.motor.parameters import Contact, Mode
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import Waveforms
 from tests import soak

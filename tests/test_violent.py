@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pyspice_runner.analysis import simulate
+from pyspice_runner.run import simulate
 from pyspice_runner.run.accuracy import Errors
 from tests import violent
 

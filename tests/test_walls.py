@@ -22,6 +22,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "pyspice_runner"
 
 BASE = {"display", "errors", "files", "interrupts", "result", "units"}
+CORE = BASE | {"motor", "spice", "circuit", "run"}
+# until every source has one interface: what the core knows of drivers and trackers, which stand above it
+_SOURCES = {"drivers", "trackers"}
 # what a part may import of ours, beside itself; "" is the package itself
 WALLS = {
     "errors": set(),
@@ -31,27 +34,33 @@ WALLS = {
     "display": {"errors"},
     "result": {"display", "errors", "files", "units"},
     "datasets": {"files", "result", "units"},
-    "model": {"display", "errors", "files", "units"},
-    "netlist": {"errors", "model", "units"},
-    "engine": {"errors", "interrupts"},
-    "run": BASE | {"model", "netlist", "engine"},
-    "analysis": BASE | {"datasets", "model", "netlist", "engine", "run", "spectra"},
-    "export": BASE | {"model", "netlist", "engine", "run"},
-    "spectra": BASE | {"model", "netlist", "engine", "run", "export"},
-    "study": BASE | {"datasets", "model", "netlist", "engine", "run", "analysis", "spectra"},
-    "view": BASE | {"datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study"},
-    "commands": BASE
-    | {"", "datasets", "model", "netlist", "engine", "run", "export", "analysis", "spectra", "study", "view"},
+    "motor": {"display", "errors", "files", "units"},
+    "spice": {"errors", "interrupts", "units"},
+    "circuit": {"errors", "motor", "spice", "units"} | _SOURCES,
+    "run": CORE | _SOURCES,
+    "steady": CORE | {"datasets"} | _SOURCES,
+    "drivers": CORE | {"datasets", "steady"},
+    "averaged": CORE | {"drivers"},
+    "trackers": CORE | {"averaged", "drivers", "steady"},
+    "control": CORE | {"averaged", "drivers"},
+    "export": CORE | {"averaged"},
+    "impedance": CORE | {"export"},
+    "sweeps": CORE | {"datasets", "drivers", "steady"},
+    "calibration": CORE | {"averaged", "impedance", "steady", "sweeps"},
+    "view": CORE
+    | {"averaged", "calibration", "control", "datasets", "drivers", "export", "impedance", "steady", "trackers"},
+    "commands": CORE
+    | {"", "calibration", "control", "drivers", "export", "impedance", "steady", "sweeps", "trackers", "view"},
     "cli": {"commands", "interrupts", ""},
     "__main__": {"cli", "commands", "errors", "interrupts"},
 }
 # libraries that only some parts may know; ngspice and PySpice end at the engine and the netlists
 HOMES = {
-    "PySpice": {"netlist", "engine"},
+    "PySpice": {"averaged", "circuit", "control", "drivers", "spice", "steady", "trackers", "view"},
     "matplotlib": {"view", "display"},  # which names the type that ``plot`` returns
     "plotly": {"view"},
     "jinja2": {"view"},
-    "subprocess": {"engine"},
+    "subprocess": {"spice"},
     "typer": {"cli", "commands"},
     "rich": {"cli", "commands"},
     "tools": set(),  # not in the wheel
@@ -126,7 +135,7 @@ def test_each_part_imports_only_the_parts_and_libraries_that_it_may() -> None:
 def test_a_forbidden_import_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
     (tmp_path / "x.py").write_text("def f():\n    from pyspice_runner.run import audit\n    import matplotlib\n")
-    found = list(breaches("pyspice_runner.model.x", tmp_path / "x.py"))
+    found = list(breaches("pyspice_runner.motor.x", tmp_path / "x.py"))
     assert [line.split(": ")[0] for line in found] == ["x.py:2", "x.py:3"]
 
 
@@ -141,7 +150,7 @@ def test_no_two_files_import_each_other_on_any_way_round() -> None:
 def test_only_the_package_itself_loads_modules_of_its_own_by_name() -> None:
     loading = {module for module, path in MODULES.items() if "import_module(" in path.read_text(encoding="utf-8")}
     # the compiler's wheel; the command that is asked for
-    assert loading == {"pyspice_runner", "pyspice_runner.engine.openvaf", "pyspice_runner.cli"}
+    assert loading == {"pyspice_runner", "pyspice_runner.spice.openvaf", "pyspice_runner.cli"}
 
 
 def test_only_public_names_are_taken_from_the_package() -> None:
@@ -166,8 +175,8 @@ def test_the_command_starts_without_scipy() -> None:
 @pytest.mark.parametrize(
     ("words", "unused"),
     [
-        (["show", "bimodal40"], ["scipy", "pyspice_runner.analysis.shooting", "pyspice_runner.commands.calibrate"]),
-        (["simulate", "bimodal40", "--duration", "1e-4"], ["scipy", "pyspice_runner.analysis.shooting"]),
+        (["show", "bimodal40"], ["scipy", "pyspice_runner.steady.shooting", "pyspice_runner.commands.calibrate"]),
+        (["simulate", "bimodal40", "--duration", "1e-4"], ["scipy", "pyspice_runner.steady.shooting"]),
         (["steady", "bimodal40", "--speed", "20"], ["scipy", "pyspice_runner.commands.simulate"]),
     ],
 )

@@ -129,7 +129,7 @@ def test_command_runs_in_an_empty_directory(bin_dir: Path, tmp_path: Path) -> No
 
 
 def test_deck_runs_in_an_empty_directory(bin_dir: Path, tmp_path: Path) -> None:
-    ask = "from pyspice_runner.netlist.library import data_path; print(data_path('netlists'))"
+    ask = "from pyspice_runner.spice.library import data_path; print(data_path('netlists'))"
     netlists = Path(run(bin_dir / "python", "-c", ask, cwd=tmp_path).strip())
     assert netlists.is_relative_to(bin_dir.parent), f"{netlists} is not in the installed package"
     deck = min(netlists.rglob("*.cir"))

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.model.drive import check_together
+from pyspice_runner.motor.drive import check_together
+from pyspice_runner.spice.ngspice import ngspice_version
 from tests.random_runs import tones
 from tests.reference.integrator import ReferenceRun, integrate
 

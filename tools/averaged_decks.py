@@ -10,12 +10,12 @@ from __future__ import annotations
 import textwrap
 from math import pi
 
-from pyspice_runner.model.drive import TwoPhaseDrive, default_drive
-from pyspice_runner.model.load import load_motor
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.thermal import Thermal, heat_capacity
-from pyspice_runner.netlist.averaged import OPTIONS, SUBCIRCUIT, averaged_library
-from pyspice_runner.netlist.library import read_library
+from pyspice_runner.averaged.library import OPTIONS, SUBCIRCUIT, averaged_library
+from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.thermal import Thermal, heat_capacity
+from pyspice_runner.spice.library import read_library
 
 MOTOR = "beam40"
 LIBRARY = f"{SUBCIRCUIT}.lib"

@@ -17,21 +17,21 @@ from pathlib import Path
 
 from PySpice.Spice.Simulation import CircuitSimulation
 
-from pyspice_runner.analysis.impact import Throw, impact_bench
-from pyspice_runner.model.contact import limit_ratio, resonance_under_preload, static_penetration
-from pyspice_runner.model.drive import Load, TwoPhaseDrive, TwoToneDrive, default_drive
-from pyspice_runner.model.load import load_motor
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.model.tracking import LoopFilter, StatorLag
-from pyspice_runner.netlist.benches import AC_OPTIONS, METERED, admittance_bench
-from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.library import data_path
-from pyspice_runner.netlist.source import GROUPS
-from pyspice_runner.netlist.sources import Bench, DriveSource, dynamometer_bench, motor_bench
-from pyspice_runner.netlist.state import Discretisation, plate_nodes
-from pyspice_runner.netlist.trackers import (
+from pyspice_runner.circuit.bench import Bench, DriveSource, dynamometer_bench, motor_bench
+from pyspice_runner.circuit.fixtures import AC_OPTIONS, METERED, admittance_bench
+from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.circuit.state import Discretisation, plate_nodes
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.motor.contact import limit_ratio, resonance_under_preload, static_penetration
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, TwoToneDrive, default_drive
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.run.impact import Throw, impact_bench
+from pyspice_runner.spice.library import data_path
+from pyspice_runner.trackers.loop_filter import LoopFilter, StatorLag
+from pyspice_runner.trackers.tracker import (
     RAIL,
     TrackedSource,
     Tracker,

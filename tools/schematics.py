@@ -13,11 +13,11 @@ import uuid
 from math import degrees
 from pathlib import Path
 
+from pyspice_runner.circuit.motor import SUBCIRCUIT, editable_parameters, motor_library
 from pyspice_runner.export.symbols import MOTOR_PINS, TESTED, UNTESTED, kicad_symbol, ltspice_symbol
-from pyspice_runner.model.drive import Tone, default_drive
-from pyspice_runner.model.load import load_motor
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.motor import SUBCIRCUIT, editable_parameters, motor_library
+from pyspice_runner.motor.drive import Tone, default_drive
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor
 
 MOTOR = "bimodal40"
 NAME = "motor"  # name of all files, by which they refer to each other

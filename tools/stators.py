@@ -11,10 +11,10 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from pyspice_runner.model.load import SETS, stated_solid
-from pyspice_runner.model.solid.parameters import Solid
-from pyspice_runner.model.solid.stator import solve_stator
-from pyspice_runner.model.solid.store import BUNDLED, bundled_name, write_stator
+from pyspice_runner.motor.load import SETS, stated_solid
+from pyspice_runner.motor.solid.parameters import Solid
+from pyspice_runner.motor.solid.stator import solve_stator
+from pyspice_runner.motor.solid.store import BUNDLED, bundled_name, write_stator
 
 
 def solids(sets: Iterable[Path]) -> dict[str, Solid]:

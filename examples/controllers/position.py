@@ -15,7 +15,7 @@ from math import copysign, sqrt
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
 
 MOTOR = pr.load_motor("beam40")
 DEAD_BAND, HIGHEST = 40.0, 110.0  # V

@@ -14,7 +14,7 @@ import cmath
 from math import degrees, pi, radians
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"frequency": 40.8e3})  # 1.7 % above the recommended frequency

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import copysign
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
 
 MOTOR = pr.load_motor("beam40")
 DEAD_BAND, HIGHEST = 45.0, 110.0  # V

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 69.0})

@@ -10,7 +10,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import Targets, with_options
-from pyspice_runner.spectra.spectrum import State
+from pyspice_runner.impedance.spectrum import State
 
 
 @with_options

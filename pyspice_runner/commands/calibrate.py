@@ -9,11 +9,11 @@ from typing import Annotated, get_args
 import typer
 
 import pyspice_runner as pr
+from pyspice_runner.calibration.prediction import SPECTRUM_ERROR
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import RunOptions, Targets, with_options
-from pyspice_runner.spectra.spectrum import Connection, State
-from pyspice_runner.study.calibration.prediction import SPECTRUM_ERROR
+from pyspice_runner.impedance.spectrum import Connection, State
 
 
 @with_options

@@ -34,10 +34,10 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands.versions import versions
-from pyspice_runner.engine import Engine
 from pyspice_runner.files import save_by_ending, write_json, write_rows
-from pyspice_runner.model.load import changed_motor
+from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.result import Result as _Result
+from pyspice_runner.spice import Engine
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 

@@ -12,7 +12,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.options import Targets, with_options
-from pyspice_runner.spectra.spectrum import Connection, State
+from pyspice_runner.impedance.spectrum import Connection, State
 
 
 @with_options
@@ -106,7 +106,7 @@ def _refuse_idle(
 
 def _tolerances(given: list[str] | None) -> dict[str, float]:
     """Read tolerances: a ratio such as 0.05, or a percentage such as 5%."""
-    from pyspice_runner.spectra.compare import Comparison
+    from pyspice_runner.impedance.compare import Comparison
 
     found: dict[str, float] = {}
     named: set[str] = set()  # what a tolerance is given for; empty for all quantities

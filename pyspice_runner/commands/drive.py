@@ -11,21 +11,21 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.drive import begin_early, run_task
-from pyspice_runner.analysis.early_run import EarlyRun
 from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import Options
-from pyspice_runner.model.drive import two_phases
-from pyspice_runner.netlist.drivers import BRIDGES
+from pyspice_runner.drivers.driver import BRIDGES
+from pyspice_runner.drivers.early_run import EarlyRun
+from pyspice_runner.drivers.report import begin_early, run_task
+from pyspice_runner.motor.drive import two_phases
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from pyspice_runner.analysis.design import Design
-    from pyspice_runner.analysis.drive import DriveReport
-    from pyspice_runner.netlist.drivers import NetworkKind
+    from pyspice_runner.drivers.design import Design
+    from pyspice_runner.drivers.driver import NetworkKind
+    from pyspice_runner.drivers.report import DriveReport
 
     AnyDrive = pr.TwoPhaseDrive | pr.TwoToneDrive
 

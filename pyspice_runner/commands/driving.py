@@ -11,7 +11,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.commands.options import Options
-from pyspice_runner.model.drive import DRIVES
+from pyspice_runner.motor.drive import DRIVES
 
 _option = partial(typer.Option, rich_help_panel="Drive")
 

@@ -75,7 +75,7 @@ def _fit_one_port(
         read = measured.reader(source.columns, source.through)
         fixture = {name: read(path) for name, path in parts.items() if path is not None}
         if fixture:
-            from pyspice_runner.spectra.fixture import without_fixture
+            from pyspice_runner.impedance.fixture import without_fixture
 
             spectrum = without_fixture(spectrum, **fixture, load_ohm=options.load_ohm)
     with common.busy("fitting", _ARMS_TRIED) as progress:

@@ -34,8 +34,8 @@ def impact(
     """
     contact = law.law
     targets.check(".csv", ".json", ".cir")
-    from pyspice_runner.analysis.impact import Throw
-    from pyspice_runner.analysis.impact import impact as rebound
+    from pyspice_runner.run.impact import Throw
+    from pyspice_runner.run.impact import impact as rebound
 
     throw = Throw(
         psi=psi, velocity_m_s=velocity, spin_rad_s=spin, friction=friction, restitution=restitution,

@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.control_loop import Quantity
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import LoadOption, Targets, with_options
+from pyspice_runner.control.loop import Quantity
 
 
 @with_options

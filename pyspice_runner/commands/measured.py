@@ -16,7 +16,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import Options, Targets
-from pyspice_runner.spectra.spectrum import Connection
+from pyspice_runner.impedance.spectrum import Connection
 
 Reader = Callable[[str | Path], pr.Spectrum]
 

@@ -10,7 +10,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
-from pyspice_runner.spectra.spectrum import Connection
+from pyspice_runner.impedance.spectrum import Connection
 
 _SHEET = "Data sheet"
 

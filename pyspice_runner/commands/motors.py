@@ -94,8 +94,8 @@ def export(
     from pyspice_runner.export.fmu_description import Version
     from pyspice_runner.export.motor import FORMATS, MotorExport, check_rotational, endings
     from pyspice_runner.export.xyce import Dialect, check_dialect
-    from pyspice_runner.model.circuit_file import is_circuit_file
-    from pyspice_runner.model.thermal import Thermal
+    from pyspice_runner.motor.circuit_file import is_circuit_file
+    from pyspice_runner.motor.thermal import Thermal
 
     output = targets.output
     if is_circuit_file(source):
@@ -131,7 +131,7 @@ def _export_circuit(source: str, changes: list[str] | None, targets: Targets, na
     if changes or targets.plot is not None:
         raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
     from pyspice_runner.export.circuit import CIRCUIT_FORMATS, CircuitExport
-    from pyspice_runner.model.circuit_file import load_circuit
+    from pyspice_runner.motor.circuit_file import load_circuit
 
     targets.check(*CIRCUIT_FORMATS, inputs=[source])
     file = Path(source).name

@@ -14,10 +14,10 @@ from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.measured import ColumnsOption, ThroughOption, reader
 from pyspice_runner.commands.options import with_options
-from pyspice_runner.spectra.spectrum import Connection
+from pyspice_runner.impedance.spectrum import Connection
 
 if TYPE_CHECKING:
-    from pyspice_runner.analysis.tracking import Tracking
+    from pyspice_runner.trackers.result import Tracking
 
 
 @with_options

@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.waveforms import Burst, Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import EngineOptions, LawOptions, Targets, with_options
 from pyspice_runner.errors import Interrupted
-from pyspice_runner.netlist.waveforms import Burst, Waveform, read_waveform
 
 # options of a run cycle by cycle, which an averaged one does not have
 _OF_CYCLES = (

@@ -8,13 +8,13 @@ from typing import Annotated, Literal
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.working_points import ACCURACY, Objective
 from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import EngineOptions, LoadOption, PeriodOptions, SpeedOption, Targets, with_options
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.paths import LOADS, canonical
+from pyspice_runner.steady.working_points import ACCURACY, Objective
 
 _SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
 

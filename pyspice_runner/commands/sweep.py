@@ -18,8 +18,8 @@ from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, channel, two_phase
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
-from pyspice_runner.study.plan import Distribution, Sampling
-from pyspice_runner.study.specification import met
+from pyspice_runner.sweeps.plan import Distribution, Sampling
+from pyspice_runner.sweeps.specification import met
 from pyspice_runner.units import linear_name
 
 _DRIVEN = ("driver", "part", "mosfet", "rail")
@@ -186,11 +186,11 @@ def _question(
 ) -> dict[str, Any]:
     """Return the analysis of a point, what is kept of it, and the settings that are not given."""
     if analysis == "operating-point":
-        from pyspice_runner.analysis.speed_torque import operating_point
+        from pyspice_runner.steady.speed_torque import operating_point
 
         return {"analysis": operating_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
     if isinstance(excitation, pr.Driver) and analysis == "driver-state":
-        from pyspice_runner.analysis.driver_state import driver_state
+        from pyspice_runner.drivers.state import driver_state
 
         kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
         return {"quantities": quantity or kept, "analysis": driver_state}

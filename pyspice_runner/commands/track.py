@@ -10,7 +10,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common, drive, options
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.model.tracking import DisturbanceKind, TrackerKind
+from pyspice_runner.trackers.loop_filter import DisturbanceKind, TrackerKind
 
 START_OFFSET = 0.03  # relative to the centre
 
@@ -107,7 +107,7 @@ def track(
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, contact: bool = True) -> pr.Tracker:
     """Return a tracker with the resonance of the running motor in the middle of its range."""
-    from pyspice_runner.analysis.track import running_resonance
+    from pyspice_runner.trackers.track import running_resonance
 
     return tracker.updated({"frequency": running_resonance(motor, tracker, contact=contact).resonance_hz})
 

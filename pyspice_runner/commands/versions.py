@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import ngspice_version
+from pyspice_runner.spice.ngspice import ngspice_version
 
 
 def versions() -> str:

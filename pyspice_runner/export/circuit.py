@@ -15,9 +15,9 @@ from pyspice_runner.export.equivalent import RESONATOR, circuit_library
 from pyspice_runner.export.symbols import RESONATOR_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.model.circuit_file import circuit_toml
-from pyspice_runner.model.equivalent import EquivalentCircuit
-from pyspice_runner.netlist.library import check_name
+from pyspice_runner.motor.circuit_file import circuit_toml
+from pyspice_runner.motor.equivalent import EquivalentCircuit
+from pyspice_runner.spice.library import check_name
 
 _POINTS = 1601
 _NEAR_POINTS = 201  # over ten bandwidths around each resonance

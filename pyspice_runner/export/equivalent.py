@@ -8,9 +8,9 @@ from math import pi
 import numpy as np
 
 from pyspice_runner.export.symbols import ascii_line
-from pyspice_runner.model.equivalent import EquivalentCircuit
-from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.library import check_name
+from pyspice_runner.motor.equivalent import EquivalentCircuit
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.spice.library import check_name
 
 RESONATOR = "resonator"
 _LEAST = 1e-9

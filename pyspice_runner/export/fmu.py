@@ -15,14 +15,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
-from pyspice_runner.engine.compiler import compile_for_windows, compile_library
+from pyspice_runner.averaged.c_code import CORE, HEADER, PHASE, START, phase_source, start_header, variables
+from pyspice_runner.averaged.library import SUBCIRCUIT, require_averaged
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.export.fmu_description import VERSIONS, Description, Version, state_count
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import SUBCIRCUIT, require_averaged
-from pyspice_runner.netlist.averaged_c import CORE, HEADER, PHASE, START, phase_source, start_header, variables
-from pyspice_runner.netlist.library import check_name, data_path
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.compiler import compile_for_windows, compile_library
+from pyspice_runner.spice.library import check_name, data_path
 
 SHARED = ("piezomotor_unit.h", "piezomotor_fmi.h")  # by both versions
 PLATFORMS = {2: ("linux64", "win64"), 3: ("x86_64-linux", "x86_64-windows")}  # folders of the binaries

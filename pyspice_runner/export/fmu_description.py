@@ -12,10 +12,10 @@ from math import pi
 from typing import Literal
 from xml.etree import ElementTree
 
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import carriers
-from pyspice_runner.netlist.averaged import HARMONICS
-from pyspice_runner.netlist.averaged_c import MOUNTS, OF_SPRINGS, Variable
+from pyspice_runner.averaged.c_code import MOUNTS, OF_SPRINGS, Variable
+from pyspice_runner.averaged.library import HARMONICS
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.recoil import carriers
 
 Version = Literal[2, 3]
 VERSIONS: tuple[Version, ...] = (2, 3)

@@ -12,6 +12,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from pyspice_runner.averaged.library import averaged_library, check_averaged
+from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
+from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.fmu import fmu_archive, fmu_texts
 from pyspice_runner.export.fmu_description import Version
@@ -19,15 +23,11 @@ from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.export.xyce import Dialect, check_dialect, xyce_library
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import checked
-from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.averaged import averaged_library, check_averaged
-from pyspice_runner.netlist.contact import ContactLaw
-from pyspice_runner.netlist.library import check_name
-from pyspice_runner.netlist.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
-from pyspice_runner.netlist.veriloga import motor_module
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.two_port import stator_two_port
+from pyspice_runner.spice.library import check_name
 
 _TWO_PORT_POINTS = 2000
 

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.model.contact import elastic_energy, linearised_resonances, penetration, static_deflection
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.netlist.benches import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.motor.contact import elastic_energy, linearised_resonances, penetration, static_deflection
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.waveforms import ENERGY_BOUND, Array, EnergyBalance
 
 # The wattmeters integrate over the simulator's own steps: settled points balance to 1e-4. The change of the energy

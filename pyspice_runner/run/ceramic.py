@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.model.drive import too_fast
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.strength import exceeded, peak_of_motion, temperature_rise
-from pyspice_runner.model.wear import of_contact, slip_velocity
-from pyspice_runner.netlist.contact import PAPER_LAW, Law
-from pyspice_runner.netlist.source import GROUPS, Source
-from pyspice_runner.netlist.state import Discretisation, motor_states
+from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.source import GROUPS, Source
+from pyspice_runner.circuit.state import Discretisation, motor_states
+from pyspice_runner.motor.drive import too_fast
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.strength import exceeded, peak_of_motion, temperature_rise
+from pyspice_runner.motor.wear import of_contact, slip_velocity
 from pyspice_runner.run.window import Array, Window
 
 

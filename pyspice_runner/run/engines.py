@@ -21,26 +21,26 @@ from pathlib import Path
 
 import numpy as np
 
-from pyspice_runner.engine import Engine
-from pyspice_runner.engine.kept import is_private, make_private
-from pyspice_runner.engine.ngspice import version_of
-from pyspice_runner.engine.openvaf import (
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.compiled import missing_form, module_of
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.state import stems
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import save_by_ending
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.run.kernel import modules_folder
+from pyspice_runner.run.operating_point import OperatingPoint, Solver
+from pyspice_runner.spice import Engine
+from pyspice_runner.spice.ngspice import version_of
+from pyspice_runner.spice.openvaf import (
     compiler_version,
     find_compiler,
     find_osdi_ngspice,
 )
-from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.files import save_by_ending
-from pyspice_runner.model.drive import Load, TwoPhaseDrive
-from pyspice_runner.model.load import load_motor
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import carriers
-from pyspice_runner.netlist.compiled import missing_form, module_of
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.netlist.state import stems
-from pyspice_runner.run.kernel import modules_folder
-from pyspice_runner.run.operating_point import OperatingPoint, Solver
+from pyspice_runner.spice.private_cache import is_private, make_private
 
 BEHIND_DRIVER = "The periodic solution behind a driver is found with the B-sources."  # a reason for is_compiled
 TOLERANCE = 2e-4  # of a signal, RMS relative to its size; both engines take the same steps and agree to 5e-5

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.engine.ngspice import Result
-from pyspice_runner.engine.openvaf import compile_module, find_osdi_ngspice
-from pyspice_runner.engine.pyspice import BatchSimulator
+from pyspice_runner.circuit.bench import Bench, Derived
+from pyspice_runner.circuit.evaluated import Plotted, plotted_vectors
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.files import cache_folder
-from pyspice_runner.netlist.evaluated import Plotted, plotted_vectors
-from pyspice_runner.netlist.sources import Bench, Derived
+from pyspice_runner.spice.ngspice import Result
+from pyspice_runner.spice.openvaf import compile_module, find_osdi_ngspice
+from pyspice_runner.spice.pyspice import BatchSimulator
 
 Array = NDArray[np.float64]
 

@@ -9,20 +9,20 @@ from functools import cached_property
 from math import isfinite
 from typing import Any
 
+from pyspice_runner.circuit.bench import FREE, Bench, DriveSource, Excitation, motor_bench, source_of
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of
+from pyspice_runner.circuit.source import Source
+from pyspice_runner.circuit.state import Discretisation, Motion, motion, state_vectors
+from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.drive import Load
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import PAPER_LAW, ContactLaw, Law, law_of
-from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.sources import FREE, Bench, DriveSource, Excitation, motor_bench, source_of
-from pyspice_runner.netlist.state import Discretisation, Motion, motion, state_vectors
-from pyspice_runner.netlist.trackers import Disturbance
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, unknown
 from pyspice_runner.run.recording import Recording
+from pyspice_runner.trackers.tracker import Disturbance
 
 MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
 _ROUNDED_DOWN = 0.995  # a limit that is printed with three digits is not above itself
@@ -38,7 +38,7 @@ class Solver:
     # error allowed of the tip's trajectory, RMS relative to its motion; it chooses the step.
     accuracy: float | None = None
     # whether modes are written so that the trapezoidal rule resonates where they do
-    # (:class:`~pyspice_runner.netlist.motor.Discretisation`); only with uniform steps.
+    # (:class:`~pyspice_runner.circuit.motor.Discretisation`); only with uniform steps.
     exact_resonance: bool = True
     timeout: float | None = None  # wall time in s after which ngspice is ended
     audit: bool = True  # whether a result that fails the physical audit (:mod:`.audit`) is an error

@@ -2,7 +2,7 @@
 """Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
 
 ``contact.*``, ``rotor.*`` or ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
-:meth:`~pyspice_runner.model.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
+:meth:`~pyspice_runner.motor.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
 ``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft;
 ``run.*`` are the settings of an analysis.
 """
@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
+from pyspice_runner.circuit.bench import Excitation
+from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, did_you_mean
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import quoted, unit_of
-from pyspice_runner.netlist.drivers import Driver
-from pyspice_runner.netlist.sources import Excitation
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import quoted, unit_of
 from pyspice_runner.units import linear_unit, unit_in
 
 #: path of the load → setting of an analysis, unit, description

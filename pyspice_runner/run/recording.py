@@ -9,15 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.drive import Load
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.recoil import carriers, recoils
-from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.motor import dielectric_branches
-from pyspice_runner.netlist.source import Source
-from pyspice_runner.netlist.state import Discretisation, Kind, motor_states, static_sway
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.motor import dielectric_branches
+from pyspice_runner.circuit.source import Source
+from pyspice_runner.circuit.state import Discretisation, Kind, motor_states, static_sway
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.recoil import carriers, recoils
+from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.sequences import recursion
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.circuit.state import Motion
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.netlist.state import Motion
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering

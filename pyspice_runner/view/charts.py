@@ -16,14 +16,14 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from pyspice_runner.analysis.loop import LoopDesign, phase_shown_deg
+from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
-from pyspice_runner.model.beam import solve_resonator
-from pyspice_runner.model.motor import Motor, Structure
+from pyspice_runner.impedance.admittance import Admittance
+from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
+from pyspice_runner.motor.beam import solve_resonator
+from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
-from pyspice_runner.spectra.admittance import Admittance
-from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
-from pyspice_runner.study.calibration.record import RecordedCurve, RecordedPoint
+from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
 from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of, time_label
 
 if TYPE_CHECKING:

@@ -20,19 +20,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.analysis.tracking import Tracking
+from pyspice_runner.calibration.record import Record
 from pyspice_runner.datasets import Curves
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
-from pyspice_runner.model.drive import Drive
-from pyspice_runner.model.motor import Motor, Provenance
-from pyspice_runner.model.refusal import unit_of
+from pyspice_runner.impedance.admittance import Admittance
+from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
+from pyspice_runner.motor.drive import Drive
+from pyspice_runner.motor.motor import Motor, Provenance
+from pyspice_runner.motor.refusal import unit_of
 from pyspice_runner.result import Audit, Result, json_ready
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.spectra.admittance import Admittance
-from pyspice_runner.spectra.spectrum import COUPLING, Connection, Spectrum, State
-from pyspice_runner.study.calibration.record import Record
+from pyspice_runner.steady.steady import SteadyState
+from pyspice_runner.trackers.result import Tracking
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
 

@@ -2,7 +2,7 @@
 """The live page of a motor: ngspice as WebAssembly runs its decks in the browser, without a network.
 
 ``live_page/`` contains the template, the scripts and the engine, which ``scripts/live_engine.py`` rebuilds. The scripts
-fill the numbers into the decks of :mod:`pyspice_runner.netlist.live` and show the results.
+fill the numbers into the decks of :mod:`pyspice_runner.view.live_circuit` and show the results.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from typing import Any
 
 import numpy as np
 
+from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model import strength
-from pyspice_runner.model.beam import solve_resonator
-from pyspice_runner.model.drive import TwoToneDrive, default_drive
-from pyspice_runner.model.load import available_motors, load_motor
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.thermal import Thermal
-from pyspice_runner.netlist import live
-from pyspice_runner.netlist.state import Discretisation
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import strength
+from pyspice_runner.motor.beam import solve_resonator
+from pyspice_runner.motor.drive import TwoToneDrive, default_drive
+from pyspice_runner.motor.load import available_motors, load_motor
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.units import engineering
+from pyspice_runner.view import live_circuit as live
 
 ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")

@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 
-from pyspice_runner.analysis.impact import Impact
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model import motor as model
-from pyspice_runner.model.beam import solve_resonator
-from pyspice_runner.model.solid.elements import Indices
-from pyspice_runner.model.solid.geometry import regions_of
-from pyspice_runner.model.solid.parameters import Box, Electrode, Placed, Solid
-from pyspice_runner.model.solid.store import stator_of
+from pyspice_runner.motor import motor as model
+from pyspice_runner.motor.beam import solve_resonator
+from pyspice_runner.motor.solid.elements import Indices
+from pyspice_runner.motor.solid.geometry import regions_of
+from pyspice_runner.motor.solid.parameters import Box, Electrode, Placed, Solid
+from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.run.impact import Impact
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, draw_lines, dress
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label

@@ -12,16 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from pyspice_runner.analysis.averaged_run import AveragedRun
-from pyspice_runner.analysis.burst import BurstReport
-from pyspice_runner.analysis.control_loop import ControlLoop
-from pyspice_runner.analysis.controlled_run import ControlledRun
-from pyspice_runner.analysis.drive import DriveReport
-from pyspice_runner.analysis.loop import LoopDesign, phase_shown_deg
-from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.analysis.tracking import Tracking
+from pyspice_runner.averaged.run import AveragedRun
+from pyspice_runner.control.loop import ControlLoop
+from pyspice_runner.control.run import ControlledRun
+from pyspice_runner.drivers.burst import BurstReport
+from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array, Waveforms
+from pyspice_runner.steady.steady import SteadyState
+from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
+from pyspice_runner.trackers.result import Tracking
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
 from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of, time_label
 

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from pyspice_runner.analysis.small_signals import INPUTS, OUTPUTS, SmallSignals
+from pyspice_runner.impedance.admittance import Admittance
+from pyspice_runner.impedance.compare import Comparison, Trend
+from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.impedance.spectrum import COUPLING, Spectrum
+from pyspice_runner.impedance.two_port_fit import TwoPortFit
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.spectra.admittance import Admittance
-from pyspice_runner.spectra.compare import Comparison, Trend
-from pyspice_runner.spectra.fit import SpectrumFit
-from pyspice_runner.spectra.spectrum import COUPLING, Spectrum
-from pyspice_runner.spectra.twoport import TwoPortFit
+from pyspice_runner.steady.small_signals import INPUTS, OUTPUTS, SmallSignals
 from pyspice_runner.units import linear_words
 from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, draw_lines, dress, plain
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, GROUPS, LABELS, ORANGE, VERMILION, Label

@@ -14,25 +14,25 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from pyspice_runner.analysis.averaged_run import AveragedRun
-from pyspice_runner.analysis.burst import BurstReport
-from pyspice_runner.analysis.control_loop import ControlLoop
-from pyspice_runner.analysis.controlled_run import ControlledRun
-from pyspice_runner.analysis.drive import DriveReport
-from pyspice_runner.analysis.impact import Impact
-from pyspice_runner.analysis.small_signals import SmallSignals
-from pyspice_runner.analysis.steady import SteadyState
-from pyspice_runner.analysis.tracking import Tracking
+from pyspice_runner.averaged.run import AveragedRun
+from pyspice_runner.calibration.result import Calibration
+from pyspice_runner.control.loop import ControlLoop
+from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.datasets import Branch, Curves, Sweep, WorkingPoints
+from pyspice_runner.drivers.burst import BurstReport
+from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model.motor import Motor
+from pyspice_runner.impedance.admittance import Admittance
+from pyspice_runner.impedance.compare import Comparison, Trend
+from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.impedance.spectrum import Spectrum
+from pyspice_runner.impedance.two_port_fit import TwoPortFit
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.run.impact import Impact
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.spectra.admittance import Admittance
-from pyspice_runner.spectra.compare import Comparison, Trend
-from pyspice_runner.spectra.fit import SpectrumFit
-from pyspice_runner.spectra.spectrum import Spectrum
-from pyspice_runner.spectra.twoport import TwoPortFit
-from pyspice_runner.study.calibration.result import Calibration
+from pyspice_runner.steady.small_signals import SmallSignals
+from pyspice_runner.steady.steady import SteadyState
+from pyspice_runner.trackers.result import Tracking
 from pyspice_runner.view import plot_calibration, plot_curves, plot_motors, plot_runs, plot_spectra
 from pyspice_runner.view.datasheet import Report
 from pyspice_runner.view.draw import Sheet, filled, save, write

@@ -13,21 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
-from pyspice_runner.analysis.settling import Progress
-from pyspice_runner.analysis.simulate import simulate
-from pyspice_runner.analysis.speed_torque import axis, check_distinct, speed_torque
-from pyspice_runner.analysis.steady import SteadyState, steady_state
-from pyspice_runner.analysis.tracking import Tracking
+from pyspice_runner.calibration.record import Record
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.drive import Drive
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.refusal import checked
+from pyspice_runner.impedance.admittance import Admittance, admittance
+from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import Drive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.run.simulate import simulate
 from pyspice_runner.run.waveforms import Array, Waveforms
-from pyspice_runner.spectra.admittance import Admittance, admittance
-from pyspice_runner.spectra.spectrum import Connection, Spectrum, State
-from pyspice_runner.study.calibration.record import Record
+from pyspice_runner.steady.settling import Progress
+from pyspice_runner.steady.speed_torque import axis, check_distinct, speed_torque
+from pyspice_runner.steady.steady import SteadyState, steady_state
+from pyspice_runner.trackers.result import Tracking
 from pyspice_runner.view.datasheet import Report
 
 if TYPE_CHECKING:

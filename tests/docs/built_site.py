@@ -13,7 +13,7 @@ from playwright.sync_api import Browser
 
 import pyspice_runner as pr
 from pyspice_runner.cli import app
-from pyspice_runner.netlist.library import library_names, read_library
+from pyspice_runner.spice.library import library_names, read_library
 
 ROOT = Path(__file__).parents[2]
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pyspice_runner.model.beam import solve_resonator
-from pyspice_runner.model.beam_limits import estimated_errors, heights_over_half_wave, share_of_laminate
-from pyspice_runner.model.parameters import Beam, Tip
+from pyspice_runner.motor.beam import solve_resonator
+from pyspice_runner.motor.beam_limits import estimated_errors, heights_over_half_wave, share_of_laminate
+from pyspice_runner.motor.parameters import Beam, Tip
 from tests.solid_beams import Headed, PatchedBeam
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "beam.md").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.analysis.test_impact import worst
+from tests.run.test_impact import worst
 from tests.selection import mostly
 from tests.tools.test_hysteresis import loss, worst_force, worst_loss
 from tools.benches.traction import microslip_loss

@@ -13,8 +13,8 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.netlist.library import data_path
+from pyspice_runner.spice.library import data_path
+from pyspice_runner.spice.ngspice import ngspice_version
 
 PAGE = (Path(__file__).parents[2] / "docs" / "convergence.md").read_text(encoding="utf-8")
 UNITS = {"A": 1.0, "mA": 1e-3, "V": 1.0, "mW": 1e-3, "mrad/s": 1e-3, "mm/s": 1e-3}

@@ -18,14 +18,14 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.speed_torque import operating_point
-from pyspice_runner.model import contact as law
-from pyspice_runner.model.beam import clamped_capacitances, resonator_modes, solve_resonator
-from pyspice_runner.model.beam_limits import estimated_errors
-from pyspice_runner.model.dielectric import HIGH_HZ, LOW_HZ
-from pyspice_runner.model.motor import Structure
-from pyspice_runner.model.parameters import Patch
-from pyspice_runner.netlist.contact import REACH, SLIDERS
+from pyspice_runner.circuit.law import REACH, SLIDERS
+from pyspice_runner.motor import contact as law
+from pyspice_runner.motor.beam import clamped_capacitances, resonator_modes, solve_resonator
+from pyspice_runner.motor.beam_limits import estimated_errors
+from pyspice_runner.motor.dielectric import HIGH_HZ, LOW_HZ
+from pyspice_runner.motor.motor import Structure
+from pyspice_runner.motor.parameters import Patch
+from pyspice_runner.steady.speed_torque import operating_point
 from tests.runs import simulated
 
 PAGE = re.sub(r"\s+", " ", (Path(__file__).parents[2] / "docs" / "limits.md").read_text(encoding="utf-8"))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import operating_point
 
 PAGE = Path(__file__).parents[2] / "docs" / "losses.md"
 CHANGES = {

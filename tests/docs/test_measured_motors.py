@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.model.drive import TwoPhaseDrive
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.similar import Factors, as_stage, scaled
+from pyspice_runner.calibration.similar import Factors, as_stage, scaled
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
 
 PAGE = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
 MOTORS: dict[str, dict[str, Any]] = {

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.spectra.spectrum import Spectrum
-from tests.spectra.readers.test_measured import MEASURED
+from pyspice_runner.impedance.spectrum import Spectrum
+from tests.impedance.readers.test_measured import MEASURED
 
 PAGE = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
 DATA = Path(__file__).parents[1] / "data" / "measured"

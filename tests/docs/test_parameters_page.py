@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.model import parameters
-from pyspice_runner.model.load import Arm, Materials
-from pyspice_runner.model.parameters import Parameters
+from pyspice_runner.motor import parameters
+from pyspice_runner.motor.load import Arm, Materials
+from pyspice_runner.motor.parameters import Parameters
 
 DOCS = Path(__file__).parents[2] / "docs"
 KINDS = [kind for kind in vars(parameters).values() if isinstance(kind, type) and issubclass(kind, Parameters)]

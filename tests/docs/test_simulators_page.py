@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.analysis.test_reference import POINTS
+from tests.run.test_reference import POINTS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "simulators.md").read_text(encoding="utf-8")
 ROWS = {cells[1].strip(): [cell.strip() for cell in cells[2:-1]] for cells in (

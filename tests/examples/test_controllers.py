@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
+from pyspice_runner.control.run import ControlledRun
 from tests.selection import mostly
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "controllers"

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.controlled_run import ControlledRun
-from pyspice_runner.engine.compiler import find_compiler
-from pyspice_runner.model.electronics import Rounding
+from pyspice_runner.control.electronics import Rounding
+from pyspice_runner.control.run import ControlledRun
+from pyspice_runner.spice.compiler import find_compiler
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples" / "firmware"

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.export.motor import FORMATS, endings
 from pyspice_runner.export.touchstone import touchstone
-from pyspice_runner.model.circuit_file import load_circuit
-from pyspice_runner.netlist.motor import motor_library
+from pyspice_runner.motor.circuit_file import load_circuit
 from tests.resonators import fitted, resonator, spectrum, values
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02])

@@ -20,12 +20,12 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.averaged import simulate_averaged
+from pyspice_runner.averaged.c_code import CORE, variables
+from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.cli import run
-from pyspice_runner.engine.compiler import compile_library
 from pyspice_runner.export.fmu import fmu_texts
 from pyspice_runner.export.fmu_description import Version, state_count
-from pyspice_runner.netlist.averaged_c import CORE, variables
+from pyspice_runner.spice.compiler import compile_library
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("fmu")

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.averaged.library import averaged_library
+from pyspice_runner.circuit.motor import motor_library
+from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.export.fmu import fmu_texts
-from pyspice_runner.netlist.averaged import averaged_library
-from pyspice_runner.netlist.motor import motor_library
-from pyspice_runner.netlist.veriloga import motor_module
 from tests.motors import sliding, turning
 
 STAGE = sliding(pr.load_motor("beam40"), guide_friction_n=0.1)

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.averaged.library import averaged_library
+from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run
 from pyspice_runner.export.xyce import xyce_library
-from pyspice_runner.netlist.averaged import averaged_library
-from pyspice_runner.netlist.motor import motor_library
 
 # Reference Guide, table of arithmetic functions; those with one, two or any number of arguments
 FUNCTIONS = {"ABS": 1, "ATAN": 1, "COS": 1, "EXP": 1, "LN": 1, "SIN": 1, "SQRT": 1, "STP": 1, "TANH": 1, "URAMP": 1,

@@ -26,28 +26,28 @@ import numpy as np
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.analysis.impact import Throw, impact
-from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import app, run
 from pyspice_runner.commands.common import complete_motor
-from pyspice_runner.engine.ngspice import ngspice_version
-from pyspice_runner.engine.rawfile import RawFileError, read_rawfile
-from pyspice_runner.engine.silent import silent_fault
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.export.equivalent import circuit_library
-from pyspice_runner.model.beam import resonator_modes
-from pyspice_runner.model.circuit_file import is_circuit_file, load_circuit
-from pyspice_runner.model.load import SETS
-from pyspice_runner.netlist.library import check_parameters, data_path, library_names, parse_library
-from pyspice_runner.netlist.motor import motor_library
-from pyspice_runner.netlist.sources import DriveSource, motor_bench
-from pyspice_runner.study.store import Store
+from pyspice_runner.motor.beam import resonator_modes
+from pyspice_runner.motor.circuit_file import is_circuit_file, load_circuit
+from pyspice_runner.motor.load import SETS
+from pyspice_runner.run.impact import Throw, impact
+from pyspice_runner.spice.deck_lint import silent_fault
+from pyspice_runner.spice.library import check_parameters, data_path, library_names, parse_library
+from pyspice_runner.spice.ngspice import ngspice_version
+from pyspice_runner.spice.rawfile import RawFileError, read_rawfile
+from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.sweeps.store import Store
 from tests.data.spectra import make
 from tests.fuzz import mutate
 from tests.fuzz.nasty import EDGES, MARKER, NUMBERS
 from tests.fuzz.watch import watched
-from tests.model.toml_text import toml
-from tests.spectra.readers.mutate import MUTATIONS
+from tests.impedance.readers.mutate import MUTATIONS
+from tests.motor.toml_text import toml
 
 OURS = (pr.ParameterError, pr.SpectrumError, pr.SimulationError, RawFileError)
 
@@ -412,14 +412,14 @@ def nothing_runs() -> Iterator[None]:
         raise OSError("no scheduler at this address")
 
     with (
-        mock.patch("pyspice_runner.engine.pyspice.run_deck", refuse),
-        mock.patch("pyspice_runner.study.answers.outcomes", here),
-        mock.patch("pyspice_runner.study.plan.MOST_POINTS", 200),  # more would take long
-        mock.patch("pyspice_runner.spectra.identify.problem.Problem.__init__", refuse),
+        mock.patch("pyspice_runner.spice.pyspice.run_deck", refuse),
+        mock.patch("pyspice_runner.sweeps.answers.outcomes", here),
+        mock.patch("pyspice_runner.sweeps.plan.MOST_POINTS", 200),  # more would take long
+        mock.patch("pyspice_runner.impedance.identify.problem.Problem.__init__", refuse),
         mock.patch("socket.create_connection", unreachable),
         mock.patch("distributed.Client", unreachable),
         mock.patch("typer.main.get_command", return_value=_GROUP),  # typer would build it for every run
-        mock.patch("pyspice_runner.model.beam.resonator_modes", _resonator_modes),
+        mock.patch("pyspice_runner.motor.beam.resonator_modes", _resonator_modes),
     ):
         yield
 

@@ -12,13 +12,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.analysis import drive as drive_module
-from pyspice_runner.analysis import impact as impact_module
-from pyspice_runner.analysis import settling as settling_module
-from pyspice_runner.analysis.impact import Throw, impact
-from pyspice_runner.analysis.speed_torque import operating_point
+from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.cli import run
-from pyspice_runner.netlist.sources import DriveSource
+from pyspice_runner.drivers import report as drive_module
+from pyspice_runner.run import impact as impact_module
 from pyspice_runner.run.audit import (
     DRIVER_BOUND,
     ENERGY_BOUND,
@@ -30,9 +27,12 @@ from pyspice_runner.run.audit import (
     audit_run,
     audit_two_port,
 )
+from pyspice_runner.run.impact import Throw, impact
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.waveforms import EnergyBalance
+from pyspice_runner.steady import settling as settling_module
+from pyspice_runner.steady.speed_torque import operating_point
 from tools.benches import hysteresis as hysteresis_module
 from tools.benches.hysteresis import hysteresis
 

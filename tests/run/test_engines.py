@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.engine import kept
-from pyspice_runner.netlist.compiled import module_of
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.state import stems
+from pyspice_runner.circuit.compiled import module_of
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.state import stems
 from pyspice_runner.run import engines
 from pyspice_runner.run.engines import COMPARED, TOLERANCE, is_compiled
 from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.spice import private_cache as kept
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)

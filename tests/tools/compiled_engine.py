@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.engine.openvaf import compile_module, find_osdi_ngspice
-from pyspice_runner.netlist import compiled
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.circuit import compiled
+from pyspice_runner.circuit.law import Law
 from pyspice_runner.run import engines
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.waveforms import Waveforms
+from pyspice_runner.spice.openvaf import compile_module, find_osdi_ngspice
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)

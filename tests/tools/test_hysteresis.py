@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.circuit.law import Law
 from tests.reference.row import drag
 from tests.selection import mostly
 from tools.benches.hysteresis import Hysteresis, hysteresis

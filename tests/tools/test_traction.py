@@ -15,8 +15,8 @@ import pytest
 from scipy.integrate import quad
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model import contact as law
-from tests.model.test_corrections import PAIRS, Pair, normal_displacement, tangential_displacement
+from pyspice_runner.motor import contact as law
+from tests.motor.test_corrections import PAIRS, Pair, normal_displacement, tangential_displacement
 from tests.reference.row import drag
 from tools.benches.traction import HertzPatch, microslip_loss, virgin_force
 

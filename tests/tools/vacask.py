@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.contact import Law
+from pyspice_runner.circuit.law import Law
 from tests.tools import second_simulator
 
 MOTOR = pr.load_motor("beam40")

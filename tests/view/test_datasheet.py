@@ -18,9 +18,7 @@ import xarray
 from playwright.sync_api import Browser, Page
 
 import pyspice_runner as pr
-from pyspice_runner.model.motor import Provenance
-from pyspice_runner.netlist.motor import motor_library
-from pyspice_runner.study.calibration.record import (
+from pyspice_runner.calibration.record import (
     Record,
     RecordedCurve,
     RecordedFit,
@@ -29,6 +27,8 @@ from pyspice_runner.study.calibration.record import (
     RecordedValue,
     RecordedValues,
 )
+from pyspice_runner.circuit.motor import motor_library
+from pyspice_runner.motor.motor import Provenance
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows

@@ -18,8 +18,8 @@ from playwright.sync_api import Browser, Page, expect
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.netlist.live import live_decks
 from pyspice_runner.view.live import ASSETS, engine_facts, live_page, page_data, save_live_page
+from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import sliding
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]

@@ -20,7 +20,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.model.parameters import Mode
+from pyspice_runner.motor.parameters import Mode
 
 _BISECTIONS = 50
 

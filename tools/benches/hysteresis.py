@@ -8,13 +8,13 @@ from math import pi, radians
 
 import numpy as np
 
+from pyspice_runner.circuit.bench import Bench, contact_bench
+from pyspice_runner.circuit.law import ContactLaw, Law, touching_law
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.model import contact as contact_law
-from pyspice_runner.model.motor import Motor
-from pyspice_runner.model.parameters import Contact, Rotor
-from pyspice_runner.model.refusal import checked
-from pyspice_runner.netlist.contact import ContactLaw, Law, touching_law
-from pyspice_runner.netlist.sources import Bench, contact_bench
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Contact, Rotor
+from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.kernel import transient

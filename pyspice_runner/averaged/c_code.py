@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The averaged motor in C: its sources, its variables, and their values for a motor.
+
+The C files in ``behavioral/`` are written by hand, but for the contact at one phase, which :func:`phase_source` writes
+from the library that ngspice runs. ``piezomotor_averaged.h`` declares every variable once, with unit,
+range and meaning. This module reads these lines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from textwrap import wrap
+from typing import NamedTuple
+
+from pyspice_runner.averaged.circuit_c import NETWORK, TRACKER, circuit_source
+from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms, averaged_phase, default_two_phase
+from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.recoil import carriers, modes_on_carrier
+from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.expressions import HELPERS, equations, translated
+from pyspice_runner.spice.library import data_path, slider_words
+from pyspice_runner.units import linear_unit
+
+CORE, HEADER, START, PHASE = (
+    "piezomotor_averaged.c", "piezomotor_averaged.h", "piezomotor_start.h", "piezomotor_phase.h"
+)  # fmt: skip
+SESSION = "piezomotor_session.c"
+# in the order of struct values
+_GROUPS = (
+    "INPUTS", "TUNABLE", "LOOP_INPUTS", "OUTPUTS", "LOOP_OUTPUTS", "NETWORK_OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS",
+    "MOUNT_X_PARAMETERS", "MODE_PARAMETERS",
+)  # fmt: skip
+MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
+OF_SPRINGS = ("mass", "damping", "stiffness")
+
+
+class Front(NamedTuple):
+    """What is in front of a motor."""
+
+    tracked: bool = False  # a phase-locked loop, which sets the frequency
+    driven: bool = False  # a network between stage and group
+
+    def has(self, group: str) -> bool:
+        """Return whether a group of variables is there."""
+        return {"LOOP": self.tracked, "NETWORK": self.driven}.get(group.partition("_")[0], True)
+
+
+BARE = Front()
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable."""
+
+    name: str  # name, such as ``speed`` or ``mode[1].mass``
+    unit: str  # unit; ``1`` for none
+    least: str  # least value, empty for an output
+    greatest: str  # greatest value
+    meaning: str  # one line
+    causality: str  # ``input``, ``output``, ``parameter``, or ``tunable`` for a parameter that may change
+    reference: int  # place in the C structure
+    start: float | None  # value before a run; ``None`` for an output
+
+
+@cache
+def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
+    """Return the lines of the header: group → name, unit, least and greatest value, meaning."""
+    text = (data_path("behavioral") / HEADER).read_text(encoding="utf-8")
+    found = {}
+    for group in _GROUPS:
+        block = re.search(rf"#define {group}\(ENTRY\)(.*?[^\\])\n", text, re.S)
+        assert block is not None, group
+        found[group] = tuple(re.findall(r'ENTRY\((\w+), "(\S+)", (?:(\S+), (\S+), )?"([^"]+)"\)', block[1]))
+    return found
+
+
+def variables(
+    motor: Motor, thermal: Thermal | None = None, load: ShaftLoad = UNCOUPLED, front: Front = BARE
+) -> list[Variable]:
+    """Return the variables of a motor and the load on its shaft, in the order of the C structure.
+
+    Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
+    """
+    values = _values(motor, thermal, load)
+    found: list[Variable] = []
+    for group in _GROUPS:
+        if not front.has(group):
+            continue
+        for number in range(1, len(motor.modes) + 1) if group == "MODE_PARAMETERS" else (0,):
+            for name, unit, least, greatest, meaning in _declared()[group]:
+                full = f"mode[{number}].{name}" if number else name
+                causality = {"INPUTS": "input", "TUNABLE": "tunable"}.get(group.removeprefix("LOOP_"), "parameter")
+                causality = "output" if group.endswith("OUTPUTS") else causality
+                start = None if causality == "output" else values[full]
+                text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
+                if motor.slider:
+                    unit, text = linear_unit(unit), slider_words(text)
+                found.append(Variable(full, unit, least, greatest, text, causality, len(found), start))
+    return found
+
+
+def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str, float]:
+    """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
+    drive, contact = default_two_phase(motor), motor.contact
+    motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
+    body = thermal or Thermal.of(motor)
+    values = {
+        "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,
+        "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
+        "target": 0.0, "preload": contact.preload_n, "friction": contact.friction,
+        "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
+        "normal_damping": contact_law.normal_damping(contact),
+        "series_compliance": contact.series_compliance_m_per_n,
+        "series_compliance_x": contact.tangential_series_compliance_m_per_n, "radius": motor.rotor.radius_m,
+        "sliding_ratio": contact.sliding_ratio, "stribeck_velocity": contact.stribeck_velocity_m_s,
+        "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
+        "bearing_friction": motor.rotor.bearing_friction_n_m, "bearing_presliding": motor.rotor.bearing_presliding_rad,
+        "load_inertia": load.inertia_kg_m2, "load_damping": load.damping_n_m_s, "load_spring": load.spring_n_m_per_rad,
+        "load_gravity": load.gravity_n_m, "load_angle": load.gravity_angle_deg,
+        "coupling_stiffness": load.coupling_stiffness_n_m_per_rad, "coupling_damping": load.coupling_damping_n_m_s,
+        "backlash": load.backlash_rad,
+        "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
+        "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
+        "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
+        "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,
+        "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,
+        "heat_capacity": body.heat_capacity_j_per_k, "thermal_resistance": body.thermal_resistance_k_per_w,
+    }  # fmt: skip
+    held = dict.fromkeys(OF_SPRINGS, 1.0)
+    for prefix, along in zip(MOUNTS, (*carriers(motor.mount), None, None), strict=False):
+        values |= {f"{prefix}{name}": value for name, value in (spring_values(along) if along else held).items()}
+    for number, mode in enumerate(motor.modes, start=1):
+        values |= {f"mode[{number}].{name}": value for name, value in mode_values(mode).items()}
+    return {name: rounded(value) for name, value in values.items()}
+
+
+# the node of a phase that its own equation contains, and what that equation gives
+_IMPLICIT = """\
+static double phase_{0}_by(struct phase *p, double value)
+{{
+    p->{0} = value;
+    return {1};
+}}
+
+/* The root of an equation whose right side falls as the value rises: false position, with the weights of Anderson and
+   Bjoerck (BIT 13 (1973) 253) for an end that stays. */
+static double phase_{0}(struct phase *p)
+{{
+    double low = 0.0, high = phase_{0}_by(p, 0.0), sign = high < 0.0 ? -1.0 : 1.0, most = sign * high;
+    double under = most, over = sign * (phase_{0}_by(p, high) - high), same = 0.0;
+
+    for (int i = 0; i < 100 && over < -1e-13 * most; i++) {{
+        double middle = (low * over - high * under) / (over - under);
+        double excess = sign * (phase_{0}_by(p, middle) - middle);
+        double weight = same * excess > 0.0 ? 1.0 - excess / (excess < 0.0 ? over : under) : 1.0;
+        if (fabs(excess) <= 1e-13 * most)
+            return middle;
+        weight = weight > 0.0 ? weight : 0.5;
+        if (excess < 0.0) {{
+            high = middle, over = excess, under *= weight;
+        }} else {{
+            low = middle, under = excess, over *= weight;
+        }}
+        same = excess;
+    }}
+    return high;
+}}
+"""
+
+
+def phase_source(terms: Terms = ALL_TERMS) -> str:
+    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase`` that a motor has."""
+    library = averaged_phase(terms)
+    found = equations(library)
+    inputs = [pin.name for pin in library.pins if pin.name not in found.values]
+    fields = [*(item.name for item in averaged_phase(ALL_TERMS).parameters), *inputs, *found.parameters, *found.values]
+    texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
+    lines = {name: f"    p->{name} = {text};" for name, text in texts.items()}
+    implicit = [name for name, text in found.values.items() if f"V({name})" in text]
+    lines |= {name: f"    p->{name} = phase_{name}(p);" for name in implicit}
+    return "\n".join(
+        (
+            "/* SPDX-License-Identifier: GPL-3.0-or-later",
+            " *",
+            f" * {library.title}; displacements in um.",
+            f" * Written from {library.name}.lib.",
+            " */",
+            "#include <math.h>",
+            "",
+            HELPERS["c"],
+            "",
+            "struct phase {",
+            *wrap(f"double {', '.join(fields)};", 110, initial_indent="    ", subsequent_indent="        "),
+            "};",
+            "",
+            "static void phase_parameters(struct phase *p)",
+            "{",
+            *(lines[name] for name in lines if name in found.parameters),
+            "}",
+            "",
+            *(_IMPLICIT.format(name, texts[name]) for name in implicit),
+            "static void phase_forces(struct phase *p)",
+            "{",
+            *(lines[name] for name in lines if name in found.values),
+            "}",
+            "",
+        )
+    )
+
+
+def start_header(motor: Motor, known: list[Variable]) -> str:
+    """Return ``piezomotor_start.h``: the size of a motor, and its values."""
+    rows = [f"    {0.0 if item.start is None else item.start!r}, /* {item.name} */ \\" for item in known]
+    lines = [
+        "/* SPDX-License-Identifier: GPL-3.0-or-later",
+        " *",
+        f" * The values of the motor {motor.name}, written by its export, in the order of struct values.",
+        " */",
+        *_size(len(motor.modes), len(carriers(motor.mount))),
+        "#define START { \\",
+        *rows,
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def state_names(modes: int, states: int, harmonics: int) -> list[str]:
+    """Return the names of the states of an averaged motor, in the order of the header's enumeration."""
+    text = re.sub(r"/\*.*?\*/", "", (data_path("behavioral") / HEADER).read_text(encoding="utf-8"), flags=re.S)
+    block = re.search(r"enum \{\s*(SPEED,.*?)\s*\}", text, re.S)
+    assert block is not None
+    place, found = 0, dict[str, int]()
+    for entry in block[1].split(","):
+        name, _, value = (part.strip() for part in entry.partition("="))
+        before, _, count = (part.strip() for part in value.partition("+"))
+        if value:
+            place = found[before] + {"MODES": modes}.get(count, 0 if not count.isdigit() else int(count))
+        found[name] = place
+        place += 1
+    starts = [*found.items()]
+    names = []
+    for (name, begin), (_, end) in pairwise(starts[: [*found].index("AMPLITUDE") + 1]):
+        lower = name.lower()
+        names += [lower] if end - begin == 1 else [f"{lower}_{number}" for number in range(1, end - begin + 1)]
+    for number in range(states - found["AMPLITUDE"]):
+        mode, rest = divmod(number, 2 * harmonics)
+        order, part = divmod(rest, 2)
+        moving = f"mode{mode + 1}" if mode < modes else ("carrier", "carrier_x")[mode - modes]
+        names.append(f"{moving}_harmonic{order + 1}_{('re', 'im')[part]}")
+    return names
+
+
+def _size(modes: int, moving: int) -> list[str]:
+    return [f"#define MODES {modes}", f"#define MOUNTED {int(moving > 0)}", f"#define MOUNTED_X {int(moving > 1)}"]
+
+
+def session_texts(
+    modes: int, moving: int, terms: Terms, front: Front = BARE, *, phases: int = PHASES, harmonics: int = HARMONICS
+) -> dict[str, str]:
+    """Return the C texts of a library that runs averaged motors of one size: file → text.
+
+    The size is the number of modes, the number of directions in which the carrier moves, the terms of the contact, and
+    what is in front of the motor. Similar motors share one compilation.
+    """
+    behavioral = data_path("behavioral")
+    size = [*_size(modes, moving), f"#define PHASES {phases}", f"#define HARMONICS {harmonics}", "#define START {0.0}"]
+    size += [f"#define TRACKED {int(front.tracked)}", f"#define DRIVEN {int(front.driven)}"]
+    circuits = {"tracker": TRACKER} if front.tracked else {}
+    circuits |= {"network": NETWORK} if front.driven else {}
+    return {
+        **{f"piezomotor_{name}.h": circuit_source(name, parts) for name, parts in circuits.items()},
+        **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION, HEADER)},
+        PHASE: phase_source(terms),
+        START: "\n".join(size) + "\n",
+    }

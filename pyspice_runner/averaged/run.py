@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The result of a run of the averaged motor, and what its own check says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.averaged.bursts import short_bursts
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import too_fast
+from pyspice_runner.motor.parameters import Contact
+from pyspice_runner.result import Audit, Result, contact_row
+from pyspice_runner.run.dynamometer import STUCK, stuck
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE
+from pyspice_runner.run.window import averaged_to_come
+
+Array = NDArray[np.float64]
+ROUNDING_W = 1e-9  # power of a motor without drive
+SMALL_RISE_K = 1.0  # added to a temperature rise to which its change is taken
+TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
+MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
+
+COLUMNS: dict[str, tuple[str, str]] = {
+    "time_s": ("s", "time"),
+    "frequency_hz": ("Hz", "drive frequency"),
+    "amplitude_a_v": ("V", "amplitude of the voltage of group A"),
+    "amplitude_b_v": ("V", "amplitude of the voltage of group B"),
+    "phase_deg": ("deg", "phase of group B ahead of group A"),
+    "current_amplitude_a_a": ("A", "amplitude of the current into group A"),
+    "current_amplitude_b_a": ("A", "amplitude of the current into group B"),
+    "electrical_power_w": ("W", "real power into both groups"),
+    "heat_w": ("W", "losses of the stator: dielectric and modal damping"),
+    "contact_power_w": ("W", "power of the stator into the contact: friction loss and power on the rotor"),
+    "tip_x_amplitude_m": ("m", "amplitude of the tip's fundamental, tangential"),
+    "tip_y_amplitude_m": ("m", "amplitude of the tip's fundamental, towards the rotor"),
+    "normal_force_n": ("N", "mean normal force"),
+    "torque_n_m": ("N·m", "mean torque of the contact on the rotor"),
+    "load_torque_n_m": ("N·m", "torque that the load draws"),
+    "rotor_speed_rad_s": ("rad/s", "rotor speed"),
+    "rotor_position_rad": ("rad", "angle of the rotor"),
+    "separated": ("1", "share of the period in which the contact is open"),
+    "slip": ("1", "share of the period in which the contact slips"),
+    "temperature_k": ("K", "temperature of the stator above that at which its parameters hold"),
+    "check": ("1", "motion at the harmonics that are left out, relative to static penetration and limit of stick"),
+}
+
+
+@dataclass(frozen=True, repr=False)
+class AveragedRun(Result):
+    """A run of the averaged motor: means and amplitudes over time.
+
+    The arrays share one time axis, which is not uniform.
+
+    Attributes:
+        curves: the arrays by the names of :data:`COLUMNS`; each is an attribute as well.
+        energy_residual: energy into the stator that is not found as heat, in the modes, in the plates or in the
+            contact, relative to the energy put in.
+        solver_seconds: wall time that the engine took.
+        ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
+        provenance: motor, drive and run settings, JSON-ready.
+        write_deck: returns the netlist of the run, for ngspice; ``None`` if ngspice cannot run it.
+        audit: the power balance.
+    """
+
+    curves: Mapping[str, Array] = field(repr=False)
+    energy_residual: float
+    solver_seconds: float
+    ngspice_version: str | None
+    provenance: dict[str, Any] = field(repr=False)
+    write_deck: Callable[[], str | None] = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+
+    units = COLUMNS
+
+    if TYPE_CHECKING:  # the curves are attributes
+
+        def __getattr__(self, name: str) -> Array: ...
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "curves", self._keyed(self.curves))
+        self.__dict__.update(self.curves)
+
+    @cached_property
+    def deck(self) -> str | None:  # type: ignore[override]
+        """Netlist of the run, for ngspice; ``None`` with a course of the preload, which ngspice cannot follow."""
+        return self.write_deck()
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.provenance["motor"]
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return the curves over time."""
+        return self.curves
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the model's own check passes throughout the run, and the rotor keeps its limit of speed.
+
+        The check passes where the harmonics of the model are enough, the contact stays closed, damping multiplies
+        the normal force by 4 at most, and the drive has no burst below 60 periods. Where it does not, speed and torque
+        may be off by more than 2 % of the friction torque μ F₀ R.
+        """
+        fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
+        return not (self._model_cautions or too_fast(self.provenance["motor"], fastest))
+
+    @property
+    def _model_cautions(self) -> tuple[str, ...]:
+        check, opened = (float(self.curves[name].max()) for name in ("check", "separated"))
+        factor = damping_factor(self.provenance["motor"], self.curves["frequency_hz"], self.curves["tip_y_amplitude_m"])
+        amplitude = np.maximum(self.curves["amplitude_a_v"], self.curves["amplitude_b_v"])
+        bursts = short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min()))
+        return (*model_cautions(check, opened, factor), *bursts)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit and of the model's own check; whether friction holds a held shaft at the end."""
+        end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
+        held = self.provenance["run"]["speed_rad_s"] is not None
+        sticks = (STUCK,) if held and stuck(end) else ()
+        return self._told((*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"]))
+
+    @cached_property
+    def to_come(self) -> dict[str, float | None]:
+        """By how much values at the end would still change if the run went on, relative; by extrapolation.
+
+        Speed, of a held shaft torque, electrical power, and the temperature of a stator that heats up; torque plus a
+        fiftieth of what friction can transmit, temperature rise plus 1 K. ``None``: too short to tell.
+        """
+        motor = self.provenance["motor"]
+        contact, radius = motor["contact"], 1.0 if self.linear else motor["rotor"]["radius_m"]
+        free = self.provenance["run"]["speed_rad_s"] is None
+        least = {"rotor_speed_rad_s": ROUNDING_RAD_S} if free else {
+            "torque_n_m": SMALL_TORQUE * radius * contact["friction"] * contact["preload_n"]
+        }  # fmt: skip
+        least |= {"electrical_power_w": ROUNDING_W}
+        least |= {"temperature_k": SMALL_RISE_K} if self.curves["temperature_k"].any() else {}
+        found = {}
+        for name, floor in least.items():
+            values = getattr(self, name)
+            share = averaged_to_come(self.curves["time_s"], values) / (abs(float(values[-1])) + floor)
+            found[name] = share if isfinite(share) else None
+        return found
+
+    @property
+    def settled(self) -> bool:
+        """Whether these values stay within 2 % if the run goes on."""
+        return not self._moving
+
+    @property
+    def _moving(self) -> str:
+        """What has not settled, in words."""
+        words = {
+            "rotor_speed_rad_s": "speed", "torque_n_m": "torque", "electrical_power_w": "electrical power",
+            "temperature_k": "temperature",
+        }  # fmt: skip
+        return ", ".join(words[name] for name, share in self.to_come.items() if share is None or share > SETTLED)
+
+    def summary(self) -> dict[str, str]:
+        """Return the most important values at the end of the run."""
+        last = {name: float(values[-1]) for name, values in self.curves.items()}
+        return self._worded({
+            "speed": f"{last['rotor_speed_rad_s']:.4g} rad/s",
+            "torque": f"{last['torque_n_m']:.4g} N·m",
+            "duration": f"{last['time_s']:.4g} s",
+            "settled": f"no: {self._moving}" if self._moving else "yes",
+            "check": "passed" if self.trusted else "not passed",
+            **contact_row(self.provenance["run"]),
+            "electrical power": f"{last['electrical_power_w']:.4g} W",
+            "temperature rise": f"{last['temperature_k']:.4g} K",
+        })  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values at the end, JSON-ready, with the keys of ``simulate`` and those of the averaged model."""
+        last = {name: float(values[-1]) for name, values in self.curves.items()}
+        return self._keyed({
+            "mean_rotor_speed_rad_s": last["rotor_speed_rad_s"],
+            "mean_torque_n_m": last["torque_n_m"],
+            "state_fractions": {
+                "separated": last["separated"],
+                "stick": max(0.0, 1.0 - last["separated"] - last["slip"]),
+                "slip": last["slip"],
+            },
+            **self._entries("energy_residual", "trusted", "settled", "to_come"),
+            "greatest_check": float(self.curves["check"].max()),
+            "greatest_separated": float(self.curves["separated"].max()),
+            "end": last,
+            "points": len(self.curves["time_s"]),
+            **self._entries("solver_seconds", "ngspice_version", "audit"),
+            **self.provenance,
+            **self._entries("cautions"),  # in place of those of the operating point alone
+        })  # fmt: skip
+
+
+def damping_factor(motor: Mapping[str, Any], frequency_hz: Array, tip_y_amplitude_m: Array) -> float:
+    """Return the greatest factor by which damping multiplies the normal force of a motor, as of ``to_dict``."""
+    damping = contact_law.normal_damping(Contact(**motor["contact"]))
+    return 1.0 + damping * float(np.max(2.0 * np.pi * frequency_hz * tip_y_amplitude_m))
+
+
+def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[str, ...]:
+    """Return the cautions for the largest check value, open share, and factor of the normal force by its damping."""
+    found = []
+    if check > TRUSTED_CHECK:
+        found.append(
+            f"The motion that the averaged model leaves out moves the tip by {check:.2g} of its static penetration "
+            f"or limit of stick; up to {TRUSTED_CHECK:g} is accurate. Give more harmonics, or use the full motor."
+        )
+    if opened > TRUSTED_OPEN:
+        found.append(
+            f"The contact is open for up to {100.0 * opened:.3g} % of the period, where the averaged model is less "
+            "accurate. Compare with the full motor, or give more phases and harmonics."
+        )
+    if factor > MOST_FACTOR:
+        found.append(
+            f"Damping along the normal multiplies the normal force by up to {factor:.3g}; the averaged model limits "
+            f"this factor to {MOST_FACTOR:g}, so that its forces are too small. Use the full motor."
+        )
+    return tuple(found)

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The numbers of a motor's data sheet: checked, and computed of a motor by its steady states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.steady.balanced import balanced_states
+from pyspice_runner.steady.harmonic_balance import Balance
+from pyspice_runner.steady.steady import steady_states
+
+GROUPS = 2
+
+
+@dataclass(frozen=True)
+class DataSheet:
+    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N.
+
+    Attributes:
+        linear: whether the motor pushes a slider.
+        no_load_speed, stall: at the drive.
+        rated_speed, rated_load: of the rated point at the same drive.
+        rated_current: RMS current of a group there, A; where the groups differ, the root mean square of both.
+        rated_power: electrical power of both groups there, W.
+        speed_error, load_error, current_error: relative standard deviations of speeds, of torques and forces, and of
+            current and power.
+    """
+
+    linear: bool
+    no_load_speed: float | None = None
+    stall: float | None = None
+    rated_speed: float | None = None
+    rated_load: float | None = None
+    rated_current: float | None = None
+    rated_power: float | None = None
+    speed_error: float = 0.02
+    load_error: float = 0.02
+    current_error: float = 0.05
+
+    def __post_init__(self) -> None:
+        for key, value in vars(self).items():
+            if key != "linear" and value is not None and not 0.0 < value < 1e9:
+                raise ParameterError(f"{key} = {value:g} is not valid: it must be a number > 0.")
+        at_point = [name for name in ("rated_current", "rated_power") if getattr(self, name) is not None]
+        if at_point and self.rated_speed is None and self.rated_load is None:
+            raise ParameterError(f"{at_point[0]} holds at a rated point; give its rated_load or rated_speed too.")
+        if not at_point and (self.rated_speed is None) != (self.rated_load is None):
+            raise ParameterError(
+                "One value does not make a rated point: give rated_speed and rated_load, or one of them with "
+                "rated_current or rated_power."
+            )
+        for own, name, most, limit in (
+            ("rated_speed", "rated_speed", "no_load_speed", self.no_load_speed),
+            ("rated_load", "rated_load", self.words("stall"), self.stall),
+        ):
+            value = getattr(self, own)
+            if value is not None and limit is not None and value >= limit:
+                raise ParameterError(
+                    f"{name} = {value:g} {self.unit(own)} contradicts {most} = {limit:g} {self.unit(own)}: a motor "
+                    "turns slower under load, and stands at stall. Check both, and their units."
+                )
+
+    def check_power(self, drive: TwoPhaseDrive) -> None:
+        """Raise ParameterError where the powers at the rated point contradict each other at this voltage."""
+        voltage = drive.voltage * sqrt(0.5 * (1.0 + drive.ratio_b**2))  # amplitude, root mean square of the groups
+        if self.rated_current is not None:
+            apparent = GROUPS * voltage / sqrt(2.0) * self.rated_current
+            of_current = f"{apparent:.4g} VA, that of {GROUPS} groups at {drive.voltage:g} V amplitude and "
+            of_current += f"{self.rated_current:g} A rms"
+        else:
+            apparent, of_current = float("inf"), ""
+        if self.rated_power is not None and self.rated_power > apparent:
+            raise ParameterError(
+                f"rated_power = {self.rated_power:g} W contradicts the apparent power of {of_current}: it cannot be "
+                "greater. Check power, current (rms of one group) and voltage (amplitude)."
+            )
+        if self.rated_speed is None or self.rated_load is None:
+            return
+        output = self.rated_speed * self.rated_load
+        power = min(apparent, self.rated_power or float("inf"))
+        if output >= power:
+            source = (
+                f"the electrical power of {power:g} W" if power < apparent else f"the apparent power of {of_current}"
+            )
+            raise ParameterError(
+                f"The rated point gives {output:.4g} W at the shaft ({self.rated_load:g} {self.unit('rated_load')} at "
+                f"{self.rated_speed:g} {self.unit('rated_speed')}), but takes at most {source}. Check the numbers and "
+                "their units."
+            )
+
+    def unit(self, key: str) -> str:
+        """Return the unit of a number."""
+        if "speed" in key:
+            return "m/s" if self.linear else "rad/s"
+        return "N" if self.linear else "N·m"
+
+    def words(self, key: str) -> str:
+        """Return the name of a load as an argument of the entry."""
+        return f"{key}_{'force' if self.linear else 'torque'}"
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """The numbers that a motor has to show: name with its unit → value."""
+        speed, load = ("m_s", "force_n") if self.linear else ("rad_s", "torque_n_m")
+        found = {
+            f"no_load_speed_{speed}": self.no_load_speed, f"stall_{load}": self.stall,
+            f"rated_{load}": self.rated_load if self.rated_speed is not None else None,
+            "rated_current_rms_a": self.rated_current, "rated_power_w": self.rated_power,
+        }  # fmt: skip
+        return {key: value for key, value in found.items() if value is not None}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The relative standard deviation of each of :attr:`measured`."""
+
+        def error(key: str) -> float:
+            if "speed" in key:
+                return self.speed_error
+            return self.current_error if key in ("rated_current_rms_a", "rated_power_w") else self.load_error
+
+        return {key: error(key) for key in self.measured}
+
+    def computed(self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str]) -> dict[str, float]:
+        """Return numbers of :attr:`measured` of a motor, by ngspice.
+
+        Raises:
+            SimulationError: if it has no steady state.
+        """
+        setups = self._points(motor, drive, keys)
+        states = dict(zip(setups, steady_states(list(setups.values())), strict=True)) if setups else {}
+        for name, state in states.items():
+            if not state.converged:
+                raise SimulationError(
+                    f"The motor has no steady state at this drive, {name.replace('_', ' ')}. Check frequency and "
+                    "phase_deg, or start from another base."
+                )
+        every = {name: {**one.quantities, "speed_rad_s": one.speed_rad_s} for name, one in states.items()}
+        return _numbers(keys, every)
+
+    def balanced(
+        self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str], near: dict[str, Balance]
+    ) -> dict[str, float]:
+        """Return the same by harmonic balance, NaN where it has no solution.
+
+        Args:
+            motor: the motor.
+            drive: its drive.
+            keys: the numbers.
+            near: solutions of a motor nearby, by load; those of this motor take their place.
+        """
+        setups = self._points(motor, drive, keys)
+        found = balanced_states(list(setups.values()), [near.get(name) for name in setups]) if setups else []
+        if any(state is None for state in found):
+            return dict.fromkeys(keys, float("nan"))
+        states = {name: state for name, state in zip(setups, found, strict=True) if state is not None}
+        near |= {name: state.solution for name, state in states.items()}
+        return _numbers(keys, {name: state.values for name, state in states.items()})
+
+    def _points(self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str]) -> dict[str, OperatingPoint]:
+        """Return the operating points at which numbers hold, by their load."""
+        loads: dict[str, dict[str, Any]] = {"no_load": {"load_torque": 0.0}, "stall": {"speed": 0.0}}
+        if self.rated_speed is not None:
+            loads["rated"] = {"speed": self.rated_speed}
+        elif self.rated_load is not None:
+            loads["rated"] = {"load_torque": self.rated_load}
+        wanted = {name: load for name, load in loads.items() if any(key.startswith(name) for key in keys)}
+        return {name: OperatingPoint.of(motor, drive, audit=False, **load) for name, load in wanted.items()}
+
+
+def _numbers(keys: Sequence[str], states: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    found = {}
+    for key in keys:
+        values = states[next(name for name in states if key.startswith(name))]
+        if "speed" in key:
+            found[key] = values["speed_rad_s"]
+        elif key == "rated_current_rms_a":
+            found[key] = sqrt((values["current_a_rms_a"] ** 2 + values["current_b_rms_a"] ** 2) / GROUPS)
+        elif key == "rated_power_w":
+            found[key] = values["power_a_w"] + values["power_b_w"]
+        else:
+            found[key] = values["torque_n_m" if key.startswith("stall") else "load_torque_n_m"]
+    return found

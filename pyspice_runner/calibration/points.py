@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measured operating points: a table with a row for each point, checked.
+
+Columns state the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`` and further values of the drive, any
+path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.conditions`), and the load:
+``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held. The other columns are measured: quantities of
+:func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, the phase ``current_a_phase_deg`` of a group's current
+ahead of its voltage at the drive frequency, the ``resonance_hz`` (:mod:`.resonance`), and the ``speed_rad_s`` of a row
+with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
+without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
+``Torque [mN·m]`` states its unit (:mod:`.headings`).
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import degrees, remainder
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.calibration.headings import column_of
+from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.motor.document import read_document
+from pyspice_runner.motor.drive import TwoPhaseDrive, TwoToneDrive
+from pyspice_runner.motor.refusal import as_number, quoted
+from pyspice_runner.run.dynamometer import UNITS
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.waveforms import Array
+
+MOST_POINTS = 2000
+ERROR = "_error"
+SPEED, LOAD, POWER = "speed_rad_s", "load_torque_n_m", "power_w"
+LINEAR = {"speed_m_s": SPEED, "load_force_n": LOAD, "force_n": "torque_n_m"}  # of a slider → of its rotor of 1 m
+TEMPERATURE = "temperature"  # °C of the stator: a condition that is no path of the motor
+PHASES = ("current_a_phase_deg", "current_b_phase_deg")
+_OF_PHASES = (
+    "phase_deg is that of the drive, group B ahead of A. current_a_phase_deg and current_b_phase_deg are measured: the "
+    "current ahead of the voltage of its group, the negative of the phase of an impedance."
+)
+RESONANCE = "resonance_hz"
+MEASURED = (SPEED, POWER, *(name for name in UNITS if name != LOAD), *PHASES, RESONANCE)
+_OF_DRIVE = (*dict.fromkeys([*TwoPhaseDrive.model_fields, *TwoToneDrive.model_fields]),)
+# A class of instruments: a torque cell, a current probe. Measured points without errors get this one, of the greatest
+# value of their column; then only ratios of the errors count, because the scatter about the fit sets their size.
+DEFAULT_ERROR = 0.02
+_RESONANCE_SPAN = 0.05
+_FAR = 2.0  # of the motor's modes: farther, a resonance has another unit
+
+
+@dataclass(frozen=True)
+class Points:
+    """Measured operating points."""
+
+    source: str  # name of the file, or of the origin
+    conditions: tuple[dict[str, float | None], ...]  # of each point: path → value
+    rows: tuple[int, ...]  # place of each measured value: its point
+    quantities: tuple[str, ...]  # and its quantity
+    values: Array  # measured values, SI units
+    errors: Array  # their standard errors
+    stated: bool  # whether the errors are those of the measurement; if not, only their ratios count
+
+    def __len__(self) -> int:
+        return len(self.conditions)
+
+    def check(self, setups: Sequence[OperatingPoint]) -> None:
+        """Raise ParameterError for a phase without a voltage or a resonance far from the modes, of points as set up."""
+        for row, quantity, value in zip(self.rows, self.quantities, self.values.tolist(), strict=True):
+            where, drive = f"{self.source}: {quantity} of point {row + 1}", setups[row].drive
+            if quantity in PHASES:
+                group = quantity[len("current_")]
+                tones = [tone for tone in getattr(drive, f"tones_{group}", ()) if tone.amplitude]
+                if len({tone.frequency for tone in tones}) != 1:
+                    raise ParameterError(
+                        f"{where} takes a voltage of group {group.upper()} at one frequency. Its drive is "
+                        f"{getattr(drive, 'label', type(drive).__name__)}. Leave the phase out."
+                    )
+            if quantity == RESONANCE:
+                if not isinstance(drive, TwoPhaseDrive):
+                    raise ParameterError(f"{where} takes a drive with one frequency. Leave the resonance out.")
+                every = [mode.frequency_hz for mode in setups[row].motor.modes]
+                low, high = min(every) / _FAR, _FAR * max(every)
+                if not low <= value <= high:
+                    raise ParameterError(
+                        f"{where} is {value:g} Hz; the modes of the motor allow {low:.4g} to {high:.4g} Hz. Give it in "
+                        "Hz, or state the unit in the heading: Resonance (kHz)."
+                    )
+
+
+def read_points(
+    data: str | Path | Mapping[str, Any] | Any, motor_is_linear: bool = False, *, measured: bool = True
+) -> Points:
+    """Read operating points from a CSV file, a dictionary of columns, or a pandas table.
+
+    Without ``measured`` the values only name the quantities, and need no errors.
+
+    Raises:
+        ParameterError: for an unreadable file, an unknown column, a value that is not a number, or an error that is not
+            above zero.
+    """
+    return _checked(*read_columns(data, motor_is_linear), measured=measured)
+
+
+def read_columns(
+    data: str | Path | Mapping[str, Any] | Any, linear: bool, *, name: str = "the points",
+    further: Sequence[str] = (), most: int = MOST_POINTS,
+) -> tuple[str, dict[str, list[float]]]:  # fmt: skip
+    """Return the name of a table and its columns in SI units under the names of a rotor, NaN for an empty cell.
+
+    Args:
+        data: as of :func:`read_points`.
+        linear: whether the columns may be those of a slider.
+        name: of a table that is not a file.
+        further: columns that it may have beside those of points.
+        most: greatest number of rows.
+
+    Raises:
+        ParameterError: as :func:`read_points`.
+    """
+    if isinstance(data, str | Path):
+        source, columns = Path(data).name, _columns(Path(data))
+    else:
+        source = name
+        table = data if isinstance(data, Mapping) else getattr(data, "to_dict", lambda _: None)("list")
+        if not isinstance(table, Mapping):
+            raise ParameterError(
+                f"data = {quoted(data)} is not a table of points: give the path of a CSV file, a dictionary of columns "
+                "or a pandas table."
+            )
+        columns = {str(key): list(np.atleast_1d(np.asarray(values, dtype=object))) for key, values in table.items()}
+    lengths = {len(values) for values in columns.values()}
+    if len(lengths) != 1 or not 1 <= max(lengths, default=0) <= most:
+        raise ParameterError(
+            f"{source} has columns of {' and '.join(map(str, sorted(lengths))) or 'no'} points: they must have the "
+            f"same number, from 1 to {most}."
+        )
+    numbers = {key: [_number(value, key, row, source) for row, value in enumerate(values, start=1)]
+               for key, values in columns.items()}  # fmt: skip
+    return source, _named(_scaled(numbers, source), source, further, linear=linear)
+
+
+def _scaled(columns: Mapping[str, list[float]], source: str) -> dict[str, list[float]]:
+    """Return the columns in SI units under the names of this module, where their headings state a unit."""
+    found: dict[str, list[float]] = {}
+    for name, values in columns.items():
+        own, factor = column_of(name) or (name, 1.0)
+        if own in found:
+            raise ParameterError(f"{source}: {quoted(name)} is a second column of {own}. Leave one out.")
+        found[own] = [factor * value for value in values]
+    return found
+
+
+def _columns(path: Path) -> dict[str, list[str]]:
+    """Return the columns of a CSV file with commas, semicolons or tabs. A line that starts with # is left out."""
+    text = read_document(path, "the path of a CSV file with one point in each line")
+    lines = [line for line in text.removeprefix("\N{ZERO WIDTH NO-BREAK SPACE}").splitlines() if line.strip()]
+    lines = [line for line in lines if not line.lstrip().startswith("#")]
+    if len(lines) < 2:
+        raise ParameterError(f"{path.name} has no points: it needs a line of column names and a line for each point.")
+    mark = max(",;\t", key=lines[0].count)
+    header, *rows = list(csv.reader(lines, delimiter=mark))
+    names = [name.strip() for name in header]
+    for name in names:
+        if names.count(name) > 1:
+            raise ParameterError(f"{path.name} has the column {quoted(name)} twice. Give it once.")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(names):
+            raise ParameterError(
+                f"{path.name}: point {number} has {len(row)} values for {len(names)} columns. Correct that line."
+            )
+    return {name: [row[place].strip() for row in rows] for place, name in enumerate(names)}
+
+
+def _number(value: Any, name: str, row: int, source: str) -> float:
+    """Return the value of a cell, NaN for one without a value."""
+    if value is None or value == "":
+        return float("nan")
+    number = as_number(value)
+    try:
+        number = float(value) if isinstance(value, str) else number
+    except ValueError:
+        number = None
+    if number is None or (np.isinf(number) or (isinstance(value, str) and np.isnan(number))):
+        raise ParameterError(f"{source}: {name} of point {row} is {quoted(value)}; it must be a number, or empty.")
+    return number
+
+
+def _named(
+    columns: Mapping[str, list[float]], source: str, further: Sequence[str], *, linear: bool
+) -> dict[str, list[float]]:
+    """Return the columns under the names of a rotor. Raise ParameterError for an unknown name."""
+    known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED, *(LINEAR if linear else ())]
+    found: dict[str, list[float]] = {}
+    for name, values in columns.items():
+        base = name.removesuffix(ERROR)
+        own = LINEAR.get(base, base) if linear else base
+        allowed = MEASURED if base != name else (*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED)
+        if own not in allowed and not ("." in own and base == name):
+            hint = _OF_PHASES if "phase" in name.lower() else did_you_mean(name, known)
+            raise ParameterError(f"{source}: there is no column {quoted(name)}. {hint}")
+        own = own + name[len(base) :]
+        if own in found:
+            raise ParameterError(f"{source}: {quoted(name)} is given twice, as {own} too. Give it once.")
+        found[own] = values
+    return found
+
+
+def _checked(source: str, columns: Mapping[str, list[float]], *, measured: bool) -> Points:
+    count = len(next(iter(columns.values())))
+    conditions = tuple(
+        conditions_of_row({name: values[row] for name, values in columns.items()}) for row in range(count)
+    )
+    found: list[tuple[int, str, float, float]] = []
+    stated = True
+    for name in filter(columns.__contains__, MEASURED):
+        rows = [row for row, value in enumerate(columns[name]) if not np.isnan(value)]
+        rows = [row for row in rows if name != SPEED or conditions[row]["load.speed"] is None]
+        own = columns.get(f"{name}{ERROR}")
+        stated = stated and (own is not None or not rows)
+        size = span(name, [columns[name][row] for row in rows]) or float(not measured)
+        for row in rows:
+            error = own[row] if own is not None else DEFAULT_ERROR * size
+            if not error > 0.0:
+                raise ParameterError(
+                    f"{source}: {name}{ERROR} of point {row + 1} is {quoted(error)}; it must be a number > 0."
+                    if own is not None
+                    else f"{source}: {name} is 0 at every point, so its error is not known. Give {name}{ERROR}."
+                )
+            found.append((row, name, columns[name][row], error))
+    if not found:
+        raise ParameterError(
+            f"{source} has no measured value. Give a column of {', '.join(MEASURED[:6])}, or another quantity of "
+            "speed_torque; speed_rad_s is measured where load_torque_n_m is given."
+        )
+    places, quantities, values, errors = zip(*found, strict=True)
+    return Points(source, conditions, places, quantities, np.array(values), np.array(errors), stated)
+
+
+def conditions_of_row(row: Mapping[str, float]) -> dict[str, float | None]:
+    """Return the conditions of a point: path → value. A shaft without a load is held at its speed if there is one."""
+    paths = {name: f"drive.{name}" if name in _OF_DRIVE else name
+             for name in row if "." in name or name in (*_OF_DRIVE, TEMPERATURE)}  # fmt: skip
+    there: dict[str, float | None] = {path: row[name] for name, path in paths.items() if not np.isnan(row[name])}
+    speed, load = row.get(SPEED, float("nan")), row.get(LOAD, float("nan"))
+    held = np.isnan(load) and not np.isnan(speed)
+    return {**there, "load.torque": 0.0 if np.isnan(load) else load, "load.speed": speed if held else None}
+
+
+def span(quantity: str, values: Sequence[float] | Array) -> float:
+    """Return the size of which :data:`DEFAULT_ERROR` is the error of a class of instruments: the greatest value.
+
+    An error of a phasor turns it by as many radians. A resonance is read to a tenth of the bandwidth of Q = 100.
+    """
+    if quantity in PHASES:
+        return degrees(1.0)
+    greatest = float(np.abs(values).max(initial=0.0))
+    return _RESONANCE_SPAN * greatest if quantity == RESONANCE else greatest
+
+
+def measured_of(values: Mapping[str, float], quantity: str, measured: float = 0.0) -> float:
+    """Return a measured quantity of a steady state; a phase within 180° of the measured one."""
+    if quantity == POWER:
+        return values["power_a_w"] + values["power_b_w"]
+    if quantity in PHASES:
+        return measured + remainder(values[quantity] - measured, 360.0)
+    return values[quantity]

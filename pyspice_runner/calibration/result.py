@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The result of a calibration: values with their intervals, residuals, and predictions with a band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.calibration.conditions import temperatures_of
+from pyspice_runner.calibration.misfit import SetFit
+from pyspice_runner.calibration.points import SPEED, TEMPERATURE, Points, read_points
+from pyspice_runner.calibration.prediction import Band, Predictor
+from pyspice_runner.calibration.run_up import RunUp
+from pyspice_runner.calibration.unknowns import THERMAL
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import write_rows
+from pyspice_runner.motor.motor import ALIASES, Motor, Provenance
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.result import Result, json_ready
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.steady.steady import SteadyState
+
+NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
+DECISIVE = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
+_PARTS = ("admittance_real_s", "admittance_imaginary_s")
+_SAMPLE = 20_000  # cases: the quantile of 95 % is known to 0.3 %
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The value of one parameter."""
+
+    path: str
+    value: float
+    standard_error: float
+    interval_95: tuple[float, float]  # of the profile likelihood; at most a factor of 10 to each side
+    identifiable: bool  # whether the data decide it: to 25 % and better, without what was known before
+    start: float
+    unit: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the estimate, JSON-ready."""
+        return {
+            "value": self.value, "standard_error": self.standard_error, "interval_95": list(self.interval_95),
+            "identifiable": self.identifiable, "start": self.start, "unit": self.unit,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rival:
+    """How another law of the contact fits the same data."""
+
+    law: str
+    aicc: float  # as that of :class:`Calibration`; NaN if it failed
+    freedom: int  # number of values less that of parameters
+    misfits: tuple[str, ...]  # the data that it does not explain
+    failed: str = ""  # why, if it failed
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit, JSON-ready."""
+        return {"contact": self.law, "aicc": self.aicc, "misfits": list(self.misfits), "failed": self.failed}
+
+
+@dataclass(frozen=True)
+class PredictedCurve:
+    """Predicted values with their standard errors by the calibration, not those of a measurement."""
+
+    quantities: tuple[str, ...]
+    rows: tuple[int, ...]  # point of each value
+    values: Array
+    standard_errors: Array  # by the covariance of the parameters
+    low: Array  # ends of the 95 % interval of each value
+    high: Array
+    low_of_all: Array  # ends of the band that contains all values together in 95 % of calibrations
+    high_of_all: Array
+    measured: Array
+
+
+def factor_of_all(covariance: Array) -> float:
+    """Return the number of standard errors that contains all of several normal values together in 95 % of cases.
+
+    The quantile of the greatest of them, by a fixed sample: 1.96 if all go together, 2.5 if five are independent.
+    J. L. Montiel Olea, M. Plagborg-Møller, J. Applied Econometrics 34, 1 (2019).
+    """
+    deviations = np.sqrt(np.diag(covariance))
+    moving = deviations > 0.0
+    if not moving.any():
+        return NORMAL_95
+    correlation = (covariance / np.outer(deviations, deviations).clip(np.finfo(float).tiny))[np.ix_(moving, moving)]
+    squares, along = np.linalg.eigh(correlation)
+    normal = np.random.default_rng(0).standard_normal((_SAMPLE, len(squares)))
+    greatest = np.abs((normal * np.sqrt(squares.clip(0.0))) @ along.T).max(axis=1)
+    return float(np.quantile(greatest, 0.95))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Result):
+    """Calibrated parameters of a motor.
+
+    Attributes:
+        estimates: value, standard error and interval of each free parameter.
+        start: the motor before.
+        calibrated: the motor with the new values.
+        law: law of the contact.
+        points: the measured points; ``None`` without.
+        bands: the measured spectra.
+        run_ups: the measured run-ups.
+        measured, predicted, errors: all measured values, those of the calibrated motor, and the standard errors.
+        predicted_errors: standard errors of the predicted values by those of the parameters.
+        correlations, covariance: of the coordinates of the parameters, in the order of ``estimates``.
+        coordinates: of the solution: ln(value/start) of each parameter, or the difference over ``start``.
+        ends: coordinates at the ends of the intervals, the other parameters following; without open ends.
+        rms_residual: root mean square of (predicted − measured)/error.
+        squares: sum of squares, with Huber's loss.
+        freedom: number of values less that of parameters.
+        fits: how the motor fits each set of data; empty if the errors of the points are not stated.
+        scale: by which the standard errors of the data were multiplied; 1 if they were stated.
+        warnings: what the data do not decide and what does not fit, one sentence each.
+        steady_states: number of steady states that were computed.
+        rivals: how other laws of the contact fit.
+    """
+
+    estimates: tuple[Estimate, ...]
+    start: Motor = field(repr=False)
+    calibrated: Motor = field(repr=False)
+    law: str
+    points: Points | None
+    bands: tuple[Band, ...]
+    run_ups: tuple[RunUp, ...]
+    measured: Array
+    predicted: Array
+    predicted_errors: Array
+    errors: Array
+    correlations: Array
+    covariance: Array
+    coordinates: Array
+    ends: tuple[Array, ...]
+    predictor: Predictor
+    rms_residual: float
+    squares: float
+    freedom: int
+    scale: float
+    fits: tuple[SetFit, ...]
+    warnings: tuple[str, ...]
+    steady_states: int
+    states: tuple[SteadyState, ...]
+    rivals: tuple[Rival, ...] = ()
+
+    @property
+    def motor(self) -> Motor:
+        """The calibrated motor; its provenance has error, interval and data of each value."""
+        provenance = dict(self.calibrated.provenance)
+        for one in self.estimates:
+            if one.path.startswith(THERMAL):
+                continue
+            section, _, key = one.path.rpartition(".")
+            share = one.standard_error / abs(one.value) if one.value else float("nan")
+            low, high = one.interval_95
+            note = (
+                f"calibrated with {self.sources}: {one.path} = {one.value:.5g} ± {100.0 * share:.2g} %, 95 % interval "
+                f"{low:.4g} to {high:.4g}"
+            )
+            note += "" if one.identifiable else "; the data do not decide it"
+            provenance[f"{section}.{ALIASES.get(key, key)}"] = Provenance("derived", note)
+        return self.calibrated.model_copy(update={"provenance": provenance})
+
+    @property
+    def thermal(self) -> Thermal:
+        """The drift of the motor: calibrated values, defaults for the others."""
+        return self.predictor.thermal(self.coordinates)
+
+    @property
+    def sources(self) -> str:
+        """Names of the data."""
+        names = [self.points.source] if self.points else []
+        names += [band.spectrum.source or f"a spectrum ({band.state})" for band in self.bands]
+        return " and ".join([*names, *(one.source for one in self.run_ups)])
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's information criterion for small samples: the least of several contact laws fits best.
+
+        K. P. Burnham, D. R. Anderson, "Model Selection and Multimodel Inference", Springer 2002, sec. 2.4.
+        """
+        count, free = len(self.measured), len(self.estimates)
+        if count <= free + 2:
+            return float("nan")
+        stated = self.points is None or self.points.stated
+        fit = self.squares if stated else count * log(self.squares / count)
+        free += 0 if stated else 1  # the size of the errors
+        return fit + 2.0 * free + 2.0 * free * (free + 1.0) / (count - free - 1.0)
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The warnings."""
+        return self.warnings
+
+    def predict(self, data: Any) -> PredictedCurve:
+        """Return the values at other points, with their standard errors by the uncertainty of the parameters.
+
+        Args:
+            data: points as for :func:`~pyspice_runner.calibrate`; their measured columns name the quantities.
+
+        Raises:
+            ParameterError: for an invalid table.
+            SimulationError: if ngspice fails.
+        """
+        points = read_points(data, self.start.slider is not None, measured=False)
+        own = self.predictor
+        temperatures_of([], [(f"point {row}", one) for row, one in enumerate(points.conditions, start=1)])
+        predictor = Predictor(own.base, own.unknowns, points, reference_c=own.reference_c)
+        if own.reference_c is None and TEMPERATURE in points.conditions[0]:
+            raise ParameterError(
+                "The points have a temperature, the calibration has none: that of the motor's values is not known. "
+                "Leave it out, or calibrate with data whose temperature is stated."
+            )
+        points.check([predictor.point(own.base, conditions) for conditions in points.conditions])
+        here = predictor.refine(self.coordinates)
+        if not here.known:
+            raise SimulationError("The calibrated motor has no steady state at any of the points.")
+        slope = predictor.jacobian(self.coordinates, here, central=True)
+        covariance = slope @ self.covariance @ slope.T
+        deviations = np.sqrt(np.diag(covariance))
+        # where parameters replace each other the sum of squares has a curved valley, which the covariance does not know
+        ends = [(one.values - here.values) / NORMAL_95 for one in predictor.at(self.ends, here)] if self.ends else []
+        below, above = (sign * np.fmax.reduce([deviations, *(sign * end for end in ends)]) for sign in (-1.0, 1.0))
+        factor = factor_of_all(covariance)
+        return PredictedCurve(
+            points.quantities, points.rows, here.values, deviations,
+            here.values + NORMAL_95 * below, here.values + NORMAL_95 * above,
+            here.values + factor * below, here.values + factor * above, points.values,
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return values, fit, correlations and residuals, JSON-ready."""
+        document: dict[str, Any] = json_ready({
+            "motor": self.start.name,
+            "data": self.sources,
+            "contact": self.law,
+            "parameters": {one.path: one.to_dict() for one in self.estimates},
+            "rms_residual": self.rms_residual,
+            "warnings": list(self.warnings),
+            "sum_of_squares": self.squares,
+            "degrees_of_freedom": self.freedom,
+            "error_scale": self.scale,
+            "fits": [fit.to_dict() for fit in self.fits],
+            "aicc": self.aicc,
+            "rivals": [{**one.to_dict(), "verdict": self._against(one)} for one in self.rivals],
+            "correlations": self.correlations,
+            "steady_states": self.steady_states,
+            "points": [
+                {"point": row + 1, "quantity": quantity, "measured": float(measured), "predicted": float(predicted),
+                 "error": float(error)}
+                for row, quantity, measured, predicted, error in (
+                    zip(self.points.rows, self.points.quantities, self.measured, self.predicted, self.errors,
+                        strict=False) if self.points else ()
+                )
+            ],
+            "curves": [self._curve(*each) for each in self._axes()],
+        })  # fmt: skip
+        return document
+
+    def summary(self) -> dict[str, str]:
+        """Return each value with its error and interval, and how well the data fit."""
+        found = {}
+        for one in self.estimates:
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            low, high = one.interval_95
+            said = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
+            found[one.path] = said if one.identifiable else f"{said} (not decided by the data)"
+        found["RMS residual"] = f"{self.rms_residual:.3g} standard errors, {len(self.measured)} values"
+        return found | {f"law {one.law}": self._against(one) for one in self.rivals}
+
+    def _against(self, other: Rival) -> str:
+        """Return a sentence that compares another law of the contact with this one."""
+        if other.failed:
+            return f"failed: {other.failed}"
+        if other.freedom != self.freedom:
+            return f"not comparable: it has {other.freedom - self.freedom:+d} values, where it has a steady state"
+        by = other.aicc - self.aicc
+        told = f"{self.law if by > 0.0 else other.law} fits better by {abs(by):.3g} in AICc"
+        told += "" if abs(by) > DECISIVE else ", which does not decide"
+        return told + (f"; {other.law} does not explain {' and '.join(other.misfits)}" if other.misfits else "")
+
+    def _axes(self) -> list[tuple[str, slice, str, Array, tuple[str, ...]]]:
+        """Return of each spectrum and run-up its name, places, axis with its values, and quantities."""
+        sets = self.predictor.sets[1 if self.points else 0 :]
+        axes: list[tuple[str, Array, tuple[str, ...]]]
+        axes = [("frequency_hz", band.spectrum.frequency_hz, _PARTS) for band in self.bands]
+        axes += [("time_s", one.time_s, (SPEED,)) for one in self.run_ups]
+        return [(name, places, *axis) for (name, places), axis in zip(sets, axes, strict=True)]
+
+    def _curve(self, name: str, places: slice, along: str, at: Array, quantities: tuple[str, ...]) -> dict[str, Any]:
+        """Return a spectrum or a run-up, JSON-ready."""
+        found: dict[str, Any] = {"data": name, "along": along, "at": at, "quantities": {}}
+        parts = (np.split(values[places], len(quantities)) for values in (self.measured, self.predicted, self.errors))
+        for quantity, *values in zip(quantities, *parts, strict=True):
+            found["quantities"][quantity] = dict(zip(("measured", "predicted", "error"), values, strict=True))
+        return dict(json_ready(found))
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return measured and predicted value and residual of each measured value, in the order of the data.
+
+        ``set`` is the number of its set of data: points, spectra, run-ups. ``at`` is the time in s of a run-up, the
+        frequency in Hz of a spectrum, whose real parts come before its imaginary ones, and NaN of a point. ``point``
+        is the number of the point in its set.
+        """
+        points = np.array(self.points.rows, float) + 1.0 if self.points else np.zeros(0)
+        found = {"point": [points], "set": [np.ones(len(points))], "at": [np.full(len(points), np.nan)]}
+        for number, (_, _, _, at, quantities) in enumerate(self._axes(), start=2 if self.points else 1):
+            several = len(quantities)
+            found["point"].append(np.tile(np.arange(1.0, len(at) + 1.0), several))
+            found["set"].append(np.full(several * len(at), float(number)))
+            found["at"].append(np.tile(at, several))
+        return {
+            **{name: np.concatenate(parts) for name, parts in found.items()},
+            "measured": self.measured,
+            "predicted": self.predicted,
+            "error": self.errors,
+            "residual": (self.predicted - self.measured) / self.errors,
+        }
+
+    def _table(self) -> list[list[str]]:
+        """Return the rows of the columns with the names of data and quantity."""
+        columns = dict(self.columns())
+        names = [name for name, places in self.predictor.sets for _ in range(places.stop - places.start)]
+        quantities = list(self.points.quantities) if self.points else []
+        quantities += [name for _, _, _, at, several in self._axes() for name in several for _ in at]
+        del columns["set"]
+        rows = zip(names, quantities, *columns.values(), strict=True)
+        cells = [[name, quantity, *("" if np.isnan(one) else f"{one:.12g}" for one in values)]
+                 for name, quantity, *values in rows]  # fmt: skip
+        return [["data", "quantity", *columns], *cells]
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.toml`` (the calibrated motor), ``.json`` and ``.csv`` (the residuals)."""
+        drifts = [f"{one.path} = {one.value:.5g} {one.unit} ± {one.standard_error:.2g}, an argument of Thermal"
+                  for one in self.estimates if one.path.startswith(THERMAL)]  # fmt: skip
+        text = self.motor.to_toml(heading="\n".join([f"{self.start.name}, calibrated with {self.sources}.", *drifts]))
+        own = {".csv": lambda file: write_rows(file, self._table())}
+        return {**super().writers(), **own, ".toml": lambda file: file.write_text(text, encoding="utf-8")}

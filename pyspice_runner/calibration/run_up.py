@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""Measured run-ups: the speed of a free shaft over time from rest, at constant drive and load.
+
+A table has ``time_s`` since the drive came on, ``speed_rad_s`` (of a slider ``speed_m_s``) with ``…_error``, and the
+conditions of measured points (:mod:`.points`): ``voltage``, ``load_torque_n_m``, a path with a dot; constant ones.
+The time constant of the mechanics, inertia over the slope of the torque, decides inertia and bearing, which a shaft
+held at a speed cannot.
+
+The fast prediction :math:`\omega_a(t)` is that of the averaged motor (:func:`~pyspice_runner.simulate_averaged`). Where
+the contact opens its torque :math:`T_a` is some percent off that of steady states, :math:`T`, and the bearing takes no
+more than that. Its dynamics are right, since the shaft is slower than the modes. So the prediction is
+:math:`\omega_a + \delta`, with the torques at held speeds and the damping b of the bearing,
+
+.. math::
+    J\,\dot\delta = T(\omega_a + \delta) - T_a(\omega_a) - b\,\delta, \qquad \delta(0) = 0 .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.library import check_averaged, require_averaged
+from pyspice_runner.averaged.run import AveragedRun, model_cautions
+from pyspice_runner.averaged.simulate import FEWEST_PERIODS, simulate_averaged
+from pyspice_runner.calibration.points import ERROR, MEASURED, SPEED, conditions_of_row, read_columns
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.refusal import quoted
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.steady.steady import steady_states
+
+TIME = "time_s"
+FEWEST = 3  # points: two are a line, which any time constant explains
+MOST = 100_000  # rows of a table
+COMPARED = 200  # points of a run-up that are compared, as of a spectrum
+# of a run-up that settles: its first duration in periods of the drive, how often it is doubled, and the share of the
+# speed by which that of its second half differs, some four time constants of the mechanics
+SHORTEST_PERIODS, DOUBLINGS, SETTLED = 200, 10, 0.02
+RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the error of the model
+HELD = 9  # speeds at which the torque of steady states is computed, from rest to beyond the greatest by a share of it:
+BEYOND = 0.1  # the full motor may be faster than the averaged one, and the slope of the torque limits by how much
+HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed is settled
+
+
+@dataclass(frozen=True)
+class RunUp:
+    """A measured run-up: what is compared of it."""
+
+    source: str
+    conditions: dict[str, float | None]  # path → value
+    time_s: Array
+    measured: Array  # rad/s
+    errors: Array  # standard errors, rad/s
+
+    @classmethod
+    def read(cls, data: Any, number: int, linear: bool = False) -> RunUp:
+        """Return the run-up of a table: a CSV file, a dictionary of columns or a pandas table.
+
+        Raises:
+            ParameterError: for a table without time or speed, with fewer than :data:`FEWEST` points, times that do not
+                rise or are before 0, a condition that changes, or an error that is not above zero.
+        """
+        name = f"run-up {number}"
+        source, columns = read_columns(data, linear, name=name, further=(TIME,), most=MOST)
+        wanted = "speed_m_s" if linear else SPEED
+        for column, own in ((TIME, TIME), (SPEED, wanted)):
+            if column not in columns:
+                raise ParameterError(f"{source} has no column {own}: a run-up needs {TIME} and {wanted}.")
+        other = {key: values for key, values in columns.items() if key not in (TIME, SPEED, SPEED + ERROR)}
+        for key, values in other.items():
+            if key in MEASURED or key.endswith(ERROR):
+                raise ParameterError(f"{source}: {key} is not a condition of a run-up. Leave it out.")
+            if len(set(values)) > 1 or np.isnan(values[0]):
+                raise ParameterError(
+                    f"{source}: {key} is not the same number in all rows. A run-up has a constant drive and load: give "
+                    "it one value, and another run-up for another value."
+                )
+        time, speed = np.array(columns[TIME]), np.array(columns[SPEED])
+        there = np.isfinite(speed)
+        if there.sum() < FEWEST:
+            raise ParameterError(f"{source} has {there.sum()} points of speed: a run-up needs at least {FEWEST}.")
+        late = np.flatnonzero(~(np.diff(time) > 0.0))
+        if len(late) or not time[0] >= 0.0:
+            row = int(late[0]) + 1 if len(late) else 0
+            raise ParameterError(
+                f"{source}: {TIME} of point {row + 1} is {time[row]:g}; the times must rise from 0, when the drive "
+                "comes on. Sort the rows, and subtract the time at which it comes on."
+            )
+        greatest = float(np.abs(speed[there]).max())
+        errors = np.array(columns.get(SPEED + ERROR, np.full(len(time), RUN_UP_ERROR * greatest)))
+        if not np.all(errors[there] > 0.0):
+            row = int(np.flatnonzero(there & ~(errors > 0.0))[0])
+            raise ParameterError(
+                f"{source}: {wanted}{ERROR} of point {row + 1} is {quoted(float(errors[row]))}; it must be a number "
+                "> 0."
+                if SPEED + ERROR in columns
+                else f"{source}: the speed is 0 at every point. Give a run-up of a shaft that moves."
+            )
+        rows = np.flatnonzero(there)
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, COMPARED).round().astype(int))]
+        given = conditions_of_row({key: values[0] for key, values in other.items()})
+        return cls(source, given, time[rows], speed[rows], errors[rows])
+
+    def check(self, base: OperatingPoint) -> None:
+        """Raise ParameterError for a law, motor or drive without an averaged model, or a short time.
+
+        ``base`` and the motors of the other methods are at the conditions of this run-up.
+        """
+        check_averaged(base.law)
+        require_averaged(base.motor)
+        stage = AveragedDrive.of(base.drive).stage  # type: ignore[arg-type]
+        least = FEWEST_PERIODS * stage.period
+        if self.time_s[-1] < least:
+            raise ParameterError(
+                f"{self.source} ends at {self.time_s[-1]:g} s: it must last at least {FEWEST_PERIODS} periods of the "
+                f"drive, {least:.3g} s. Times are in s."
+            )
+
+    def predicted(self, motor: OperatingPoint, *, fine: bool = False) -> Array:
+        """Return the speed of a motor at the measured times: the averaged one, or with the torque of steady states.
+
+        Raises:
+            SimulationError: where the averaged motor fails.
+        """
+        run = self._run(motor)
+        time, speed = run.curves["time_s"], run.curves["rotor_speed_rad_s"]
+        torques = _torques(motor, speed) if fine else None
+        if torques is not None:
+            speed = speed + _correction(motor, time, speed, *torques)
+        return np.interp(self.time_s, time, speed)
+
+    def cautions(self, motor: OperatingPoint) -> list[str]:
+        """Return where the averaged motor fails its own check and steady states do not help, a sentence each."""
+        try:
+            run = self._run(motor)
+        except (ParameterError, SimulationError):
+            return []  # its values count as left out
+        found = model_cautions(*(float(run.curves[name].max()) for name in ("check", "separated")))
+        if found and _torques(motor, run.curves["rotor_speed_rad_s"]) is not None:
+            return []
+        return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
+
+    def _run(self, motor: OperatingPoint) -> AveragedRun:
+        return simulate_averaged(
+            motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,  # type: ignore[arg-type]
+            timeout=motor.solver.timeout,
+        )  # fmt: skip
+
+
+def _torques(motor: OperatingPoint, speed: Array) -> tuple[Array, Array, Array] | None:
+    """Return speeds in rad/s with the torques in N·m of steady states and of the averaged motor there.
+
+    ``None`` if less than two of the speeds have both.
+    """
+    beyond = BEYOND * float(np.abs(speed).max())
+    low, high = min(speed.min(), 0.0), max(speed.max(), 0.0)
+    every = np.linspace(low - (beyond if low < 0.0 else 0.0), high + (beyond if high > 0.0 else 0.0), HELD)
+    held = [motor.updated({"load.speed": one, "load.torque": 0.0}) for one in every.tolist()]
+    duration = max(HELD_DECAYS * motor.motor.decay_s, FEWEST_PERIODS / min(motor.source.frequencies))
+    found = []
+    for one, state in zip(held, steady_states(held), strict=True):
+        if not state.determined:
+            continue
+        try:
+            averaged = simulate_averaged(
+                one.motor, one.drive, duration, speed=one.load.speed, timeout=one.solver.timeout,  # type: ignore[arg-type]
+            )  # fmt: skip
+        except SimulationError:
+            continue
+        found.append((one.load.speed, state.torque_n_m, averaged.curves["torque_n_m"][-1]))
+    if len(found) < FEWEST - 1:
+        return None
+    speeds, full, own = np.array(found, dtype=float).T
+    return speeds, full, own
+
+
+def _correction(motor: OperatingPoint, time: Array, speed: Array, speeds: Array, full: Array, own: Array) -> Array:
+    """Return the speed of the full motor less that of the averaged one; ``speeds``, ... as of :func:`_torques`."""
+    from scipy.integrate import solve_ivp  # takes long to load
+
+    rotor = motor.motor.rotor
+
+    def rate(now: float, deviation: Array) -> Array:
+        there = np.interp(now, time, speed)
+        torque = np.interp(there + deviation, speeds, full) - np.interp(there, speeds, own)
+        return np.asarray((torque - rotor.bearing_damping_n_m_s * deviation) / rotor.inertia_kg_m2)
+
+    longest = (time[-1] - time[0]) / COMPARED  # so that no part of the run-up is stepped over
+    return np.asarray(solve_ivp(rate, (time[0], time[-1]), [0.0], t_eval=time, max_step=longest).y[0])
+
+
+def settled_run_up(motor: OperatingPoint) -> RunUp:
+    """Return the run-up of a motor from rest to its settled speed, without a load, as if it was measured.
+
+    Raises:
+        ParameterError: if the motor has no averaged model, does not move, or does not settle.
+        SimulationError: if the averaged motor fails.
+    """
+    duration = SHORTEST_PERIODS / min(motor.source.frequencies)
+    for _ in range(DOUBLINGS):
+        time = np.linspace(0.0, duration, COMPARED)
+        own = RunUp("a run-up", conditions_of_row({}), time, time, time)
+        free = motor.updated(own.conditions)
+        own.check(free)
+        speed = own.predicted(free)
+        greatest = float(np.abs(speed).max())
+        if np.ptp(speed[COMPARED // 2 :]) < SETTLED * greatest:
+            return replace(own, measured=speed, errors=np.full(COMPARED, RUN_UP_ERROR * greatest))
+        duration *= 2.0
+    raise ParameterError(f"The motor does not settle at a speed within {0.5 * duration:.3g} s.")
+
+
+def run_ups(data: Sequence[Any], linear: bool) -> tuple[RunUp, ...]:
+    """Return the run-ups of tables. Raise ParameterError as :meth:`RunUp.read`."""
+    return tuple(RunUp.read(one, number, linear) for number, one in enumerate(data, start=1))

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The free parameters of a calibration: their paths, their ranges, and what was known of them before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, inf, log
+
+from pyspice_runner.circuit.bench import Excitation
+from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.motor.motor import (
+    HIGHEST_FREQUENCY,
+    HIGHEST_QUALITY,
+    LOWEST_FREQUENCY,
+    LOWEST_QUALITY,
+    Motor,
+)
+from pyspice_runner.motor.parameters import Parameters
+from pyspice_runner.motor.refusal import quoted, schema_of
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.run.paths import parameter
+
+MOST = 40  # free parameters
+WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
+DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k")
+_DERIVED = {
+    "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
+}  # fmt: skip
+THERMAL = "thermal."  # drift of the motor, of spectra at several temperatures
+_SECTIONS = ("modes", "piezo", "contact", "rotor", "slider", "mount")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A free parameter, and its coordinate x: the logarithm of value over start, or their difference over a scale.
+
+    The logarithm makes a step of all parameters alike, and an interval of a poorly known one as wide as it is: a factor
+    each way. A parameter that may be zero has a linear coordinate.
+    """
+
+    path: str
+    start: float
+    low: float  # least value allowed
+    high: float  # greatest value allowed
+    unit: str
+    prior: float | None = None  # standard deviation of x about 0 that was known before; ``None``: nothing
+    size: float = 1.0  # scale of a linear coordinate whose start is 0
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether x is a logarithm: the value keeps its sign."""
+        return self.start != 0.0 and (self.low > 0.0 or self.high < 0.0)
+
+    def value(self, x: float) -> float:
+        """Return the value at a coordinate, within its range."""
+        value = self.start * exp(x) if self.logarithmic else self.start + x * self._scale
+        return min(max(value, self.low), self.high)
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value."""
+        return log(value / self.start) if self.logarithmic else (value - self.start) / self._scale
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and greatest coordinate."""
+        found = sorted(self.coordinate(value) for value in (self.low, self.high))
+        return found[0], found[1]
+
+    def spread(self, x: float, deviation: float) -> float:
+        """Return the standard error of the value for that of its coordinate."""
+        return abs(self.value(x)) * deviation if self.logarithmic else self._scale * deviation
+
+    @property
+    def _scale(self) -> float:
+        return abs(self.start) or self.size
+
+
+def unknowns_of(
+    motor: Motor,
+    drive: Excitation,
+    free: Sequence[str],
+    priors: Mapping[str, float] | None = None,
+    sizes: Mapping[str, float] | None = None,
+) -> tuple[Unknown, ...]:
+    """Return the free parameters; ``modes.*.NAME`` stands for that of all modes, each of its own.
+
+    ``sizes`` are scales of parameters that start from 0: path → value.
+
+    Raises:
+        ParameterError: for an unknown path, one that is given twice or is not a number of the motor, too many, or a
+            prior that is not of a free parameter.
+    """
+    paths = [own for path in free for own in _expanded(motor, path)]
+    if not 1 <= len(paths) <= MOST:
+        raise ParameterError(f"free has {len(paths)} parameters: it must have 1 to {MOST}.")
+    for path in paths:
+        if paths.count(path) > 1:
+            raise ParameterError(f"free: {path} is given twice. Give it once.")
+        if path.partition(".")[0] not in (*_SECTIONS, THERMAL[:-1]):
+            raise ParameterError(
+                f"free: {quoted(path)} is not a parameter of the motor. Give paths of {', '.join(_SECTIONS)}."
+            )
+    widths = {own: width for path, width in (priors or {}).items() for own in _expanded(motor, path)}
+    for path, width in widths.items():
+        if path not in paths:
+            raise ParameterError(f"priors: {path} is not free. Name it in free, or leave its prior out.")
+        if not 0.0 < width < inf:
+            raise ParameterError(f"priors: {path} = {quoted(width)} is not valid: it must be a relative width > 0.")
+    return tuple(_unknown(motor, drive, path, widths.get(path), (sizes or {}).get(path, 1.0)) for path in paths)
+
+
+def _expanded(motor: Motor, path: str) -> list[str]:
+    start, star, end = path.partition("modes.*.")
+    if not star or start:
+        return [path]
+    return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
+
+
+def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None, size: float) -> Unknown:
+    if path.startswith(THERMAL):
+        return _drift(motor, path, width)
+    found = parameter(path, motor, drive, {})
+    if found.nominal is None:
+        raise ParameterError(f"free: {path} has no value in {motor.name}. Set it to one to start from.")
+    low, high = _range(motor, path)
+    start = found.nominal
+    if low < 0.0 < high and start:  # a coupling, or a motion of the tip: its sign is that of the start
+        smallest = 1e-6 * abs(start)
+        low, high = (smallest, high) if start > 0.0 else (low, -smallest)
+    elif low == 0.0 and start > 0.0:
+        low = 1e-6 * start
+    return Unknown(path, start, low, high, found.unit, width, size)
+
+
+def _drift(motor: Motor, path: str, width: float | None) -> Unknown:
+    """Return a drift: a linear coordinate, since its sign is not known."""
+    thermal, key = Thermal.of(motor), path.removeprefix(THERMAL)
+    if key not in DRIFTS:
+        raise ParameterError(
+            f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
+        )
+    schema = schema_of(Thermal, key)
+    return Unknown(path, getattr(thermal, key), float(schema["minimum"]), float(schema["maximum"]), "1/K", width)
+
+
+def _range(motor: Motor, path: str) -> tuple[float, float]:
+    section, _, key = path.partition(".")
+    owner: Parameters = motor.modes[0] if section == "modes" else getattr(motor, section)
+    key = key.rpartition(".")[2]
+    if section == "modes" and key in _DERIVED:
+        return _DERIVED[key]
+    schema = schema_of(type(owner), key)
+    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    low, high = (schema.get(f"{name}imum", schema.get(f"exclusive{name.title()}imum")) for name in ("min", "max"))
+    assert low is not None
+    assert high is not None
+    return float(low), float(high)

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sources at the pins of a motor, and the bench that combines them with motor, load and contact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.circuit.compiled import Module, Signal, loading, module_of, module_signals, module_subcircuit
+from pyspice_runner.circuit.evaluated import Plotted, plotted_nodes
+from pyspice_runner.circuit.fixtures import (
+    METERED,
+    TRANSIENT_OPTIONS,
+    SpeedRamp,
+    add_cooling,
+    add_drive,
+    add_meters,
+    add_set_speed,
+    brake_parts,
+    connect_brake,
+    not_below_rounding,
+)
+from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_values
+from pyspice_runner.circuit.motor import SUBCIRCUIT, add_motor, instantiate
+from pyspice_runner.circuit.own_law import PINS
+from pyspice_runner.circuit.powers import Power
+from pyspice_runner.circuit.source import GROUPS, Pins, Source, UniformSource
+from pyspice_runner.circuit.state import Discretisation, Motion, first_guess, motor_states, plate_nodes, start_nodes
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.motor.drive import Drive, Load
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Contact
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.library import definitions
+from pyspice_runner.trackers.tracker import Disturbance, Tracker, add_disturbance, tracked_source
+
+Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
+Derived = Signal | Plotted | Power  # a vector that follows from others
+FREE = Load()  # a free shaft
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A circuit that is ready to run."""
+
+    circuit: Circuit  # the circuit
+    options: Mapping[str, str]  # ngspice's options for it
+    # initial voltages in V by node, in addition to those of its devices (``ic=``).
+    start: Mapping[str, float] = field(default_factory=dict)
+    modules: tuple[Module, ...] = ()  # Verilog-A modules that it loads, compiled
+    signals: Mapping[str, Derived] = field(default_factory=dict)  # vectors that follow from others, by name
+
+
+@dataclass(frozen=True)
+class DriveSource(UniformSource):
+    """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
+
+    drive: Drive  # the two voltages
+    continues = True
+
+    @property
+    def rise_time(self) -> float:
+        """Soft start of the drive in s."""
+        return self.drive.soft_start
+
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+        """Add the two sources."""
+        add_drive(circuit, self.drive, pins, begun=begun)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind, label and values of the drive."""
+        return super().to_dict() | {"kind": type(self.drive).__name__}
+
+
+def source_of(excitation: Excitation | Source, motor: Motor, law: Law | None) -> Source:
+    """Return the source for a drive, driver or tracker."""
+    if isinstance(excitation, Drive):
+        return DriveSource(excitation)
+    if isinstance(excitation, Tracker):
+        return tracked_source(excitation, motor, law)
+    return excitation
+
+
+def motor_bench(
+    motor: Motor,
+    source: Source,
+    *,
+    load: Load = FREE,
+    law: Law | None = PAPER_LAW,
+    discretisation: Discretisation | None = None,
+    thermal: Thermal | None = None,
+    disturbance: Disturbance | None = None,
+    start: Motion | None = None,
+    begun: float = 0.0,
+    title: str = "",
+    compiled: bool = False,
+    check: bool = False,
+    approach: str = "",
+    plotted: bool = False,
+) -> Bench:
+    """Return the bench of a motor with source and load; the motor is ``Xmotor`` on the nodes a, b, 0, shaft.
+
+    A source ``Vshaft`` holds the speed of the load, a source ``Iload`` draws its torque. A law of ``None`` is a free
+    tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
+    by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
+    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. With ``check`` the motor has the node
+    ``check``. ``approach`` is the value of a source by which the stator moves towards the rotor, um. If ``plotted``,
+    a driver has the nodes of its powers and energies; otherwise they follow from recorded vectors. Raise
+    ParameterError for a source that does not suit the motor.
+    """
+    source.check(motor)
+    circuit = Circuit(title or f"{motor.name}: transient")
+    source.add(circuit, motor, GROUPS, begun=begun)
+    powers = {} if plotted else dict(source.powers)
+    for line in {power.line for power in powers.values()}:
+        circuit.raw_spice = circuit.raw_spice.replace(line, "")
+    nodes = add_disturbance(circuit, motor, disturbance) if disturbance else ()
+    if approach:
+        circuit.V("approach", "approach", circuit.gnd, approach)
+        nodes = ("approach",)
+    if load.speed is not None:
+        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
+    elif load.torque:
+        circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
+    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
+    if compiled:
+        assert law is not None
+        module = module_of(motor, law)
+        text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
+        circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
+        first = _start(motor, source, law, start, discretisation, compiled=True)
+        first |= {} if start is None else {"shaft": start.speed_rad_s}
+        derived: dict[str, Derived] = {**module_signals(motor, discretisation, "xmotor"), **powers}
+        return Bench(circuit, options, first, (module,), derived)
+    if thermal is not None:
+        add_cooling(circuit, thermal)
+        nodes = ("temperature", "heat", *nodes)
+    elif disturbance and disturbance.kind == "temperature":
+        thermal = disturbance.coefficients
+    add_motor(
+        circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
+        law=law, discretisation=discretisation, start=start,
+        thermal=thermal, approach="approach" in nodes, check=check, plotted=False,
+    )  # fmt: skip
+    first = _start(motor, source, law, start, discretisation)
+    return Bench(circuit, options, first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
+
+
+def dynamometer_bench(
+    motor: Motor,
+    source: Source,
+    *,
+    speed: float | SpeedRamp | None,
+    load_torque: float = 0.0,
+    law: Law = PAPER_LAW,
+    meters: bool = True,
+    discretisation: Discretisation | None = None,
+    start: Motion | None = None,
+    begun: float = 0.0,
+    title: str = "",
+    check: bool = False,
+) -> Bench:
+    """Return the bench of a motor with dynamometer and, if asked for, meters of power, losses and states.
+
+    The integrals are the nodes ``xbrake.v_*``, and with meters ``xcontactmeter.v_*``, ``xmeter_a.v_*``,
+    ``xmeter_b.v_*``, ``xheat_*.v_heat``. The motor is ``Xmotor``. The brake holds a speed in rad/s, or with ``None``
+    draws only the load torque in N·m. The meters take two fifths of the run time, and their time constants from the
+    discretisation. ``start``, ``begun`` and ``check`` are those of :func:`motor_bench`. Raise ParameterError for a
+    source that does not suit the motor.
+    """
+    source.check(motor)
+    circuit = Circuit(title or f"{motor.name}: dynamometer")
+    circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
+    source.add(circuit, motor, METERED if meters else GROUPS, begun=begun)
+    add_set_speed(circuit, speed)
+    add_motor(
+        circuit, motor, ("a", "b", circuit.gnd, "shaft"),
+        law=law, discretisation=discretisation, start=start, check=check,
+    )  # fmt: skip
+    connect_brake(circuit, load_torque, grips=speed is not None)
+    if meters:
+        add_meters(circuit, motor, {"lag": discretisation.slider_time} if discretisation else {})
+    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
+    return Bench(circuit, options, _start(motor, source, law, start, discretisation))
+
+
+def contact_bench(
+    lines: Sequence[str],
+    law: Law,
+    contact: Contact,
+    *,
+    radius: float,
+    span: float,
+    creep: float,
+    step: float,
+    title: str,
+) -> Bench:
+    """Return a bench of the contact alone, the instance ``Xcontact``.
+
+    Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name. ``lines`` are elements that
+    move the tip, at the nodes ``y``, ``vx`` and ``vy``. The radius of the rotor and the greatest penetration ``span``
+    are in m, the creep velocity of Coulomb's law in m/s. The time constant of a slider is half of the step in s.
+    """
+    circuit = Circuit(title)
+    library = contact_library(law, contact)
+    values = contact_values(law, contact, radius=radius, preload=contact.preload_n, slider_time=step / 2.0, span=span)
+    if law.name == "coulomb":
+        values["creep"] = creep
+    circuit.raw_spice += "\n".join([definitions(library), *lines, ""])
+    instantiate(circuit, "contact", library, ["0" if pin in ("x", "shaft") else pin for pin in PINS], **values)
+    return Bench(circuit, TRANSIENT_OPTIONS)
+
+
+def _start(
+    motor: Motor,
+    source: Source,
+    law: Law | None,
+    start: Motion | None,
+    discretisation: Discretisation | None,
+    *,
+    compiled: bool = False,
+) -> dict[str, float]:
+    """Return the initial voltages inside the motor, by node; those of its states only for a given motion."""
+    nodes = {} if compiled else first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
+    if start is not None:
+        states = motor_states(motor, law)
+        nodes |= start_nodes(states, [state.of(start) for state in states], discretisation, compiled=compiled)
+    else:
+        plates = zip(GROUPS, source.initial_voltages(), strict=True)
+        nodes |= {node: voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)}
+    return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}

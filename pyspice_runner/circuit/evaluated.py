@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The equations of contact and stem, as the libraries have them, evaluated by numpy for many states at once."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import CodeType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.law import Law, contact_library, contact_values
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.spice.expressions import equations, translated
+from pyspice_runner.spice.library import Library
+
+Array = NDArray[np.float64]
+DIFFERENCE = 1e-7  # step of a difference quotient over the scale: the curvature and rounding change less than that
+_REPETITIONS = 3  # of a node that depends on itself by a small term, as the penetration over the radius of the rotor
+
+
+def _ramp_up(x: Array) -> Array:
+    return np.maximum(x, 0.0)
+
+
+_FUNCTIONS: dict[str, Any] = {
+    **{name: getattr(np, name) for name in ("absolute", "maximum", "minimum", "exp", "sqrt", "tanh")},
+    "ramp_up": _ramp_up,
+    "ramp_down": lambda x: np.maximum(-x, 0.0),
+    "unit_step": lambda x: np.greater(x, 0.0).astype(float),
+    "power32": lambda x: np.maximum(x, 0.0) * np.sqrt(np.maximum(x, 0.0)),
+    "pow": pow,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LibraryFunction:
+    """The equations of a library.
+
+    Attributes:
+        states: nodes whose capacitors hold the state.
+    """
+
+    states: tuple[str, ...]
+    _program: tuple[tuple[str, CodeType, int], ...]  # node or parameter, its value, how often it is evaluated
+
+    def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return all nodes, and the rate of each state as ``rate_NODE`` in V/s.
+
+        ``values`` has the parameters, the pins that are inputs, and the states, in the units of the library; they are
+        numbers or arrays whose shapes agree. A node that depends on itself starts from the value that is given, or 0.
+        """
+        found = dict(values)
+        for name, code, times in self._program:
+            found.setdefault(name, 0.0)
+            for _ in range(times):
+                found[name] = eval(code, _FUNCTIONS, found)
+        return found
+
+    def of(self, nodes: Sequence[str], values: Mapping[str, Any], start: Mapping[str, Any] = {}) -> dict[str, Any]:
+        """Return some nodes, from parameters and those nodes that are given.
+
+        A node that depends on itself begins at its value in ``start``, or 0. What is no longer needed on the way is
+        forgotten, so that its memory serves again while it is in the cache.
+        """
+        found = {**start, **values}
+        for name, code, times, dead in _needed(self, tuple(nodes), frozenset(values)):
+            found.setdefault(name, 0.0)
+            for _ in range(times):
+                found[name] = eval(code, _FUNCTIONS, found)
+            for one in dead:
+                del found[one]
+        return {node: found[node] for node in nodes}
+
+
+@cache
+def _needed(
+    function: LibraryFunction, nodes: tuple[str, ...], given: frozenset[str]
+) -> list[tuple[str, CodeType, int, list[str]]]:
+    """Return the part of a program that some nodes need, each step with what no later one needs."""
+    program: list[tuple[str, CodeType, int, list[str]]] = []
+    needed, kept = set(nodes), set(nodes) | given
+    for name, code, times in reversed(function._program):
+        if name in needed - given:
+            needed.update(code.co_names)
+            dead = list({name, *code.co_names} - kept - _FUNCTIONS.keys())
+            kept.update(dead)
+            program.append((name, code, times, dead))
+    return program[::-1]
+
+
+@dataclass(frozen=True)
+class Plotted:
+    """A node of a brush that the circuit leaves out, because nothing depends on it (:func:`.contact.unplotted`)."""
+
+    node: str  # of the library
+    library: Library
+    constants: Mapping[str, float]  # its parameters
+    terms: Mapping[str, str]  # node of the library by vector: what the sliders are held by
+
+
+def plotted_vectors(signals: Mapping[str, Plotted], vectors: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the vectors of plotted nodes by name, those of contacts with equal parameters from one evaluation."""
+    alike: dict[tuple[Any, ...], dict[str, Plotted]] = {}
+    for name, one in signals.items():
+        alike.setdefault((one.library.name, *one.constants.items()), {})[name] = one
+    found: dict[str, Array] = {}
+    for group in alike.values():
+        first = next(iter(group.values()))
+        contacts = list(dict.fromkeys(tuple(one.terms) for one in group.values()))  # by what they are computed from
+        known = {
+            node: np.array([vectors[vector] for vector in of_node])
+            for node, of_node in zip(first.terms.values(), zip(*contacts, strict=True), strict=True)
+        }
+        nodes = list(dict.fromkeys(one.node for one in group.values()))
+        values = library_function(first.library).of(nodes, {**first.constants, **known})
+        found |= {name: values[one.node][contacts.index(tuple(one.terms))] for name, one in group.items()}
+    return found
+
+
+def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Plotted]:
+    """Return the nodes of a brush that the circuits of a motor leave out, by the names of their vectors."""
+    if law is None or law.sliders is None:
+        return {}
+    library = contact_library(law, motor.contact)
+    constants = {item.name: item.default for item in library.parameters}
+    constants |= contact_values(law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
+    inside = ("delta", "factor", *library_function(library).states)
+    found: dict[str, Plotted] = {}
+    for instance in instances:
+        terms = {f"v({instance}.xcontact.{node})": node for node in inside}
+        found |= {f"v({instance}.{node})": Plotted(node, library, constants, terms) for node in ("slider", "state")}
+    return found
+
+
+@cache
+def library_function(library: Library) -> LibraryFunction:
+    """Return the equations of a library as a function."""
+    known = equations(library)
+    texts = [(name, text, _REPETITIONS if f"V({name})" in text else 1) for name, text in known.ordered()]
+    for node, capacitance in known.capacitances.items():
+        flow = "+".join(known.currents.get(node, ["0"]))
+        leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
+        texts.append((f"rate_{node}", f"({flow}{leak})/{capacitance}", 1))
+    values = [_Shorter().visit(ast.parse(translated(text, "python", str), mode="eval").body) for _, text, _ in texts]
+    shared = _Shared(value for value, (*_, times) in zip(values, texts, strict=True) if times == 1)
+    program = []
+    for (name, _, times), value in zip(texts, values, strict=True):
+        found = shared.visit(value) if times == 1 else value
+        for node, expression, repeated in (*shared.taken(), (name, found, times)):
+            tree = ast.fix_missing_locations(ast.Expression(expression))
+            program.append((node, compile(tree, f"<{library.name}>", "eval"), repeated))
+    return LibraryFunction(tuple(known.capacitances), tuple(program))
+
+
+class _Shorter(ast.NodeTransformer):
+    """Leaves out factors of 1 before a value, and writes the sum with a negative value as a difference."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        left, right = self.visit(node.left), self.visit(node.right)
+        if isinstance(node.op, ast.Mult) and isinstance(left, ast.Constant) and left.value == 1.0:
+            return right  # type: ignore[no-any-return]
+        if isinstance(node.op, ast.Add) and isinstance(right, ast.UnaryOp) and isinstance(right.op, ast.USub):
+            return ast.BinOp(left, ast.Sub(), right.operand)
+        return ast.BinOp(left, node.op, right)
+
+
+class _Shared(ast.NodeTransformer):
+    """Replaces what several expressions contain by a name, so that it is evaluated once."""
+
+    def __init__(self, expressions: Iterable[ast.expr]) -> None:
+        inside = (node for one in expressions for node in ast.walk(one) if isinstance(node, ast.BinOp | ast.Call))
+        self._counts = Counter(map(ast.unparse, inside))
+        self._names: dict[str, str] = {}
+        self._new: list[tuple[str, ast.expr, int]] = []
+
+    def taken(self) -> list[tuple[str, ast.expr, int]]:
+        """Return the expressions named since the last call; each follows those that it contains."""
+        self._new, found = [], self._new
+        return found
+
+    def visit(self, node: ast.AST) -> Any:
+        text = ast.unparse(node) if isinstance(node, ast.BinOp | ast.Call) else ""
+        if self._counts[text] > 1 and text not in self._names:
+            value = self.generic_visit(node)
+            self._names[text] = f"shared_{len(self._names)}"
+            self._new.append((self._names[text], value, 1))  # type: ignore[arg-type]
+        return ast.Name(self._names[text], ast.Load()) if text in self._names else self.generic_visit(node)
+
+
+def parameter_columns(
+    law: Law, motors: Sequence[Motor], deflections_m: Sequence[float], slider_time: float | None = None
+) -> dict[str, Array]:
+    """Return the parameters of a law's library in its units and order, each for all motors.
+
+    The motors have the same library. The deflections are those of stator and series compliance under the preload.
+    """
+    defaults = {parameter.name: parameter.default for parameter in contact_library(law, motors[0].contact).parameters}
+    each = [
+        defaults
+        | contact_values(
+            law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=deflection,
+            slider_time=slider_time,
+        )
+        for motor, deflection in zip(motors, deflections_m, strict=True)
+    ]  # fmt: skip
+    return {name: np.array([values[name] for values in each], dtype=float) for name in defaults}

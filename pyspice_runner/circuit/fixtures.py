@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sources and loads of the motor as PySpice circuits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import degrees, pi
+from sys import float_info
+
+from PySpice.Spice.Netlist import Circuit, Netlist
+
+from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
+from pyspice_runner.circuit.state import Discretisation, plate_nodes, stems
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import Drive, Tone
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.library import Library, read_library
+
+# Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
+# V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere are negligible. The step is uniform: trtol switches
+# off the control of the truncation error, which would shorten steps.
+TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
+FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; fewer points do not resolve it
+UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
+_SUMS = 16.0  # margin above the rounding error of one force; random motors needed up to 8
+_SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacements, if a nanovolt is larger
+# ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
+AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
+METERED = ("metered_a", "metered_b")  # nodes of the source in front of the wattmeters
+_METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
+
+
+def transient_options(motor: Motor, law: Law | None = PAPER_LAW) -> dict[str, str]:
+    """Return :data:`TRANSIENT_OPTIONS`, with smaller tolerances for a motor with small contact forces.
+
+    A nanovolt and a nanoampere are negligible in a motor of centimetres, but not against micronewtons in a MEMS.
+    """
+    if law is None:
+        return TRANSIENT_OPTIONS
+    depth = 1e6 * contact_law.static_penetration(motor.contact)
+    friction = motor.contact.friction * motor.contact.preload_n
+    volts = (motor.contact.preload_n, friction, depth, contact_law.limit_ratio(motor.contact) * depth)
+    amperes = motor.rotor.radius_m * friction
+    return TRANSIENT_OPTIONS | {
+        name: f"{_SMALL * least:.3g}"
+        for name, least in (("vntol", min(volts)), ("abstol", amperes))
+        if _SMALL * least < float(TRANSIENT_OPTIONS[name])
+    }
+
+
+def not_below_rounding(
+    options: Mapping[str, str], motors: Iterable[Motor], law: Law | None, discretisation: Discretisation | None
+) -> dict[str, str]:
+    """Return ngspice's options with tolerances that are not below rounding errors, 1 V = 1 A = 1 m/s.
+
+    A compliance in series is compressed by the difference of two forces, and its rate is a difference over half a step:
+    with 1e-5 m/N, 5 N and steps of 10 ps the error of the rate is 4e-8 m/s, below which no iteration comes. Damping
+    changes the limit of stick by it, and so the velocity at which a slider is pulled back.
+    """
+    if discretisation is None:
+        return dict(options)
+    found, half_step = dict(options), discretisation.slider_time
+    for motor in motors:
+        contact = motor.contact
+        compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
+        velocity = _SUMS * float_info.epsilon * compressed / half_step
+        limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+        pulled = limit * contact_law.normal_damping(contact) * velocity / half_step
+        for name, least in (("vntol", velocity), ("abstol", pulled)):
+            found[name] = f"{least:.3g}" if least > float(found[name]) else found[name]
+    return found
+
+
+@dataclass(frozen=True)
+class SpeedRamp:
+    """A commanded speed that rises or falls linearly."""
+
+    first: float  # speed at the start of the run, rad/s
+    last: float  # speed after ``duration``, rad/s
+    duration: float  # time in s that the ramp takes
+
+
+def brake_parts(*, meters: bool) -> list[Library]:
+    """Return the libraries of a dynamometer, and those of the meters if asked for."""
+    return [read_library(name) for name in ("piezomotor_dynamometer", *(_METERS if meters else ()))]
+
+
+def add_set_speed(circuit: Netlist, speed: float | SpeedRamp | None) -> None:
+    """Put the commanded speed of a dynamometer, in rad/s, at the node ``set``."""
+    if isinstance(speed, SpeedRamp):
+        slope = (speed.last - speed.first) / speed.duration
+        circuit.raw_spice += f"Bset set 0 V=({speed.first!r})+({slope!r})*time\n"
+    else:
+        circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
+
+
+def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:
+    """Connect the brake to the shaft: it holds the speed, or only draws a torque in N·m."""
+    instantiate(
+        circuit, "brake", "piezomotor_dynamometer", ("set", "shaft", "xmotor.normal", "xmotor.friction"),
+        torque=load_torque, **({} if grips else {"grip": 0.0}),
+    )  # fmt: skip
+
+
+def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
+    """Put meters of power, losses and states around a motor whose source is at ``metered_a`` and ``metered_b``."""
+    tip = contact_nodes(motor)
+    inside = [f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], "normal", "friction", "state")]
+    nodes: tuple[str | int, ...] = ("shaft", *inside)
+    instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
+    for index, mode in enumerate(motor.modes, start=1):
+        nodes = (f"xmotor.xmode{index}.arm_r", f"xmotor.xmode{index}.elastic")
+        instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)
+    for spring, part in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
+        nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")
+        instantiate(circuit, f"heat_{part}", "piezomotor_heat", nodes, resistance=spring.damping_n_s_per_m)
+    between = abs(motor.piezo.capacitance_ab_f)
+    for group, line in zip(("a", "b"), METERED, strict=True):
+        nodes = (line, group, circuit.gnd)
+        instantiate(circuit, f"meter_{group}", "piezomotor_wattmeter", nodes, **lag)
+        nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
+        own = 1.0 - between / getattr(motor.piezo, f"capacitance_{group}_f")
+        _add_groupheat(circuit, motor, group, nodes, own)
+    if between:  # in a capacitance of its own at the difference of the voltages, at their sum for a negative one
+        pairs = [("a", "b"), *zip(*([f"xmotor.{node}" for node in plate_nodes(group)] for group in "ab"), strict=True)]
+        sign = "-" if motor.piezo.capacitance_ab_f > 0.0 else "+"
+        for number, (a, b) in enumerate(pairs):
+            circuit.B(f"across{number}", f"across{number}", circuit.gnd, v=f"V({a}){sign}V({b})")
+        nodes = tuple(f"across{number}" for number in range(len(pairs)))
+        _add_groupheat(circuit, motor, "ab", nodes, between / motor.piezo.capacitance_a_f)
+
+
+def _add_groupheat(circuit: Netlist, motor: Motor, name: str, nodes: Sequence[str | int], share: float) -> None:
+    """Integrate the heat in a share of the capacitance of a group; that between the groups is a share of group A's."""
+    resistances = [branch.resistance_ohm / share for branch in dielectric_branches(motor, name[0])]
+    values = {f"resistance{index}": value for index, value in enumerate(resistances)}
+    instantiate(circuit, f"heat_{name}", "piezomotor_groupheat", nodes, **values)
+
+
+def add_cooling(circuit: Circuit, thermal: Thermal) -> None:
+    """Put heat capacity and thermal resistance between the nodes heat and temperature."""
+    circuit.raw_spice += read_library("piezomotor_cooling").subcircuit + "\n"
+    instantiate(
+        circuit, "cooling", "piezomotor_cooling", ("heat", "temperature"),
+        capacity=thermal.heat_capacity_j_per_k, resistance=thermal.thermal_resistance_k_per_w,
+        ambient=thermal.ambient_k, start=thermal.ambient_k,
+    )  # fmt: skip
+
+
+def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circuit:
+    """Return two copies of one motor, the first driven at A with B shorted, the second at B with A shorted.
+
+    One AC analysis gives the two-port: the currents of ``Va1``, ``Vb1`` are −Y_AA, −Y_BA, those of ``Va2``,
+    ``Vb2`` are −Y_AB, −Y_BB. Shafts are free to turn on their bearings.
+    """
+    circuit = Circuit(title or f"{motor.name}: admittance, {'preloaded' if preloaded else 'free'}")
+    for copy, driven in (("1", "a"), ("2", "b")):
+        for group in ("a", "b"):
+            amplitude = 1 if group == driven else 0
+            circuit.V(f"{group}{copy}", f"{group}{copy}", circuit.gnd, f"DC 0 AC {amplitude}")
+        add_motor(
+            circuit,
+            motor,
+            (f"a{copy}", f"b{copy}", circuit.gnd, f"shaft{copy}"),
+            instance=f"motor{copy}",
+            law=PAPER_LAW if preloaded else None,
+        )
+    return circuit
+
+
+def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
+    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
+    for group, node, tones in zip(("a", "b"), pins, (drive.tones_a, drive.tones_b), strict=True):
+        active = [tone for tone in tones if tone.amplitude] or [tones[0]]
+        if drive.soft_start > 0.0:
+            shape = "+".join(
+                f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
+                f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
+                for tone in active
+            )
+            since = f"(time+{begun!r})" if begun else "time"
+            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
+            circuit.V(group, node, f"drive_{group}", "DC 0")
+            continue
+        nodes = [node, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]  # in series
+        for index, tone in enumerate(active):
+            circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
+
+
+def sine(tone: Tone, begun: float = 0.0) -> str:
+    """Return the value of a voltage source for a sine that has been on for ``begun`` seconds."""
+    phase = degrees(tone.phase) + 360.0 * ((tone.frequency * begun) % 1.0)
+    return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {phase!r})"

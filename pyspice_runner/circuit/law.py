@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The laws of the contact: their libraries, and the values of an instance.
+
+``spring-slider`` is the paper's law, ``brush`` a row of sliders that slip one after the other (partial slip),
+``coulomb`` friction as a function of the velocity, without a spring. All have the same pins. The path of a
+``.lib`` file is a user's own law, see :mod:`.own_law`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from functools import cache
+from math import ceil, sqrt
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.own_law import ENDING, PINS, read_own_law
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.parameters import Contact
+from pyspice_runner.spice.library import Library, data_path, parse_library, read_library
+
+LIBRARIES: dict[str, str] = {
+    "spring-slider": "piezomotor_contact",
+    "brush": "piezomotor_brush",
+    "coulomb": "piezomotor_coulomb",
+}
+SLIDERS = 8
+MOST_SLIDERS = 200
+_STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
+# normal force over √2 K_N of a worn tip at the penetration {0}, in N and um; q is written without cancellation
+WORN_FORCE = (
+    "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
+    "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
+)
+REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
+
+
+def is_own(contact: object) -> bool:
+    """Return whether a law is a user's own file, according to its ending."""
+    return isinstance(contact, str | Path) and str(contact).lower().endswith(ENDING)
+
+
+@dataclass(frozen=True)
+class Law:
+    """The law of a contact. ``None`` instead of a law is a free tip.
+
+    Attributes:
+        name: ``"spring-slider"``, the paper's law; ``"brush"``, which slips from the edge inwards; ``"coulomb"``,
+            without a tangential spring; or the path of a ``.lib`` file with a law of the user's own.
+        sliders: number of sliders of the brush, 8 by default; ``None`` for the other laws.
+
+    Raises:
+        ParameterError: by the constructor, for an unknown law, or sliders that are out of range or have no effect.
+    """
+
+    name: str = "spring-slider"
+    sliders: int | None = None
+
+    def __post_init__(self) -> None:
+        if is_own(self.name):
+            object.__setattr__(self, "name", str(self.name))
+            read_own_law(self.name)
+        elif self.name not in tuple(LIBRARIES):
+            raise ParameterError(
+                f"contact = {self.name!r} is not valid: it must be {', '.join(map(repr, LIBRARIES))}, None (free tip) "
+                f"or the path of a {ENDING} file."
+            )
+        if self.name == "brush":
+            sliders = SLIDERS if self.sliders is None else self.sliders
+            if sliders not in range(1, MOST_SLIDERS + 1):
+                raise ParameterError(
+                    f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}."
+                )
+            object.__setattr__(self, "sliders", int(sliders))
+        elif self.sliders is not None:
+            raise ParameterError(
+                f"sliders = {self.sliders} has no effect on the law {self.name!r}. Leave it out, or write "
+                f'Law("brush", {self.sliders}).'
+            )
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``.
+
+        The state of ``spring-slider`` is an attribute of :class:`~pyspice_runner.circuit.motor.Motion`.
+        """
+        if self.name == "spring-slider":
+            return ()
+        nodes = re.findall(r"^C\w+ (\w+) 0 ", contact_library(self).subcircuit, re.M | re.I)
+        return tuple(node if node in PINS else f"xcontact.{node}" for node in map(str.lower, nodes))
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the states of the law are sliders."""
+        return self.name in ("spring-slider", "brush")
+
+    @property
+    def touching(self) -> NDArray[np.float64]:
+        """Share of each slider that touches at preloaded rest, from the inner one; of ``spring-slider`` 1."""
+        sliders = self.sliders or 1
+        edge = sliders / sqrt(REACH) if self.name == "brush" else 1.0
+        return np.clip(edge - np.arange(sliders), 0.0, 1.0)
+
+    @property
+    def covered(self) -> float:
+        """Part of the default span that the sliders of a brush cover."""
+        return 1.0
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the law as in the results, JSON-ready."""
+        return {"contact": self.name, **({"sliders": self.sliders} if self.sliders else {})}
+
+
+@dataclass(frozen=True)
+class InnerSliders(Law):
+    """The inner sliders of a brush, for a motion in which those beyond touch nothing.
+
+    Attributes:
+        whole: number of sliders of the brush.
+    """
+
+    whole: int = SLIDERS
+
+    @property
+    def covered(self) -> float:
+        """Part of the default span that the sliders cover: it goes with the square of the contact's width."""
+        return ((self.sliders or 0) / self.whole) ** 2
+
+
+def reached(law: Law, contact: Contact, depth: float) -> int:
+    """Return the number of sliders of a brush that touch something at a penetration in m or less."""
+    assert law.sliders is not None
+    flat = contact_law.flat_length(contact)
+    deep = REACH * (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
+    edge = law.sliders * sqrt(_width(max(depth, 0.0), flat) / _width(deep, flat))
+    return min(max(ceil(edge), 1), law.sliders)
+
+
+def _width(depth: float, flat: float) -> float:
+    """Return half of the contact's width squared, over the radius of a new tip, in m."""
+    return 0.5 * (sqrt(flat**2 + 4.0 * depth**2) + flat)
+
+
+ContactLaw = Law | str | Path  # as an analysis accepts it: a law, its name, or the path of a user's own
+PAPER_LAW = Law()
+
+
+def law_of(contact: ContactLaw | None) -> Law | None:
+    """Return the law for an argument ``contact``; ``None`` is a free tip. Raise ParameterError for an unknown law."""
+    return contact if contact is None or isinstance(contact, Law) else Law(contact)  # type: ignore[arg-type]
+
+
+def touching_law(contact: ContactLaw | None, reason: str) -> Law:
+    """Return the law for ``contact``. Raise ParameterError for an unknown law, and with the reason for a free tip."""
+    law = law_of(contact)
+    if law is None:
+        raise ParameterError(f"contact = None (free tip) is not valid here: {reason} Give a law.")
+    return law
+
+
+def contact_library(law: Law, contact: Contact | None = None) -> Library:
+    """Return the library of a law; the brush is written for its number of sliders.
+
+    The spring-slider has the factor of Stribeck's curve only for a contact whose friction falls with the velocity.
+    Raise ParameterError for a user's own law that is not valid.
+    """
+    if is_own(law.name):
+        return read_own_law(law.name)
+    name = LIBRARIES[law.name]
+    if contact is not None and contact.worn_flat_radius_m:
+        return worn(contact_library(law, contact.model_copy(update={"worn_flat_radius_m": 0.0})))
+    if law.name == "spring-slider" and (contact is None or contact.sliding_ratio == 1.0):
+        return _constant_friction(read_library(name))
+    if law.sliders not in (None, SLIDERS):
+        return _brush(law.sliders)
+    return read_library(name)
+
+
+@cache
+def _brush(sliders: int) -> Library:
+    return parse_library(LIBRARIES["brush"], brush_library(sliders))
+
+
+@cache
+def unplotted(library: Library) -> Library:
+    """Return the brush without what serves its pins ``slider`` and ``state`` alone, on which nothing else depends."""
+    return replace(library, subcircuit=re.sub(r"(?ms)^\* for plotting only.*(?=^\.ends)", "", library.subcircuit))
+
+
+@cache
+def _constant_friction(library: Library) -> Library:
+    """Return the spring-slider without Stribeck's curve, whose exponential takes a sixth of the run time."""
+    text = re.sub(r"(?m)^(Bfriction .*,1m\)\))\*.*$", r"\1", library.subcircuit)
+    for name in _STRIBECK:
+        text = re.sub(rf"(?m)^(\.subckt .*) {name}=\S+", r"\1", text)
+    parameters = tuple(item for item in library.parameters if item.name not in _STRIBECK)
+    return replace(library, subcircuit=text, parameters=parameters)
+
+
+@cache
+def worn(library: Library) -> Library:
+    """Return a law on the normal contact of a worn tip; its name ends in ``_worn``."""
+    name, text = f"{library.name}_worn", _row_of_worn(_spring_of_worn(library.subcircuit))
+    text = re.sub(rf"\b{library.name}\b", name, text)
+    text = re.sub(r"(?m)^(Xnormal .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
+    text = re.sub(r"(?m)^(\.subckt .*)$", r"\1 flat=1", text)
+    flat = next(item for item in read_library("piezomotor_worn").parameters if item.name == "flat")
+    return replace(
+        library, name=name, subcircuit=text, parameters=(*library.parameters, flat), needs=("piezomotor_worn",)
+    )
+
+
+def _spring_of_worn(text: str) -> str:
+    """Return the spring-slider of a worn tip; other laws are returned as they are.
+
+    At the displacement u the tangential force is μ f (F(δ) − F(δ − |u|/(κ f))), for any axisymmetric profile
+    (Ciavarella, Jäger); f is the factor of the damping, taken as 0.1 at least within F. For Hertz's law that is the
+    spring of the paper.
+    """
+    ahead, behind = (WORN_FORCE.format(f"V({node})") for node in ("ahead", "behind"))
+    grip = (
+        "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
+        "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
+        f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
+    )
+    text = re.sub(r"(?m)^Bgrip .*limit_ratio.*$", lambda _: grip, text)
+    return text.replace("V(grip)/sqrt(max(V(factor),1m))", "V(grip)*V(factor)")
+
+
+def _row_of_worn(row: str) -> str:
+    """Return the brush of a worn tip; other laws are returned as they are.
+
+    Beyond the flat an element at x penetrates by δ − x √(x² − b²)/R*, within it by δ. The integral of that is
+    δ x − (x² − b²)^(3/2)/(3 R*).
+    """
+    text = re.sub(r"(?m)^(Bl(\d+) \S+ \S+) I=(V\(x\d+\))\*V\(\w+\)$", _worn_limit, row)
+    if text == row:
+        return row
+    text = re.sub(r"(?m)^([BR]f[12]|[GR]m\w+) .*\n", "", text)  # what only the limits of a new tip need
+    depth = "Bdepth 0 depth I=max(V(delta),1e-9)\nRdepth depth 0 1\n"
+    edge = r"\1 I=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
+    return re.sub(r"(?m)^(Bx0 0 x0) .*$", depth + edge, text)
+
+
+def _worn_limit(line: re.Match[str]) -> str:
+    """Return the source of the limits beyond the inner edge of a cell of a worn tip."""
+    element, inner, x = line[1], int(line[2]) - 1, line[3]
+    beyond = f"uramp(({inner}+{x})*({inner}+{x})-{{flat/cell}})**1.5-{{max(0,{inner * inner}-flat/cell)**1.5}}"
+    return f"{element} I=V(f0)*({{1.5/cell}}*V(depth)*{x}-0.5*({beyond}))"
+
+
+def contact_values(
+    law: Law,
+    contact: Contact,
+    *,
+    radius: float,
+    preload: float,
+    deflection: float = 0.0,
+    slider_time: float | None = None,
+    span: float | None = None,
+) -> dict[str, float]:
+    """Return the parameters of an instance of a law's subcircuit, in the library's units.
+
+    Lengths are in m, the preload in N. ``slider_time``, by default the library's, is the time constant in s with which
+    a slider is held at its limit. The brush's sliders cover the penetration ``span`` evenly, by default :data:`REACH`
+    times the static one of a new tip; of a worn tip they reach as far as its contact then does.
+    """
+    values = {
+        "normal_stiffness": contact.normal_stiffness_n_per_m15,
+        "mu": contact.friction,
+        "radius": radius,
+        "preload": preload,
+        "deflection": 1e6 * deflection,
+    }
+    declared = {parameter.name for parameter in contact_library(law).parameters}
+    damping = contact_law.normal_damping(contact)
+    if damping:
+        if "damping" not in declared:
+            raise ParameterError(
+                f"The contact law {law.name} has no parameter damping. Set contact.restitution to 1, or add it to the "
+                "law."
+            )
+        values["damping"] = damping
+    if contact.sliding_ratio < 1.0:
+        if law.name != "spring-slider":
+            raise ParameterError(
+                f"contact.sliding_ratio = {contact.sliding_ratio:g} is not valid with the contact {law.name}, which "
+                "has one coefficient of friction. Set it to 1, or choose the contact spring-slider."
+            )
+        values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
+    if contact.worn_flat_radius_m:
+        if law.name not in LIBRARIES:
+            raise ParameterError(
+                f"contact.worn_flat_radius_m = {contact.worn_flat_radius_m:g} m is not valid with the contact "
+                f"{law.name}: it must be {' or '.join(LIBRARIES)}. Choose one of these, or set it to 0."
+            )
+        values["flat"] = 1e6 * contact_law.flat_length(contact)
+    if "compliance" in declared:
+        values["compliance"] = contact_law.total_compliance(contact)
+    if "slider_time" in declared and slider_time is not None:
+        values["slider_time"] = slider_time
+    if "span" in declared:
+        flat = contact_law.flat_length(contact)
+        deep = REACH * (preload / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0) if span is None else span
+        values["span"] = 1e6 * law.covered * _width(deep, flat)
+    return values
+
+
+def brush_library(sliders: int = SLIDERS) -> str:
+    """Return the text of ``behavioral/piezomotor_brush.lib``, which has eight sliders, with another number of them."""
+    cells, plotted = [], []
+    for inner in range(sliders):
+        number = inner + 1
+        x, w, m = f"V(x{inner})", f"V(w{number})", f"V(m{inner})" if inner else "V(f2)"
+        y, rest = f"V(y{number})", f"V(q{number})-V(y{number})"
+        if inner:
+            cells += [
+                f"Bx{inner} 0 x{inner} I=uramp(V(x0)-{inner})",
+                f"Rx{inner} x{inner} 0 1",
+                f"Gm{inner} 0 m{inner} f2 0 1",
+                f"Gmb{inner} m{inner} 0 f1 0 {inner / 2:g}",
+                f"Gmbb{inner} m{inner} 0 f0 0 {inner * inner / 2:g}",
+                f"Rm{inner} m{inner} 0 1",
+            ]
+        cells += [
+            f"Bl{number} {f'y{inner}' if inner else 0} y{number} I={x}*{m}",
+            f"Gy{number} 0 y{number} q{number} 0 1",
+            f"Ry{number} y{number} 0 0.5",
+            f"Bq{number} {f'q{inner}' if inner else 0} q{number} I={x}*V(slip)",
+            f"Cq{number} q{number} 0 {{slider_time}}",
+            f"Rq{number} q{number} 0 {{hold}}",
+            f"Bc{number} held q{number} I=abs({y})-abs({rest})",
+        ]
+        if number < sliders:
+            plotted += [f"Gw{number} 0 w{number} x{inner} x{number} 1", f"Rw{number} w{number} 0 1"]
+        plotted.append(f"Bslips{number} 0 state I={w if number < sliders else x}*u({y}*({rest}))")
+    text = (data_path("behavioral") / f"{LIBRARIES['brush']}.lib").read_text(encoding="utf-8")
+    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rheld )", "\n".join(cells) + "\n", text, count=1)
+    text = re.sub(r"(?ms)^Gw1 .*?(?=^Bslider )", "\n".join(plotted) + "\n", text, count=1)
+    text = text.replace("V(w1)", "V(x0)") if sliders == 1 else text
+    text = text.replace(f"a row of {SLIDERS} ", f"a row of {sliders} ", 1)
+    text = text.replace(f"the end of cell {SLIDERS}:", f"the end of cell {sliders}:", 1)
+    return text.replace(f"{{span/{SLIDERS**2}}}", f"{{span/{sliders**2}}}", 1)

@@ -1,0 +1,635 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The motor as a PySpice subcircuit, assembled from modes, groups, contact and rotor.
+
+``.subckt piezomotor a b com shaft`` is the interface of the model; ``behavioral/CONVENTIONS.md`` defines nodes and
+units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import degrees, pi
+
+import numpy as np
+from numpy import format_float_positional
+from numpy.typing import NDArray
+from PySpice.Spice.Netlist import Netlist, SubCircuit
+
+from pyspice_runner.circuit.law import (
+    PAPER_LAW,
+    REACH,
+    ContactLaw,
+    Law,
+    contact_library,
+    contact_values,
+    touching_law,
+    unplotted,
+)
+from pyspice_runner.circuit.own_law import PINS
+from pyspice_runner.circuit.state import (
+    PLATES,
+    Discretisation,
+    Motion,
+    State,
+    carrier,
+    motor_states,
+    plate_nodes,
+    start_parameters,
+    static_sway,
+    stems,
+    written,
+    written_recoils,
+)
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
+from pyspice_runner.motor.drive import Drive, default_drive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Mode, Mount
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.library import (
+    PREFIX,
+    Library,
+    LibraryParameter,
+    check_name,
+    check_parameters,
+    definition_texts,
+    part_name,
+    read_library,
+    slider_words,
+)
+
+SUBCIRCUIT = PREFIX
+MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
+MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if the carrier moves along it, too
+CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
+THERMAL_SUBCIRCUIT = "piezomotor_thermal"
+REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
+_POINTS = 100  # least number of steps in a period of the fastest motion for an exported motor
+# parameters of the motor's X line → the parameters of the contact that they set
+_OF_CONTACT = {
+    "preload": "preload",
+    "friction": "mu",
+    "normal_stiffness": "normal_stiffness",
+    "compliance": "compliance",
+    "radius": "radius",
+}
+SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
+_DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
+# for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
+SMALLEST_LOSS = 1e-5
+
+
+class Assembly(SubCircuit):
+    """A subcircuit that consists of parts from libraries; the names of the parts begin with its name."""
+
+    settable: tuple[LibraryParameter, ...]  # parameters of the X line, with their defaults and ranges
+
+    def __init__(self, name: str, *pins: str, **defaults: str) -> None:
+        super().__init__(name, *pins, **defaults)
+        self.prefix = name  # first part of the names of the parts
+        self._libraries: list[Library] = []
+        self._starts: list[State] = []  # states of the parts that the X line sets
+
+    @property
+    def parts(self) -> str:
+        """The text of the subcircuits of the parts."""
+        return "\n".join(self.part_texts.values())
+
+    @property
+    def part_texts(self) -> dict[str, str]:
+        """The text of the subcircuit of each part, by its name."""
+        return definition_texts(*self._libraries, prefix=self.prefix)
+
+    def library(self, about: Sequence[str], notes: Sequence[str]) -> str:
+        """Return a self-contained library: its header, with lines above and below the parameters, and all circuits."""
+        lines = [
+            "* SPDX-License-Identifier: GPL-3.0-or-later",
+            *about,
+            "*",
+            "*      name              unit       default  min   max   meaning",
+            *(
+                f"* PAR  {item.name:<16}  {item.unit:<9}  {item.default!r}  {item.least:g}  {item.greatest:g}  "
+                f"{item.meaning}"
+                for item in self.settable
+            ),
+            "*",
+            *notes,
+            "* END USE",
+            "*",
+            self.parts,
+            str(self).strip(),
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _put(
+        self,
+        instance: str,
+        part: str | Library,
+        nodes: Sequence[str | int],
+        values: Mapping[str, float | str],
+        passed: Sequence[str] = (),
+    ) -> None:
+        """Add an instance of a part; the ``passed`` parameters are those of the X line of the same name."""
+        library = part if isinstance(part, Library) else read_library(part)
+        self._libraries.append(library)
+        named = replace(library, name=part_name(library.name, self.prefix))
+        starts = {state.start: f"{{{state.parameter}}}" for state in self._starts if state.part == instance}
+        instantiate(self, instance, named, nodes, **{**values, **starts, **{name: f"{{{name}}}" for name in passed}})
+
+
+class MotorSubCircuit(Assembly):
+    """``.subckt piezomotor a b com shaft`` of one motor; a thermal one also has the pins temperature and heat.
+
+    A ``law`` of ``None`` is a free tip, without a force on the rotor. If ``startable``, the X line has the parameters
+    :attr:`.State.parameter`, with which a run with ``uic`` starts from a motion; their defaults are preloaded rest,
+    where a run starts otherwise. ``thermal`` is the drift with the pin ``temperature`` (1 V = 1 K), and adds a pin
+    ``heat`` (1 V = 1 W). With open pins nothing drifts. The last pin may be ``approach`` (1 V = 1 um), by which the
+    tip, or the far end of the mount's springs, moves towards the rotor. ``plates`` are the clamped capacitances. With
+    ``check`` there is a node of that name (``piezomotor_check``). If not ``plotted``, a brush has no nodes ``slider``
+    and ``state``. The names of the parts begin with ``prefix``, by default the name; motors with the same law may
+    share parts.
+    """
+
+    def __init__(
+        self,
+        motor: Motor,
+        *,
+        law: Law | None = PAPER_LAW,
+        discretisation: Discretisation | None = None,
+        startable: bool = False,
+        thermal: Thermal | None = None,
+        approach: bool = False,
+        plates: bool = True,
+        check: bool = False,
+        plotted: bool = True,
+        name: str = "",
+        prefix: str = "",
+    ) -> None:
+        flexibility = sum(mode.tip_y**2 / written(mode, discretisation)[1] for mode in motor.modes)
+        flexibility += motor.contact.series_compliance_m_per_n
+        preload = motor.contact.preload_n
+        library = contact_library(law, motor.contact) if law else None
+        touching: dict[str, float] = {}
+        if law:
+            touching = contact_values(
+                law, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=preload * flexibility,
+                slider_time=discretisation.slider_time if discretisation else None,
+            )  # fmt: skip
+        turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
+        rotor = read_library("piezomotor_rotor")
+        self.settable = (
+            *_settable(library, touching),
+            *(replace(item, default=rounded(turning[item.name])) for item in rotor.parameters if item.name in turning),
+        )
+        starts = [state for state in (motor_states(motor, law) if startable else ()) if state.part]
+        warm = ("temperature", "heat") if thermal else ()
+        pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
+        defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
+        defaults |= {state.parameter: "0" for state in starts}
+        super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
+        self.prefix, self._starts = prefix or self.name, starts
+        self._motor, self._discretisation, self._thermal = motor, discretisation, thermal
+        self._common = "common" if check else "com"
+        self._mount = carrier(motor, law)
+        if plates:
+            self._add_groups(warm)
+        self._add_modes(warm, preload if law else 0.0)
+        if library:
+            moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
+            moved |= self._add_tangential("fx", moved.get("x", "x"))
+            moved |= self._add_mount(approach=approach)
+            for stem, compliance in stems(motor, law).items():
+                moved |= self._add_stem(stem, compliance, moved)
+            check_parameters(library.name, library.parameters, touching)
+            library = library if plotted or law is None or law.sliders is None else unplotted(library)
+            expressions = _expressions(library, touching, flexibility, law.covered if law else 1.0)
+            self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
+        else:
+            self.R("free_fx", "fx", self.gnd, 1)
+            self.R("free_fy", "fy", self.gnd, 1)
+            if self._mount:
+                values = spring_values(self._mount, discretisation) | {"preload": 0.0}
+                self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
+                self._add_tangential(self.gnd, "x")
+        self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
+        self._add_dry_bearing()
+        if check:
+            limits: dict[str, float | str] = {"step": coarsest_step(motor), "outside": outside(self.settable)}
+            self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
+
+    def _add_groups(self, warm: tuple[str, ...]) -> None:
+        piezo, thermal = self._motor.piezo, self._thermal
+        drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
+        for group, capacitance in (("a", piezo.capacitance_a_f), ("b", piezo.capacitance_b_f)):
+            values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
+            pin = f"own_{group}" if piezo.capacitance_ab_f else group
+            nodes = (pin, self._common, *plate_nodes(group), *warm)
+            self._put(f"group_{group}", f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift)
+        if piezo.capacitance_ab_f:
+            self._add_capacitance_between(warm)
+
+    def _add_capacitance_between(self, warm: tuple[str, ...]) -> None:
+        """Add the capacitance between the groups: each group draws a share of the other's current, of opposite sign.
+
+        It has the same dielectric as the groups, so that its own plates would follow theirs.
+        """
+        for group, other in ("ab", "ba"):
+            self.V(f"own_{group}", group, f"own_{group}", "DC 0")
+            self.CCCS(f"shared_{group}", group, self._common, f"Vown_{other}", current_gain=_shared(self._motor, other))
+        if warm:
+            drawn = (f"{_shared(self._motor, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
+            self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
+
+    def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
+        """Add the modes and the resistors that sum their motion and heat."""
+        for index, mode in enumerate(self._motor.modes, start=1):
+            part, more = _mode_part(self._motor, mode, self._thermal)
+            values = mode_values(mode, self._discretisation) | {"preload": preload}
+            along_y, along_x = written_recoils(mode, self._mount, self._discretisation)
+            base: str | int = "base" if self._mount else self.gnd
+            if along_y and along_x:
+                base = self._add_slant(index, along_x / along_y)
+            elif along_x:
+                base = "base_x"
+            if along_y or along_x:
+                values["recoil"] = along_y or along_x
+            tip = ("fx", "fy", "x", "y", "vx", "vy")
+            nodes = ("a", "b", self._common, *tip, f"xmode{index}.elastic", base, *warm)
+            self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
+        for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
+            self.R(f"sum_{node}", node, self.gnd, 1)
+        if warm:
+            self.R("open_temperature", "temperature", self.gnd, 1e9)
+
+    def _add_slant(self, index: int, slope: float) -> str:
+        """Return the pin base of a mode that shakes the carrier along y and, ``slope`` times as much, along x."""
+        self.V(f"slant{index}", "base", f"slant{index}", "DC 0")
+        self.VCVS(f"slant{index}", f"base{index}", f"slant{index}", "base_x", self.gnd, voltage_gain=rounded(slope))
+        self.CCCS(f"slant{index}", "base_x", self.gnd, f"Vslant{index}", current_gain=rounded(slope))
+        return f"base{index}"
+
+    def _add_tangential(self, force: str | int, x: str) -> dict[str, str]:
+        """Add the carrier along the rotor, if it moves; return the nodes to which the contact is connected."""
+        along = self._mount and self._mount.tangential
+        if not along:
+            return {}
+        values = spring_values(along, self._discretisation) | {"preload": 0.0}
+        self._put("mount_x", "piezomotor_mount", (force, x, "vx", *MOUNTED_X.values(), "base_x"), values)
+        return MOUNTED_X
+
+    def _add_sway(self, sway: float) -> dict[str, str]:
+        """Add the crown of the rotor, in m per N of preload from the tip at rest; return the contact's node for x."""
+        if not sway:
+            return {}
+        self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
+        return {"x": CROWN}
+
+    def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str]) -> dict[str, str]:
+        """Add a compliance in series with the contact, which the contact force compresses, or friction along x.
+
+        ``nodes`` are those to which the contact would be connected. Return those that take their place: along x only
+        the velocity, because the displacement, of some ten nm, would move the contact on the rotor by 1e-6 of its
+        radius, and as a part of the penetration it makes ngspice's iteration diverge where the contact closes.
+        """
+        axis, force = ("x", "friction") if name == "stem_x" else ("y", "normal")
+        values = {"compliance": compliance}
+        passed = [item.name for item in self.settable if item.name == SLIDER_TIME]
+        if not passed and self._discretisation:
+            values[SLIDER_TIME] = self._discretisation.slider_time
+        if axis == "y":
+            passed.append("preload")
+        else:
+            values["preload"] = 0.0  # at rest there is no friction
+        moved = {axis: f"stem_{axis}", f"v{axis}": f"stem_v{axis}"}
+        own = [nodes.get(pin, pin) for pin in moved]
+        self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
+        return {pin: node for pin, node in moved.items() if pin != "x"}
+
+    def _add_dry_bearing(self) -> None:
+        rotor = self._motor.rotor
+        if rotor.bearing_friction_n_m:
+            values = {"torque": rotor.bearing_friction_n_m, "angle": rotor.bearing_presliding_rad}
+            self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), values)
+
+    def _add_mount(self, *, approach: bool) -> dict[str, str]:
+        """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
+        mount = self._mount
+        if approach:
+            self.R("open_approach", "approach", self.gnd, 1e9)
+        if mount is None:
+            if not approach:
+                return {}
+            self.VCVS("approach", "pressed", "y", "approach", self.gnd, voltage_gain=1)
+            return {"y": "pressed"}
+        values = spring_values(mount, self._discretisation)
+        if approach:  # the far end of the springs moves
+            gain = rounded(1e-6 * values["stiffness"])
+            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=gain)
+        nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values(), "base")
+        self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
+        return MOUNTED
+
+
+def _expressions(law: Library, values: Mapping[str, float], flexibility: float, covered: float) -> dict[str, str]:
+    """Return a law's parameters that depend on the X line, as expressions; ``flexibility`` of the stator in m/N.
+
+    ``covered`` is that of :class:`.Law`.
+    """
+    outer = {inner: name for name, inner in _OF_CONTACT.items()}
+    written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
+    written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
+    if "span" in values:
+        part = f"{covered!r}*" if covered < 1.0 else ""
+        deep = f"{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)"
+        # of a worn tip as far as its contact reaches, see :func:`.contact_values`
+        deepest = f"0.5*(sqrt(flat**2+4*({deep})**2)+flat)" if "flat" in values else deep
+        written["span"] = f"{{{part}{deepest}}}"
+    return written
+
+
+def _settable_names(law: Library) -> list[str]:
+    """Return the parameters of a law that the X line of a motor sets, by their names in the law."""
+    return [parameter.name for parameter in law.parameters if parameter.name not in _DERIVED]
+
+
+def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryParameter]:
+    """Return the parameters of the X line that set those of the contact; a law's own ones keep their names."""
+    if law is None:
+        return []
+    declared = {parameter.name: parameter for parameter in law.parameters}
+    names = {outer: inner for outer, inner in _OF_CONTACT.items() if inner in declared}
+    names |= {name: name for name in _settable_names(law) if name not in _OF_CONTACT.values()}
+    return [
+        replace(declared[inner], name=outer, default=rounded(values.get(inner, declared[inner].default)))
+        for outer, inner in names.items()
+    ]
+
+
+def outside(settable: Sequence[LibraryParameter]) -> str:
+    """Return an expression that is 1 if a parameter of the X line is out of its range, else 0."""
+    distances = (f"max(0,max({item.least:g}-{item.name},{item.name}-{item.greatest:g}))" for item in settable)
+    return f"{{min(1,1e30*({'+'.join(distances)}))}}"
+
+
+def spring_values(part: Mode | Mount, discretisation: Discretisation | None = None) -> dict[str, float]:
+    """Return mass, damping and stiffness of a mode or a carrier as parameters of its subcircuit."""
+    mass, stiffness = written(part, discretisation)
+    return {"mass": mass, "damping": part.damping_n_s_per_m, "stiffness": stiffness}
+
+
+def mode_values(mode: Mode, discretisation: Discretisation | None = None) -> dict[str, float]:
+    """Return a linear mode as parameters of its subcircuit."""
+    return {
+        **spring_values(mode, discretisation), "coupling_a": mode.coupling_a_n_per_v,
+        "coupling_b": mode.coupling_b_n_per_v, "tip_x": mode.tip_x, "tip_y": mode.tip_y,
+    }  # fmt: skip
+
+
+def rounded(value: float) -> float:
+    """Round to ten digits, because the last digits of an eigenvalue depend on the computer."""
+    return float(f"{value:.10g}")
+
+
+def require_linear(motor: Motor, what: str) -> None:
+    """Raise a ParameterError if stiffness or damping of a mode depends on the amplitude. ``what`` is the subject."""
+    for mode in motor.modes:
+        if not mode.linear:
+            raise ParameterError(
+                f"modes.{mode.name} has softening_per_m2 = {mode.softening_per_m2:g} 1/m² and damping_growth_per_m2 = "
+                f"{mode.damping_growth_per_m2:g} 1/m². {what} takes linear modes only: set both to 0."
+            )
+
+
+def contact_nodes(motor: Motor) -> dict[str, str]:
+    """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy."""
+    nodes = {name: name for name in ("x", "y", "vx", "vy")}
+    if contact_law.static_sway(motor.contact, motor.modes):
+        nodes["x"] = CROWN
+    return nodes | (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})
+
+
+def coarsest_step(motor: Motor) -> float:
+    """Return the coarsest time step in s at which an exported motor gives right results, with two digits."""
+    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    return float(f"{1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))):.2g}")
+
+
+def add_motor(
+    circuit: Netlist,
+    motor: Motor,
+    nodes: Sequence[str | int],
+    *,
+    instance: str = "motor",
+    law: Law | None = PAPER_LAW,
+    discretisation: Discretisation | None = None,
+    start: Motion | None = None,
+    thermal: Thermal | None = None,
+    approach: bool = False,
+    check: bool = False,
+    plotted: bool = True,
+    name: str = "",
+    settings: Mapping[str, float | str] | None = None,
+) -> None:
+    """Add a motor to a PySpice circuit. All copies of one motor share one definition.
+
+    ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
+    with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
+    cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
+    such as ``"{preload}"`` is an expression. A run of the package is without the node ``check``: parameters, step and
+    drive are checked before it, and computes what only serves a plot of a brush after it, if not ``plotted``. A second,
+    different motor in one circuit needs another name. Raise
+    ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
+    have or whose value is out of range.
+    """
+    definition = MotorSubCircuit(
+        motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
+        approach=approach, check=check, plotted=plotted, name=name,
+    )  # fmt: skip
+    name = definition.name
+    present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
+    if not present:
+        circuit.raw_spice += definition.parts + "\n"
+        circuit.subcircuit(definition)
+    elif present[0] != str(definition):
+        raise ParameterError(
+            f"The circuit already has a different motor called {name}, so {motor.name} cannot be its {instance!r}. "
+            "Give the second motor another name, or the same values."
+        )
+    check_parameters(name, definition.settable, settings or {})
+    states = motor_states(motor, law) if start else ()
+    starts = start_parameters(states, [state.of(start) for state in states], discretisation) if start else {}
+    circuit.X(instance, name, *nodes, **(settings or {}), **starts)
+
+
+@checked
+def motor_library(
+    motor: Motor,
+    *,
+    contact: ContactLaw | None = "spring-slider",
+    name: str = "",
+    thermal: Thermal | None = None,
+) -> str:
+    """Return a self-contained library of one motor: header, parts and ``.subckt piezomotor a b com shaft``.
+
+    The names of the parts begin with that of the subcircuit, so that two exports with different names fit in one
+    circuit. With ``thermal`` it is ``piezomotor_thermal``, with the pins ``temperature`` and ``heat``.
+
+    Raises:
+        ParameterError: for an invalid law or name.
+    """
+    law = touching_law(contact, "The library contains the rotor.")
+    circuit = MotorSubCircuit(motor, law=law, thermal=thermal, check=True, name=check_name(name) if name else "")
+    name = circuit.name
+    step = coarsest_step(motor)
+    pins = [("shaft", "rad/s", "rotor speed; a current fed into the pin is a driving torque")]
+    if thermal:
+        pins += [
+            ("temperature", "K", "temperature above that at which the parameters hold; if open, nothing drifts"),
+            ("heat", "W", "heat of the losses, 1 V = 1 W; it may stay open"),
+        ]
+    library = contact_library(law, motor.contact)
+    about = [
+        f"* {name}: standing-wave piezomotor {motor.name}, with Hertz contact, friction ({law.name}) and rotor",
+        "*",
+        "*     a o---.---------------------------------.",
+        "*           |  stator: clamped capacitance    |       1 V = 1 rad/s",
+        f"*     b o---|  {len(motor.modes):2d} motional arms, tip, contact |---o shaft",
+        "*           |  and rotor                      |       1 A = 1 N.m",
+        "*   com o---'---------------------------------'",
+        "*",
+        "* PIN  a      inout  V      electrical pin of group A",
+        "* PIN  b      inout  V      electrical pin of group B",
+        "* PIN  com    inout  V      common electrical pin",
+        *(f"* PIN  {pin:<5}  inout  {unit:<5}  {meaning}" for pin, unit, meaning in pins),
+    ]
+    notes = [
+        *(
+            f"* MODE {mode.name}: {mode.frequency_hz:.6g} Hz, Q {mode.quality_factor:.4g}, "
+            f"coupling A {mode.coupling_a_n_per_v:.4g} N/V, B {mode.coupling_b_n_per_v:.4g} N/V"
+            for mode in motor.modes
+        ),
+        _mount_line(motor),
+        "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
+        "* CHECK  the node check is 0, or 1 for a parameter out of its range, a step longer than STEP and, after",
+        f"*        {550 * step:.2g} s of .tran, pins that carry no alternating drive, as when com floats. If the drive",
+        "*        begins later, measure check from then on. It does not see a misspelt parameter, ignored by ngspice:",
+        "*        `listing param` in .control prints the values that the motor has. Nor does it see pins in a wrong",
+        "*        order if com carries an alternating current, or the method and tolerances of the simulator.",
+        "*",
+        '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
+        f"* OMITS  {'' if thermal else 'temperature, '}piezoelectric hysteresis, {library.omits}",
+        f"* REVISION {REVISION}",
+        f"* STEP   at most {step:.2g} s; with a coarser one currents and speed are wrong, and v(check) is 1",
+        f"* TESTED WITH {library.tested_with}",
+        "*",
+        "* USE    the first line of a deck is its title; then:",
+        *(f"*   {line}" for line in source_lines(default_drive(motor))),
+        f"*   Xmotor a b 0 shaft {'0 heat ' if thermal else ''}{name}",
+        "*   .tran 100n 500u 0 100n uic",
+        "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
+        "*   .measure tran check MAX v(xmotor.check)",
+    ]
+    return with_header(motor, circuit.library(about, notes))
+
+
+def with_header(motor: Motor, text: str) -> str:
+    """Return a library whose header is that of a slider, if the motor has one."""
+    head, subcircuits, rest = text.partition("\n.subckt")
+    return f"{slider_words(head)}{subcircuits}{rest}" if motor.slider else text
+
+
+def editable_parameters(motor: Motor) -> str:
+    """Return the parameters of the X line that a motor has with each contact law, with their values.
+
+    The values have no exponent: KiCad would round them to six digits.
+    """
+    return " ".join(
+        f"{item.name}={format_float_positional(item.default, trim='-')}"
+        for item in MotorSubCircuit(motor).settable
+        if item.name in (*_OF_CONTACT, "inertia", "bearing")
+    )
+
+
+def source_lines(drive: Drive) -> list[str]:
+    """Return ideal sources of a drive at the nodes ``a`` and ``b``: one for each tone, in series."""
+    lines = []
+    for group, tones in (("a", drive.tones_a), ("b", drive.tones_b)):
+        nodes = [group, *(f"{group}{number}" for number in range(2, len(tones) + 1)), "0"]
+        for number, tone in enumerate(tones):
+            source = f"V{group}{number + 1 if number else ''} {nodes[number]} {nodes[number + 1]}"
+            lines.append(f"{source} SIN(0 {tone.amplitude:g} {tone.frequency:.6g} 0 0 {degrees(tone.phase):.6g})")
+    return lines
+
+
+def _mount_line(motor: Motor) -> str:
+    if motor.mount is None:
+        return "* MOUNT none: the stator is held at a fixed distance from the rotor"
+    mount = motor.mount
+    return (
+        f"* MOUNT {mount.mass_kg:g} kg on springs of {mount.stiffness_n_per_m:g} N/m, "
+        f"damping {mount.damping_n_s_per_m:g} N.s/m: the preload is a force"
+        + (f"; along the rotor {mount.tangential_stiffness_n_per_m:g} N/m" if mount.tangential else "")
+    )
+
+
+def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, dict[str, float]]:
+    """Return the library of a mode, and the parameters that only this one has."""
+    if thermal:
+        require_linear(motor, "A motor that its losses heat")
+        drift = {"frequency_drift": thermal.frequency_drift_per_k, "coupling_drift": thermal.coupling_drift_per_k}
+        return "piezomotor_mode_thermal", drift
+    if mode.linear:
+        return "piezomotor_mode", {}
+    return "piezomotor_mode_soft", {"softening": mode.softening_per_m2, "growth": mode.damping_growth_per_m2}
+
+
+def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
+    """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"`` in the netlist, those of PLATES."""
+    capacitance: float = getattr(motor.piezo, f"capacitance_{group}_f")
+    return lossy_capacitance(capacitance, _loss_tangent(motor), branches=len(PLATES))
+
+
+def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:
+    """Return the admittance in S of the clamped capacitance of a group in the netlist, the other group shorted."""
+    s = 2j * pi * frequency_hz
+    return sum(s * c / (1.0 + s * r * c) for r, c in dielectric_branches(motor, group))
+
+
+def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex128]:
+    """Return the admittance matrix in S of the clamped capacitances in the netlist."""
+    piezo = motor.piezo
+    own, other = (dielectric_admittance(motor, group, frequency_hz) for group in "ab")
+    between = -own * piezo.capacitance_ab_f / piezo.capacitance_a_f
+    return np.array([[own, between], [between, other]])
+
+
+def _shared(motor: Motor, group: str) -> float:
+    """Return the share of the dielectric current of a group that the other group draws."""
+    clamped: float = getattr(motor.piezo, f"capacitance_{group}_f")
+    return rounded(-motor.piezo.capacitance_ab_f / clamped)
+
+
+def _loss_tangent(motor: Motor) -> float:
+    """Return the loss tangent in the netlist."""
+    return max(motor.piezo.loss_tangent, SMALLEST_LOSS)
+
+
+def instantiate(
+    parent: Netlist,
+    instance: str,
+    part: str | Library,
+    nodes: Sequence[str | int],
+    **values: float | str,
+) -> None:
+    """Add an instance of a library, given by its name or itself, and check its parameters against the header.
+
+    A text such as ``"{preload}"`` is an expression. Raise ParameterError for a parameter that the library does not have
+    or a value out of its range.
+    """
+    library = part if isinstance(part, Library) else read_library(part)
+    check_parameters(library.name, library.parameters, values)
+    texts = {name: value if isinstance(value, str) else rounded(value) for name, value in values.items()}
+    parent.X(instance, library.name, *nodes, **texts)

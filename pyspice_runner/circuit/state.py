@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The state of a running motor, declared once: the vectors that hold it, their units, and how a run starts from it.
+
+:func:`motor_states` lists the states of a motor. A state with a part is set by a parameter of the motor's X line
+(:attr:`State.parameter`), any other by the initial voltage of its node. In a compiled module each state is a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import copysign, cos, pi, sin, sqrt, tan
+from typing import Literal
+
+from pyspice_runner.circuit.law import LIBRARIES, Law
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Mode, Mount
+from pyspice_runner.motor.recoil import carriers, recoils
+
+PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
+MICRO = 1e-6
+_STRONG = 100.0  # factor of the force by damping, if all of the preload came within half a step
+Kind = Literal["mode", "contact", "stem", "mount", "rotor", "bearing", "group"]
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Adaptation of the netlist to a run with a uniform step; an exported motor has none.
+
+    The trapezoidal rule with step h shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
+    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The time constant of
+    the slider is h/2, with which the slider follows its limit without ringing.
+    """
+
+    step: float  # time step h in s
+    exact_resonance: bool = True  # whether to adapt the modes
+
+    def mode(self, mode: Mode | Mount) -> tuple[float, float]:
+        """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
+        if not self.exact_resonance:
+            return mode.mass_kg, mode.stiffness_n_per_m
+        half_angle = pi * mode.frequency_hz * self.step
+        return mode.mass_kg * cos(half_angle) ** 2, 4.0 * mode.mass_kg / self.step**2 * sin(half_angle) ** 2
+
+    @property
+    def slider_time(self) -> float:
+        """Time constant that holds the slider at its limit, in s."""
+        return self.step / 2.0
+
+
+def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:
+    """Return the mass (kg) and stiffness (N/m) of a mode or a carrier in the netlist."""
+    return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
+
+
+def written_recoils(mode: Mode, mount: Mount | None, discretisation: Discretisation | None) -> tuple[float, float]:
+    """Return the recoil in kg of a mode in the netlist, along y and x.
+
+    With it the discretised mode on its carrier is exact, too. The recoil raises a mode from ω to ω/√(1 − s), with s the
+    sum of Γ²/(m m_c) along y and x, if the springs of the carrier are soft.
+    """
+    moving = carriers(mount)
+    given = [mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0][: len(moving)]
+    whole = sum(recoil**2 for recoil in given)
+    if whole and mount and discretisation and discretisation.exact_resonance:
+        share = whole / (mode.mass_kg * mount.mass_kg)
+        half_angle = pi * mode.frequency_hz * discretisation.step
+        share = 1.0 - (tan(half_angle) / tan(half_angle / sqrt(1.0 - share))) ** 2
+        mass = discretisation.mode(mode)[0]
+        given = [
+            copysign(sqrt(share * (recoil**2 / whole) * mass * discretisation.mode(along)[0]), recoil)
+            for recoil, along in zip(given, moving, strict=True)
+        ]
+    along_y, along_x = (*given, 0.0, 0.0)[:2]
+    return along_y, along_x
+
+
+def stems(motor: Motor, law: Law | None) -> dict[str, float]:
+    """Return the compliances in series with the contact in m/N, by the instances that have them.
+
+    Coulomb's law has none along the rotor: it has no spring there.
+    """
+    contact = motor.contact
+    found = {"stem": contact.series_compliance_m_per_n, "stem_x": contact.tangential_series_compliance_m_per_n}
+    if law and law.name == "coulomb":
+        found.pop("stem_x")
+    return {name: compliance for name, compliance in found.items() if law and compliance}
+
+
+def first_guess(
+    motor: Motor, law: Law | None, stem_m: float, discretisation: Discretisation | None
+) -> dict[str, float]:
+    """Return the voltages inside a motor from which ngspice's first iteration starts, by node.
+
+    Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
+    in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
+
+    Args:
+        motor: the motor.
+        law: law of its contact.
+        stem_m: compression of the compliance in series at the start, less that at rest, m.
+        discretisation: of the run.
+    """
+    contact, compliance = motor.contact, stems(motor, law).get("stem")
+    if law is None or law.name not in LIBRARIES or not compliance or discretisation is None:
+        return {}
+    rate = compliance * contact.preload_n / discretisation.slider_time
+    if contact_law.normal_damping(contact) * rate < _STRONG:
+        return {}
+    force = max(contact.preload_n + stem_m / compliance, 0.0)
+    return {"xcontact.delta": contact_law.penetration(contact, force) / MICRO, "xcontact.factor": 1.0}
+
+
+def carrier(motor: Motor, law: Law | None) -> Mount | None:
+    """Return the mount of a motor in the netlist: a free tip, without a law, has one only if its modes shake it."""
+    return motor.mount if law or recoils(motor.modes)[: len(carriers(motor.mount))].any() else None
+
+
+def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
+    """Return the sideways displacement in m of the tip under the preload, above which the rotor's crown stands."""
+    if law is None:
+        return 0.0
+    stiffnesses = [written(mode, discretisation)[1] for mode in motor.modes]
+    return contact_law.static_sway(motor.contact, motor.modes, stiffnesses)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The state of a running motor, from which a run with ``uic`` can continue."""
+
+    displacements_m: tuple[float, ...]  # modal displacements r, in the order of the modes
+    velocities_m_s: tuple[float, ...]  # modal velocities
+    slider_m: float = 0.0  # displacement of the slider of the law ``spring-slider``
+    speed_rad_s: float = 0.0  # speed of the rotor
+    plates_a_v: tuple[float, ...] = ()  # voltages of the capacitances :data:`PLATES` of group A
+    plates_b_v: tuple[float, ...] = ()  # the same of group B
+    contact_m: tuple[float, ...] = ()  # states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm
+    stem_m: float = 0.0  # compression of the compliance in series with the contact, less that at rest, with its lag
+    stem_m_s: float = 0.0  # its rate, with its lag
+    stem_x_m: float = 0.0  # the same along the rotor
+    stem_x_m_s: float = 0.0
+    carrier_m: float = 0.0  # displacement of the carrier towards the rotor
+    carrier_m_s: float = 0.0  # velocity of the carrier
+    carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
+    carrier_x_m_s: float = 0.0  # its velocity
+    bearing: float = 0.0  # share of its torque that a dry bearing takes, from -1 to 1
+
+
+@dataclass(frozen=True)
+class State:
+    """One number of the state of a motor."""
+
+    name: str  # its name, and that of its node in a compiled module
+    kind: Kind  # the part of the motor that it belongs to
+    vector: str  # the vector that holds it, a format of the instance of the motor and the node of the shaft
+    field: str  # its field of :class:`Motion`
+    index: int | None = None  # its place in that field; ``None`` for a field with one number
+    part: str = ""  # instance whose parameter sets its start; empty if the initial voltage of its node does
+    start: str = "start"  # that parameter
+    unit: float = 1.0  # SI value of 1 of the start, and of 1 V or 1 A of the vector if there is no spring
+    spring: Mode | Mount | None = None  # mode or carrier whose elastic force in N the vector is
+    rest: float = 0.0  # elastic force at preloaded rest, N. The start is relative to rest.
+
+    @property
+    def parameter(self) -> str:
+        """Parameter of the X line of a motor that sets the start."""
+        return f"start_{self.name}"
+
+    def within(self, instance: str, shaft: str = "shaft") -> str:
+        """Return the vector for the instance of a motor, in lower case, and the node of its shaft."""
+        return self.vector.format(instance, shaft)
+
+    def scale(self, discretisation: Discretisation | None) -> float:
+        """Return the SI value of 1 V or 1 A of the vector."""
+        return 1.0 / written(self.spring, discretisation)[1] if self.spring else self.unit
+
+    def at_rest(self, discretisation: Discretisation | None) -> float:
+        """Return the SI value at preloaded rest."""
+        return self.rest / written(self.spring, discretisation)[1] if self.spring else 0.0
+
+    def start_value(self, value: float, discretisation: Discretisation | None) -> float:
+        """Return the parameter or the initial voltage for an SI value at the start."""
+        return float((value - self.at_rest(discretisation)) / self.unit)
+
+    def of(self, motion: Motion) -> float:
+        """Return the SI value of a motion; 0 for a number that the motion does not have."""
+        found = getattr(motion, self.field)
+        if self.index is None:
+            return float(found)
+        return float(found[self.index]) if found else 0.0
+
+
+def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = None) -> tuple[State, ...]:
+    """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
+    modes = list(enumerate(motor.modes))
+    preload = motor.contact.preload_n if law else 0.0
+    states = [
+        State(
+            f"displacement_{at + 1}", "mode", f"v({{0}}.xmode{at + 1}.elastic)", "displacements_m", at,
+            f"mode{at + 1}", unit=MICRO, spring=mode, rest=-mode.tip_y * preload,
+        )
+        for at, mode in modes
+    ]  # fmt: skip
+    states += [
+        State(
+            f"velocity_{at + 1}", "mode", f"i(v.{{0}}.xmode{at + 1}.vvelocity)", "velocities_m_s", at,
+            f"mode{at + 1}", "velocity",
+        )
+        for at, _ in modes
+    ]  # fmt: skip
+    if law and law.name == "spring-slider":
+        states.append(State("slider", "contact", "v({0}.slider)", "slider_m", part="contact", unit=MICRO))
+    elif law:
+        states += [
+            State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
+            for at, node in enumerate(law.states)
+        ]
+    for name in stems(motor, law):
+        states += [
+            State(name, "stem", f"v({{0}}.x{name}.lag)", f"{name}_m", part=name, unit=MICRO),
+            State(f"{name}_rate", "stem", f"v({{0}}.x{name}.slow)", f"{name}_m_s", part=name, start="velocity"),
+        ]
+    for spring, (name, part) in zip(
+        carriers(carrier(motor, law)), (("carrier", "mount"), ("carrier_x", "mount_x")), strict=False
+    ):
+        states += [
+            State(name, "mount", f"v({{0}}.x{part}.elastic)", f"{name}_m", None, part, unit=MICRO, spring=spring),
+            State(f"{name}_velocity", "mount", f"i(v.{{0}}.x{part}.vvelocity)", f"{name}_m_s", None, part, "velocity"),
+        ]
+    states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
+    if motor.rotor.bearing_friction_n_m:
+        states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
+    states += [
+        State(node, "group", f"v({{0}}.{node})", f"plates_{group}_v", at)
+        for group in "ab"
+        for at, node in enumerate(plate_nodes(group))
+    ]
+    return tuple(state for state in states if kinds is None or state.kind in kinds)
+
+
+def plate_nodes(group: str) -> list[str]:
+    """Return the nodes of the capacitances of group ``"a"`` or ``"b"`` inside the motor, in the order of PLATES."""
+    return [f"xgroup_{group}.{plate}" for plate in PLATES]
+
+
+def state_vectors(motor: Motor, law: Law | None, instance: str = "xmotor") -> list[str]:
+    """Return the vectors that hold the state of a motor."""
+    return [state.within(instance) for state in motor_states(motor, law)]
+
+
+def motion(
+    values: Mapping[str, float], motor: Motor, law: Law | None, discretisation: Discretisation, instance: str = "xmotor"
+) -> Motion:
+    """Return the motion for values of :func:`state_vectors`."""
+    states = motor_states(motor, law)
+    return motion_of(states, [values[state.within(instance)] * state.scale(discretisation) for state in states])
+
+
+def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:
+    """Return the motion with the SI values of states; others are 0 or missing."""
+    fields: dict[str, float | tuple[float, ...]] = {}
+    for state, value in zip(states, values, strict=True):
+        before = fields.get(state.field, ())
+        fields[state.field] = float(value) if state.index is None else (*before, float(value))  # type: ignore[misc]
+    return Motion(**fields)  # type: ignore[arg-type]
+
+
+def start_parameters(
+    states: Sequence[State], values: Sequence[float], discretisation: Discretisation | None
+) -> dict[str, float]:
+    """Return the parameters of the X line with which a motor starts at the SI values of its states."""
+    return {
+        state.parameter: state.start_value(value, discretisation)
+        for state, value in zip(states, values, strict=True)
+        if state.part
+    }
+
+
+def start_nodes(
+    states: Sequence[State],
+    values: Sequence[float],
+    discretisation: Discretisation | None,
+    *,
+    compiled: bool = False,
+) -> dict[str, float]:
+    """Return the initial voltages by node inside a motor that starts at the SI values of its states.
+
+    They are those of the states without a parameter. A compiled module has no parameters for its start, so all but
+    the shaft's are among them.
+    """
+    return {
+        state.name: state.start_value(value, discretisation)
+        for state, value in zip(states, values, strict=True)
+        if not state.part or (compiled and state.kind != "rotor")
+    }

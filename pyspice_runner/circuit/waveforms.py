@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drives of any shape for the full motor: voltages from arrays or a file, and bursts. Both are sources of a bench.
+
+The voltages are functions of time in behavioural sources, which set no breakpoints: the steps stay uniform.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.circuit.source import UniformSource
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.document import read_document
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
+
+MOST_POINTS = 20_000  # ngspice searches them at every step
+_MOST_BYTES = 2**25  # of a file: that many points with all signals of a run
+MOST_BURSTS = 100
+EDGE = 0.05  # of a period: a jump would charge the clamped capacitances by an infinite current
+COLUMNS = ("time_s", "voltage_a_v", "voltage_b_v")
+_EVER = 1e9  # s
+_ON_A_LINE = 6
+
+
+class _Shaped(UniformSource):
+    """Voltages that are functions of time: a subclass has ``drive`` and ``voltages``."""
+
+    def voltages(self) -> tuple[str, str]:
+        """Return both voltages over ``time``, as ngspice writes expressions."""
+        raise NotImplementedError
+
+    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+        """Add the two sources ``Va`` and ``Vb``."""
+        for group, pin, voltage in zip("ab", pins, self.voltages(), strict=True):
+            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V={voltage}\n"
+            circuit.V(group, pin, f"drive_{group}", "DC 0")
+
+
+@dataclass(frozen=True)
+class Burst(_Shaped):
+    """A two-phase drive that is on for a number of cycles, once or at regular intervals.
+
+    Its amplitude falls within the last twentieth of the last cycle; later bursts rise likewise.
+
+    Attributes:
+        drive: the drive.
+        cycles: number of periods of the drive in a burst.
+        interval_s: time in s between the starts of two bursts.
+        count: number of bursts.
+
+    Raises:
+        ParameterError: by the constructor, for a number out of range, or an interval shorter than a burst.
+    """
+
+    drive: TwoPhaseDrive
+    cycles: int
+    interval_s: float | None = None
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        if self.cycles < 1:
+            raise ParameterError(f"cycles = {self.cycles} is out of range: it must be a whole number ≥ 1.")
+        if not 1 <= self.count <= MOST_BURSTS:
+            raise ParameterError(f"count = {self.count} is out of range: it must be from 1 to {MOST_BURSTS}.")
+        length = self.cycles * self.drive.period
+        if (self.interval_s is None) != (self.count == 1):
+            raise ParameterError("interval_s belongs to two bursts or more: give interval_s and count, or neither.")
+        if self.interval_s is not None and not self.interval_s >= length:
+            raise ParameterError(
+                f"interval_s = {self.interval_s:g} s is out of range: a burst takes {length:g} s; give at least that."
+            )
+
+    @property
+    def label(self) -> str:
+        """Drive and length of the bursts."""
+        often = "" if self.interval_s is None else f", {self.count} times every {1e3 * self.interval_s:g} ms"
+        return f"{self.drive.label}, on for {self.cycles} cycles{often}"
+
+    def voltages(self) -> tuple[str, str]:
+        """Return the sines, switched on and off."""
+        length, every, edge = self.cycles * self.drive.period, self.interval_s or 0.0, EDGE * self.drive.period
+        gates = []
+        for at in range(self.count):
+            on, off = f"(time-{at * every!r})/{edge!r}", f"({at * every + length!r}-time)/{edge!r}"
+            gates.append(f"max(0,min(1,min({on},{off})))" if at else f"max(0,min(1,{off}))")
+        found = [
+            f"({'+'.join(gates)})*{tone.amplitude!r}*sin({2.0 * pi * tone.frequency!r}*time+{tone.phase!r})"
+            for tone in (*self.drive.tones_a, *self.drive.tones_b)
+        ]
+        return found[0], found[1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return drive and burst, JSON-ready."""
+        return super().to_dict() | {"cycles": self.cycles, "interval_s": self.interval_s, "count": self.count}
+
+
+@dataclass(frozen=True)
+class Waveform(_Shaped):
+    """Voltages at given times, with linear interpolation; the last values hold afterwards.
+
+    Attributes:
+        time_s: times in s, rising from 0.
+        voltage_a_v: voltage of group A in V at them.
+        voltage_b_v: that of group B.
+        frequency: of the drive in Hz; means are over its periods, and it determines the time step.
+
+    Raises:
+        ParameterError: by the constructor, for arrays of different lengths, or a value out of range.
+    """
+
+    time_s: ArrayLike
+    voltage_a_v: ArrayLike
+    voltage_b_v: ArrayLike
+    frequency: float
+
+    def __post_init__(self) -> None:
+        arrays = [_numbers(name, getattr(self, name)) for name in COLUMNS]
+        for name, values in zip(COLUMNS, arrays, strict=True):
+            object.__setattr__(self, name, values)
+        time = arrays[0]
+        if len({len(values) for values in arrays}) > 1:
+            lengths = ", ".join(f"{name} {len(values)}" for name, values in zip(COLUMNS, arrays, strict=True))
+            raise ParameterError(f"A waveform's columns must have one length, and have {lengths}.")
+        if not 2 <= len(time) <= MOST_POINTS:
+            raise ParameterError(f"A waveform has {len(time)} points: it must have 2 to {MOST_POINTS}. Thin it out.")
+        if time[0] != 0.0 or (np.diff(time) <= 0.0).any():
+            at = 0 if time[0] else int(np.argmax(np.diff(time) <= 0.0)) + 1
+            raise ParameterError(f"time_s[{at}] = {time[at]:g} s: the times of a waveform must rise from 0 s.")
+        _ = self.drive  # it checks frequency and greatest voltage
+
+    @property
+    def drive(self) -> TwoPhaseDrive:  # type: ignore[override]
+        """A drive of the same frequency and greatest voltage, for the checks."""
+        greatest = float(max(np.abs(self.voltage_a_v).max(), np.abs(self.voltage_b_v).max()))
+        return TwoPhaseDrive(voltage=greatest, frequency=self.frequency)
+
+    @property
+    def label(self) -> str:
+        """Number of points and end time."""
+        return f"waveform of {len(np.asarray(self.time_s))} points to {1e3 * np.asarray(self.time_s)[-1]:g} ms"
+
+    def voltages(self) -> tuple[str, str]:
+        """Return both as ``pwl`` of the time, over many lines."""
+        found = []
+        for values in (self.voltage_a_v, self.voltage_b_v):
+            times, volts = np.append(np.asarray(self.time_s), _EVER), np.append(values, np.asarray(values)[-1])
+            pairs = [f"{at!r},{volt!r}" for at, volt in zip(times.tolist(), volts.tolist(), strict=True)]
+            lines = [",".join(pairs[place : place + _ON_A_LINE]) for place in range(0, len(pairs), _ON_A_LINE)]
+            found.append("pwl(time,\n+ " + ",\n+ ".join(lines) + ")")
+        return found[0], found[1]
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return U_A and U_B at t = 0."""
+        return float(np.asarray(self.voltage_a_v)[0]), float(np.asarray(self.voltage_b_v)[0])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind, number of points and frequency, JSON-ready."""
+        points = len(np.asarray(self.time_s))
+        return {"kind": type(self).__name__, "label": self.label, "points": points, "frequency": self.frequency}
+
+
+def read_waveform(path: str | Path, frequency: float) -> Waveform:
+    """Return a waveform from a CSV file with the columns time_s, voltage_a_v and voltage_b_v; others are ignored.
+
+    The file of ``simulate --output`` is one. ``frequency`` is that of :class:`Waveform`.
+
+    Raises:
+        ParameterError: for a file that cannot be read, lacks a column, or has a cell that is not a number.
+    """
+    text = read_document(Path(path), "a .csv file", _MOST_BYTES).removeprefix("\ufeff")
+    try:
+        rows = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
+        raise ParameterError(f"{path} cannot be read as a waveform: {error}.") from None
+    header = [name.strip() for name in rows[0]] if rows else []
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise ParameterError(f"{path} has no column {missing[0]}: its first line must name {', '.join(COLUMNS)}.")
+    places = [header.index(name) for name in COLUMNS]
+    found = []
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            found += [[float(row[place]) for place in places]] if any(row) else []
+        except (ValueError, IndexError):
+            raise ParameterError(
+                f"{path}, line {number}: {','.join(row)[:60]!r} must have a number for each column."
+            ) from None
+    try:
+        time, voltage_a, voltage_b = np.array(found, dtype=float).reshape(-1, len(COLUMNS)).T
+        return Waveform(time, voltage_a, voltage_b, frequency)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+
+
+def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.empty((0, 0))
+    if found.ndim != 1:
+        raise ParameterError(f"{name} of a waveform must be a list of numbers.")
+    if not np.isfinite(found).all():
+        raise ParameterError(f"{name}[{int(np.argmin(np.isfinite(found)))}] of a waveform is not a finite number.")
+    return found

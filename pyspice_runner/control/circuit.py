@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Benches for a controller in the loop: sources that a session alters, and integrals that a sample reads.
+
+The averaged and the full motor have the same command sources and the same sampled nodes, so that one controller runs
+with both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.library import Course, add_angle, add_surroundings, averaged_bench, course_text
+from pyspice_runner.circuit.bench import Bench, motor_bench
+from pyspice_runner.circuit.source import Pins, UniformSource
+from pyspice_runner.circuit.state import Discretisation
+from pyspice_runner.drivers.driver import Driver, add_channels
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.library import definitions
+
+COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
+_PARTS = ("re", "im")
+# angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s; 1 V = 1 mJ
+SAMPLED = (
+    "v(position)", *(f"v({sum_of}_{group}_{part})" for sum_of in ("sum", "flux") for group in "ab" for part in _PARTS),
+    "v(energy)",
+)  # fmt: skip
+# of the averaged motor: its own check, its heat, and the fundamental of the tip towards the rotor in um
+CHECKED = ("v(xmotor.check)", "v(xmotor.open)", "v(heat)", "v(xmotor.y_re1)", "v(xmotor.y_im1)")
+_TURNS = f"{2.0 * pi!r}*V(turns)"
+
+
+@dataclass(frozen=True)
+class CommandedSource(UniformSource):
+    """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase is continuous."""
+
+    settings: Mapping[str, Course]  # the commands over time, as of an averaged bench, until one of them is altered
+    drive: TwoPhaseDrive  # the values at the start
+    network: Driver | None = None  # ideal sources with a network, which is between the commands and the groups
+
+    @property
+    def label(self) -> str:
+        """The same as of the drive at the start."""
+        return f"{self.drive.label} at the start, then as commanded"
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return U_A and U_B at t = 0 in V: behind a network 0."""
+        return (0.0, 0.0) if self.network else super().initial_voltages()
+
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+        """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
+        for name, source in COMMANDS.items():
+            node = source.removeprefix("v")
+            circuit.V(node, node, circuit.gnd, course_text(self.settings[name]))
+        shift, line = f"{pi / 180.0!r}*V(set_phase)", "control" if self.network else "drive"
+        circuit.raw_spice += (
+            "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
+            f"Bdrive_a {line}_a 0 V=V(set_a)*sin({_TURNS})\n"
+            f"Bdrive_b {line}_b 0 V=V(set_b)*sin({_TURNS}+{shift})\n"
+        )
+        if self.network:
+            circuit.raw_spice += definitions(*self.network.libraries()) + "\n"
+            add_channels(circuit, self.network, {group: f"drive_{group}" for group in "ab"})
+        for group in "ab":
+            for part, wave in zip(_PARTS, ("sin", "cos"), strict=True):
+                circuit.raw_spice += (
+                    f"Bsum_{group}_{part} 0 sum_{group}_{part} I=-2*I(V{group})*{wave}({_TURNS})\n"
+                    f"Bflux_{group}_{part} 0 flux_{group}_{part} I=2*V(drive_{group})*{wave}({_TURNS})\n"
+                )
+        power = "+".join(f"V(drive_{group})*I(V{group})" for group in "ab")
+        circuit.raw_spice += f"Benergy 0 energy I=-({power})\n"
+        # ngspice counts the current of a source from the pin into it, hence the signs above
+        for group, pin in zip("ab", pins, strict=True):
+            circuit.V(group, pin, f"drive_{group}", "DC 0")
+
+
+def controlled_bench(
+    motor: Motor,
+    front: AveragedDrive,
+    settings: Mapping[str, Course],
+    *,
+    sample_time: float,
+    stops: tuple[int, float] = (1, 0.0),
+    step: float | None = None,
+    thermal: Thermal | None = None,
+    shaft: ShaftLoad = UNCOUPLED,
+) -> Bench:
+    """Put a motor on a bench whose commands a session can alter and whose samples it can read.
+
+    ``front`` has the network and the values at the start, ``settings`` those over time, as in :func:`averaged_bench`.
+    ``sample_time`` in s is the time between two samples, ``stops`` the number of parts into which records divide it,
+    and the time in s from a sample to its commands; clocks make ngspice take a time point at each. ``step`` is the
+    uniform step in s of the full motor, ``None`` the averaged motor. With ``thermal`` the losses heat the motor.
+    ``shaft`` is coupled to it. Raise ParameterError for a course that the motor cannot follow.
+    """
+    if step is None:
+        bench = averaged_bench(
+            motor, settings, thermal=thermal, shaft=shaft, add_networks=front.add if front.networks else None
+        )
+        for group in "ab":
+            for part in _PARTS:
+                bench.circuit.raw_spice += f"Fsum_{group}_{part} 0 sum_{group}_{part} V{group}_{part} 1\n"
+                bench.circuit.raw_spice += f"Gflux_{group}_{part} 0 flux_{group}_{part} {group}_{part} 0 1\n"
+        power = "+".join(f"V({group}_{part})*I(V{group}_{part})" for group in "ab" for part in _PARTS)
+        bench.circuit.raw_spice += f"Benergy 0 energy I=0.5*({power})\n"
+    else:
+        bench = motor_bench(
+            motor, CommandedSource(settings, front.stage, front.driver), discretisation=Discretisation(step),
+            thermal=thermal, approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
+        )  # fmt: skip
+        bench.circuit.I("load", "shaft", bench.circuit.gnd, course_text(settings["load_torque"]))
+        add_angle(bench.circuit, shaft)
+        if thermal:
+            add_surroundings(bench.circuit, settings, thermal)
+    for name in SAMPLED[1:]:
+        node = name[2:-1]
+        capacitance = "1u" if node.startswith("sum") else "1m"
+        bench.circuit.raw_spice += f"C{node} {node} 0 {capacitance} ic=0\nR{node} {node} 0 1t\n"
+    parts, delay = stops
+    for number, begin in enumerate((0.0, delay) if delay else (0.0,)):
+        # a trapezoid with a corner at each stop, where ngspice takes a time point
+        time = repr(sample_time if number else sample_time / parts)
+        bench.circuit.raw_spice += (
+            f"Vclock{number} clock{number} 0 PULSE(0 1 {begin!r} {time} {time} {time} {4.0 * float(time)!r})\n"
+        )
+    return bench
+
+
+def _approach(motor: Motor, preload: Course) -> str:
+    """Return the value of a source that moves the stator so that its preload follows a course."""
+    moved = [
+        (time, 1e6 * contact_law.approach(motor.contact, motor.modes, motor.mount, value)) for time, value in preload
+    ]
+    return course_text(moved)

@@ -1,0 +1,522 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sampled control loop designed from the small signals of the averaged motor, and tested on its large ones.
+
+The small signals about the steady state, held inputs and a sampled output are a discrete system without approximation:
+x(k+1) = e^(A T) x(k) + B(T) u(k). Its transfer function at z = e^(jωT) contains the delay of sampling. The controller
+has two gains, which the wanted crossover and phase margin determine.
+
+Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, chapters 2 and 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
+from math import atan2, cos, degrees, isfinite, log, pi, radians, sin, tan
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.averaged.core import INPUTS
+from pyspice_runner.control.controllers import LoopController
+from pyspice_runner.control.dead_band import STANDS, NearStandstill, dead_band, near_standstill
+from pyspice_runner.control.simulate import simulate_controlled
+from pyspice_runner.control.state_space import at_speed, linear_about, settled
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, check_together
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.result import Result
+from pyspice_runner.units import linear_unit
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Quantity = Literal["speed", "position", "phase"]
+
+POINTS = 600  # of the loop gain over frequency
+LOWEST = 1e-3  # of the crossover, at which the loop gain begins
+NYQUIST = 0.8  # greatest crossover, of half of the sampling rate
+LEAST_MARGIN, MOST_MARGIN = 5.0, 120.0  # deg
+STEPPED = 5  # samples before the step
+CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its least number of samples
+SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
+SLOW = 0.1  # of the speed, or of the angle in a radian of the crossover: set point near standstill
+SMALL_DEG = 0.2  # step of the phase
+_OF_POINT = ("load.", "temperature", "speed")  # of the paths of a spread, those that are not of the motor
+# quantity → names and units of the gains, unit of the quantity
+GAINS: dict[str, tuple[tuple[str, str], tuple[str, str], str]] = {
+    "speed": (("proportional", "V·s/rad"), ("integral", "V/rad"), "rad/s"),
+    "position": (("proportional", "V/rad"), ("derivative", "V·s/rad"), "rad"),
+    "phase": (("proportional", "Hz/deg"), ("integral", "Hz/(deg·s)"), "deg"),
+}
+
+
+@dataclass(frozen=True)
+class SpreadPoint:
+    """The loop at another operating point: with the gains of the design, and what gains the point itself needs.
+
+    Attributes:
+        at: path → value that differs from the design.
+        speed: of the steady state there, rad/s; ``None`` where there is none.
+        voltage: amplitude of group A there, V; ``None`` where none gives the wanted speed.
+        crossover_hz: with the gains of the design; ``None`` where the loop is not stable or does not cross over.
+        phase_margin_deg: the same.
+        gains: that give the wanted crossover and margin there; ``None`` where none do.
+        reason: why something is ``None``.
+    """
+
+    at: Mapping[str, float]
+    speed: float | None = None
+    voltage: float | None = None
+    crossover_hz: float | None = None
+    phase_margin_deg: float | None = None
+    gains: Mapping[str, float] | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class ControlLoop(Result):
+    """A designed loop.
+
+    Attributes:
+        quantity: the controlled quantity.
+        gains: the gains of the controller, SI units and degrees: ``proportional`` and ``integral`` of the error, or for
+            a position ``derivative``, which acts on the measured speed.
+        crossover_hz: frequency at which the loop gain is 1.
+        phase_margin_deg: phase of the loop gain there, above −180°.
+        gain_margin_db: factor by which the loop gain may grow until the loop oscillates; ``None`` without bound.
+        overshoot: of a small step of the set point, relative to the step, by the small signals.
+        overshoot_simulated: the same of the averaged motor.
+        frequency_hz: frequencies up to half of the sampling rate.
+        plant: from the controller's output (V, or Hz for a phase) to the measured quantity.
+        loop_gain: of controller and plant.
+        time_s: sample times of the step response.
+        step_predicted: the response by the small signals over the step.
+        step_simulated: that of the averaged motor.
+        trusted: whether the averaged motor's own check passes throughout the step.
+        model_cautions: the cautions of the simulated step.
+        provenance: motor, drive, operating point and settings, JSON-ready.
+        spread: the loop at other operating points, which is a schedule of the gains as well.
+        dead_band_v: amplitude of group A below which the motor stands at this load; ``None`` for a phase.
+        near_standstill: the loop at a small set point, without and with this amplitude as a compensation; none for a
+            phase.
+    """
+
+    quantity: Quantity
+    gains: Mapping[str, float]
+    crossover_hz: float
+    phase_margin_deg: float
+    gain_margin_db: float | None
+    overshoot: float
+    overshoot_simulated: float
+    frequency_hz: Array = field(repr=False)
+    plant: Complex = field(repr=False)
+    loop_gain: Complex = field(repr=False)
+    time_s: Array = field(repr=False)
+    step_predicted: Array = field(repr=False)
+    step_simulated: Array = field(repr=False)
+    trusted: bool
+    model_cautions: tuple[str, ...] = field(repr=False)
+    provenance: dict[str, Any] = field(repr=False)
+    spread: tuple[SpreadPoint, ...] = ()
+    dead_band_v: float | None = None
+    near_standstill: tuple[NearStandstill, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.provenance["motor"]
+
+    @property
+    def gain_units(self) -> dict[str, str]:
+        """Units of the gains."""
+        *named, _ = GAINS[self.quantity]
+        return {name: linear_unit(unit) if self.linear else unit for name, unit in named}
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The cautions of the simulated step, and operating points at which the loop is not stable."""
+        lost = [one for one in self.spread if one.phase_margin_deg is None]
+        told = (
+            f"At {len(lost)} of {len(self.spread)} operating points the loop has no margin: {lost[0].reason}"
+            if lost
+            else ""
+        )
+        return (*self.model_cautions, *([told] if told else []))
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return plant and loop gain over frequency."""
+        return {
+            "frequency_hz": self.frequency_hz, "plant_re": self.plant.real, "plant_im": self.plant.imag,
+            "loop_gain_re": self.loop_gain.real, "loop_gain_im": self.loop_gain.imag,
+        }  # fmt: skip
+
+    def summary(self) -> dict[str, str]:
+        """Return gains, margins and overshoot."""
+        shown = {f"{name} gain": f"{value:.4g} {self.gain_units[name]}" for name, value in self.gains.items()}
+        bound = "none" if self.gain_margin_db is None else f"{self.gain_margin_db:.3g} dB"
+        rows = {}
+        if margins := [one.phase_margin_deg for one in self.spread if one.phase_margin_deg is not None]:
+            places = [one.crossover_hz for one in self.spread if one.crossover_hz is not None]
+            rows["over the spread"] = (
+                f"{min(margins):.3g} to {max(margins):.3g}° at {min(places):.4g} to {max(places):.4g} Hz, "
+                f"{len(margins)} of {len(self.spread)} points"
+            )
+        unit = linear_unit(GAINS[self.quantity][2]) if self.linear else GAINS[self.quantity][2]
+        if self.dead_band_v is not None:
+            rows["dead band"] = f"{self.dead_band_v:.3g} V"
+        for one in self.near_standstill:
+            words = "compensated" if one.compensation_v else "not compensated"
+            rows[f"at {one.set_point:.3g} {unit}, {words}"] = one.words(unit)
+        return (
+            shown
+            | rows
+            | {
+                "crossover": f"{self.crossover_hz:.4g} Hz",
+                "phase margin": f"{self.phase_margin_deg:.3g}°",
+                "gain margin": bound,
+                "overshoot": f"{100.0 * self.overshoot:.3g} %, averaged motor {100.0 * self.overshoot_simulated:.3g} %",
+            }
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return gains, margins, overshoot, step responses and settings, JSON-ready."""
+        names = (
+            "gains", "gain_units", "crossover_hz", "phase_margin_deg", "gain_margin_db", "overshoot",
+            "overshoot_simulated", "trusted", "dead_band_v", "near_standstill",
+        )  # fmt: skip
+        step = self._entries("time_s", "step_predicted", "step_simulated")
+        spread = {"spread": [asdict(one) for one in self.spread]} if self.spread else {}
+        return {
+            "quantity": self.quantity, **spread, **self._entries(*names), "step": step, **self.provenance,
+            **self._entries("cautions"),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Plant:
+    """Averaged motor and sampling about the steady state, as a discrete system."""
+
+    quantity: Quantity
+    sample_time: float  # s
+    transition: Array  # states after a sample time, by those before it
+    held: Array  # the same, by the held input
+    row: Array  # states → angle, or phase integrated over time in deg·s
+    point: Mapping[str, float]  # the steady state
+
+    @property
+    def is_mean(self) -> bool:
+        """Whether a sample is the mean since the last one; else it is the present value."""
+        return self.quantity != "position"
+
+    def response(self, frequency: Array) -> Complex:
+        """Return the transfer function from the input to a sample."""
+        z = np.exp(2j * pi * frequency * self.sample_time)
+        unity = np.eye(len(self.transition))
+        found = np.array([self.row @ np.linalg.solve(one * unity - self.transition, self.held) for one in z])
+        return np.asarray(found * (1.0 - 1.0 / z) / self.sample_time if self.is_mean else found)
+
+
+@checked
+def control_loop(
+    motor: Motor,
+    drive: TwoPhaseDrive,
+    *,
+    quantity: Quantity,
+    crossover: float,
+    margin: float = 60.0,
+    sample_time: float,
+    load_torque: float = 0.0,
+    over: Mapping[str, Sequence[float]] | None = None,
+) -> ControlLoop:
+    """Design a sampled controller about the steady state at a drive.
+
+    The controller of the ``speed`` is u = V₀ + k (e + (T/T_i) Σ e), which sets the amplitude of both groups in
+    proportion; e is the error of the mean speed since the last sample, T the sample time. That of the ``position`` is
+    u = V₀ + k (e − T_d Δω); its set point moves at the speed of the steady state, and Δω is the deviation of the mean
+    speed from it. That of the ``phase`` sets the frequency by the phase of the mean current into group A, like that of
+    the speed.
+
+    Args:
+        motor: the motor.
+        drive: amplitudes, phase and frequency of the steady state.
+        quantity: the controlled quantity.
+        crossover: wanted frequency at which the loop gain is 1, Hz.
+        margin: wanted phase margin, degrees.
+        sample_time: time in s between two samples; at least one period of the drive.
+        load_torque: torque in N·m that a load draws from the shaft.
+        over: axes of a grid of other operating points: ``drive.voltage``, ``speed`` (rad/s, to which the amplitude of
+            both groups brings the motor under its load), ``load.torque``, ``temperature`` (K, of the stator above that
+            at which its parameters hold) or the path of a parameter of the motor → values.
+
+    Raises:
+        ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
+        SimulationError: if there is no C compiler, no steady state, a motor that stands still, or no stable loop.
+    """
+    check_together(motor, drive)
+    load = Load(None, load_torque)
+    load.check(motor)
+    if not (isfinite(sample_time) and sample_time >= drive.period):
+        raise ParameterError(
+            f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
+            f"{drive.period:.3g} s."
+        )
+    highest = 0.5 * NYQUIST / sample_time
+    if not 0.0 < crossover <= highest:
+        raise ParameterError(
+            f"crossover = {crossover:g} Hz is out of range: it must be > 0 and ≤ {highest:.4g} Hz, {NYQUIST:g} times "
+            "half of the sampling rate."
+        )
+    if not LEAST_MARGIN <= margin <= MOST_MARGIN:
+        raise ParameterError(
+            f"margin = {margin:g}° is out of range: it must be from {LEAST_MARGIN:g} to {MOST_MARGIN:g}°."
+        )
+    plant = _plant(motor, drive, load, quantity, sample_time)
+    gain, ratio = _gains(plant, crossover, margin)
+    frequency = np.geomspace(LOWEST * crossover, 0.5 / sample_time, POINTS)
+    responses = plant.response(frequency)
+    loop = _controller(plant, gain, ratio, frequency) * responses
+    found, phase_margin, gain_margin = _margins(frequency, loop)
+    count = max(FEWEST, int(CYCLES / crossover / sample_time))
+    predicted = _predicted(plant, gain, ratio, count)
+    designed = ControlLoop(
+        quantity=quantity,
+        gains=_named(quantity, gain, ratio, sample_time),
+        crossover_hz=found, phase_margin_deg=phase_margin, gain_margin_db=gain_margin,
+        overshoot=max(0.0, float(predicted.max()) - 1.0), overshoot_simulated=0.0,
+        frequency_hz=frequency, plant=responses, loop_gain=loop,
+        time_s=np.linspace(0.0, sample_time * (count - 1), count), step_predicted=predicted, step_simulated=np.zeros(0),
+        trusted=False, model_cautions=(),
+        provenance={
+            "motor": motor.to_dict(),
+            "drive": drive.model_dump(),
+            "run": {
+                "crossover_hz": crossover, "margin_deg": margin, "sample_time_s": sample_time,
+                "load_torque_n_m": load_torque, "operating_point": dict(plant.point),
+            },
+        },
+    )  # fmt: skip
+    whole = replace(designed, spread=_spread(designed, motor, drive, (gain, ratio), over)) if over else designed
+    return _simulated(_near_standstill(whole, motor, drive), motor, drive)
+
+
+def _near_standstill(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> ControlLoop:
+    """Return a loop with the dead band, and what it does at a small set point with and without its compensation."""
+    if loop.quantity == "phase":
+        return loop
+    run = loop.provenance["run"]
+    band = dead_band(motor, drive, run["load_torque_n_m"])
+    speed = run["operating_point"]["speed"]
+    set_point = SLOW * speed if loop.quantity == "speed" else SLOW * speed / (2.0 * pi * run["crossover_hz"])
+    runs = [
+        near_standstill(
+            motor, drive, loop.quantity, loop.gains, run=run, set_point=set_point, compensation=compensation
+        )
+        for compensation in (0.0, band)
+    ]
+    return replace(loop, dead_band_v=band, near_standstill=tuple(runs))
+
+
+def _spread(
+    loop: ControlLoop,
+    motor: Motor,
+    drive: TwoPhaseDrive,
+    fixed: tuple[float, float],
+    over: Mapping[str, Sequence[float]],
+) -> tuple[SpreadPoint, ...]:
+    """Return the loop with its gain and ratio at the points of a grid."""
+    if "speed" in over and {"drive.voltage", "drive.voltage_b"} & over.keys():
+        raise ParameterError("over: the amplitude sets the speed. Give speed or drive.voltage, not both.")
+    run, found = loop.provenance["run"], []
+    frequency = np.geomspace(LOWEST * run["crossover_hz"], 0.5 / run["sample_time_s"], POINTS)
+    for values in product(*over.values()):
+        at = dict(zip(over, map(float, values), strict=True))
+        of_motor = {path: value for path, value in at.items() if not path.startswith(("drive.", *_OF_POINT))}
+        of_drive = {path.removeprefix("drive."): value for path, value in at.items() if path.startswith("drive.")}
+        changed = motor.updated(of_motor)
+        if "temperature" in at:
+            changed = Thermal.of(motor).warmed(changed, at["temperature"])
+        load = Load(None, at.get("load.torque", run["load_torque_n_m"]))
+        load.check(changed)
+        point = SpreadPoint(at)
+        try:
+            there = drive.updated(of_drive)
+            if "speed" in at:
+                there = at_speed(changed, there, load, at["speed"])
+            plant = _plant(changed, there, load, loop.quantity, run["sample_time_s"])
+            point = replace(point, speed=plant.point["speed"], voltage=there.voltage)
+            _predicted(plant, *fixed, 1)  # which raises for a loop that is not stable
+            crossover, margin, _ = _margins(
+                frequency, _controller(plant, *fixed, frequency) * plant.response(frequency)
+            )
+            point = replace(point, crossover_hz=crossover, phase_margin_deg=margin)
+        except SimulationError as error:
+            point = replace(point, reason=str(error))
+        if point.speed is not None:
+            try:
+                gains = _gains(plant, run["crossover_hz"], run["margin_deg"])
+                _predicted(plant, *gains, 1)
+                point = replace(point, gains=_named(loop.quantity, *gains, run["sample_time_s"]))
+            except (ParameterError, SimulationError) as error:
+                point = replace(point, reason=point.reason or str(error))
+        found.append(point)
+    return tuple(found)
+
+
+def _named(quantity: Quantity, gain: float, ratio: float, sample_time: float) -> dict[str, float]:
+    """Return the gains of a controller in its units."""
+    (first, _), (second, _), _ = GAINS[quantity]
+    return {first: gain, second: gain * (ratio * sample_time if quantity == "position" else ratio / sample_time)}
+
+
+def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, sample_time: float) -> _Plant:
+    running = settled(motor, drive, load)
+    shown = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")
+    point = {name: running.get(name) for name in shown}
+    if quantity != "phase" and abs(point["speed"]) < STANDS:
+        raise SimulationError(
+            f"The motor stands still at {drive.label}: there the amplitude has no small effect. Raise the voltage."
+        )
+    small = linear_about(running, drive.frequency)
+    inputs = {"frequency": 1.0} if quantity == "phase" else {"amplitude_a": 1.0, "amplitude_b": drive.ratio_b}
+    by_input = sum(weight * small.by_input[:, INPUTS.index(name)] for name, weight in inputs.items())
+    states = len(small.by_state)
+    block = np.zeros((states + 1, states + 1))
+    block[:states, :states], block[:states, states] = small.by_state, by_input
+    from scipy.linalg import expm, matrix_balance  # takes long to load
+
+    balanced, scale = matrix_balance(sample_time * block, permute=False)  # the units of the states differ by decades
+    held = scale @ expm(balanced) @ np.linalg.inv(scale)
+    row = np.zeros(states)
+    if quantity == "phase":
+        turned = np.exp(-1j * radians(point["current_phase_a"])) / point["current_amplitude_a"]
+        row[small.place["charge_re"]] = degrees(turned.imag)
+        row[small.place["charge_im"]] = degrees(turned.real)
+    else:
+        row[small.place["position"]] = 1.0
+    return _Plant(quantity, sample_time, held[:states, :states], held[:states, states], row, point)
+
+
+def _gains(plant: _Plant, crossover: float, margin: float) -> tuple[float, float]:
+    """Return gain k and ratio: T/T_i of a PI controller, T_d/T of one of the position."""
+    at = np.array([crossover])
+    value = complex(plant.response(at)[0])
+    half = pi * crossover * plant.sample_time  # ω T/2
+    # of a plant with a negative gain the controller has one too
+    slow = complex(plant.response(LOWEST * at)[0]) * (1j if plant.quantity == "position" else 1.0)
+    sign = -1.0 if slow.real < 0.0 else 1.0
+    phase = atan2((sign * value).imag, (sign * value).real)
+    phase -= 2.0 * pi if phase > 0.5 * pi else 0.0
+    wanted = radians(margin - 180.0) - phase  # phase of the controller
+    reason = f"crossover = {crossover:g} Hz with margin = {margin:g}° is not possible: "
+    if plant.quantity == "position":
+        # 1 + r (1 − e^{−jωT}) has the phase atan(r sin ωT / (1 + r (1 − cos ωT)))
+        opposite = sin(2.0 * half) - tan(wanted) * (1.0 - cos(2.0 * half))
+        if not (0.0 <= wanted < 0.5 * pi and opposite > 0.0):
+            least, most = degrees(phase) + 180.0, degrees(phase) + 180.0 + degrees(0.5 * pi - half)
+            raise ParameterError(f"{reason}a PD controller gives {least:.3g} to {most:.3g}° there. Change one of them.")
+        ratio = tan(wanted) / opposite
+    else:
+        # 1 + r/(1 − e^{−jωT}) = 1 + r/2 − j (r/2) cot(ωT/2)
+        opposite = 1.0 / tan(half) - tan(-wanted)
+        if not (-0.5 * pi < wanted <= 0.0 and opposite > 0.0):
+            most = degrees(phase) + 180.0
+            least = most - degrees(0.5 * pi - half)
+            raise ParameterError(f"{reason}a PI controller gives {least:.3g} to {most:.3g}° there. Change one of them.")
+        ratio = 2.0 * tan(-wanted) / opposite
+    return sign / abs(value * complex(_controller(plant, 1.0, ratio, at)[0])), ratio
+
+
+def _controller(plant: _Plant, gain: float, ratio: float, frequency: Array) -> Complex:
+    back = np.exp(-2j * pi * frequency * plant.sample_time)
+    part = 1.0 - back if plant.quantity == "position" else 1.0 / (1.0 - back)
+    return np.asarray(gain * (1.0 + ratio * part))
+
+
+def _margins(frequency: Array, loop: Complex) -> tuple[float, float, float | None]:
+    """Return crossover in Hz, phase margin in degrees and gain margin in dB, each the worst of several."""
+    level, phase, place = np.log(np.abs(loop)), np.unwrap(np.angle(loop)), np.log(frequency)
+
+    def crossings(values: Array) -> list[tuple[int, float]]:
+        found = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+        return [(at, float(values[at] / (values[at] - values[at + 1]))) for at in found.tolist()]
+
+    def between(values: Array, at: int, share: float) -> float:
+        return float(values[at] + share * (values[at + 1] - values[at]))
+
+    margins = [
+        ((degrees(between(phase, at, share)) + 360.0) % 360.0 - 180.0, float(np.exp(between(place, at, share))))
+        for at, share in crossings(level)
+    ]
+    if not margins:
+        raise SimulationError("The loop gain does not cross 1 below half of the sampling rate.")
+    worst, crossover = min(margins)
+    turns = [crossings(phase - pi * odd) for odd in range(-9, 10, 2)]
+    levels = [between(level, at, share) for one in turns for at, share in one]
+    above = [value for value in levels if value < 0.0]
+    return crossover, worst, -20.0 * max(above) / log(10.0) if above else None
+
+
+def _predicted(plant: _Plant, gain: float, ratio: float, count: int) -> Array:
+    """Return the samples after a unit step of the set point, by the small signals.
+
+    Raise SimulationError for a loop that is not stable.
+    """
+    states = len(plant.transition)
+
+    def after(whole: Array, reference: float) -> tuple[Array, float]:
+        """States, last row, sum or last sample → the same one sample later, and the sample."""
+        x, last, memory = whole[:states], whole[states], whole[states + 1]
+        now = float(plant.row @ x)
+        sample = (now - last) / plant.sample_time if plant.is_mean else now
+        error = reference - sample
+        if plant.quantity == "position":
+            memory, output = now, gain * (error - ratio * (now - memory))
+        else:
+            memory = memory + error
+            output = gain * (error + ratio * memory)
+        return np.array([*(plant.transition @ x + plant.held * output), now, memory]), sample
+
+    columns = np.array([after(unit, 0.0)[0] for unit in np.eye(states + 2)]).T
+    # the angle itself, and the charge, are integrals that a loop of their mean does not hold
+    speeds = np.sort(np.abs(np.linalg.eigvals(columns)))
+    if speeds[-1] > 1.0 + 1e-6:
+        raise SimulationError("The loop is not stable by the small signals: lower the crossover or raise the margin.")
+    whole, samples = np.zeros(states + 2), []
+    for _ in range(count):
+        whole, sample = after(whole, 1.0)
+        samples.append(sample)
+    return np.array(samples)
+
+
+def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> ControlLoop:
+    """Return a loop with the response of the averaged motor to a step, relative to the step."""
+    run = loop.provenance["run"]
+    period, count = run["sample_time_s"], len(loop.time_s)
+    speed, phase = (run["operating_point"][name] for name in ("speed", "current_phase_a"))
+    step = {
+        "speed": SMALL * speed, "position": SMALL * speed / (2.0 * pi * run["crossover_hz"]), "phase": SMALL_DEG,
+    }[loop.quantity]  # fmt: skip
+    begins = (STEPPED + 0.5) * period
+
+    def set_point(time: float) -> float:
+        base = {"speed": speed, "position": speed * time, "phase": phase}[loop.quantity]
+        return float(base + step * (time > begins))
+
+    result = simulate_controlled(
+        motor, drive, LoopController(loop, set_point), duration=(STEPPED + count + 0.5) * period, sample_time=period,
+        load_torque=run["load_torque_n_m"], start="steady",
+    )  # fmt: skip
+    deviation = {
+        "speed": result.speed_rad_s - speed,
+        "position": result.position_rad - speed * result.time_s,
+        "phase": (result.current_phase_deg - phase + 180.0) % 360.0 - 180.0,
+    }[loop.quantity]
+    response = np.asarray(deviation[STEPPED:] / step)
+    return replace(
+        loop, step_simulated=response, overshoot_simulated=max(0.0, float(response.max()) - 1.0),
+        trusted=result.trusted, model_cautions=result.cautions,
+    )  # fmt: skip

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The result of a run with a sampled controller: samples, their check, settling, and the static error."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pyspice_runner.averaged.bursts import limit_cycle, presliding, short_bursts
+from pyspice_runner.averaged.run import damping_factor, model_cautions
+from pyspice_runner.motor.drive import too_fast
+from pyspice_runner.result import Result, contact_row
+from pyspice_runner.run.waveforms import SETTLED
+from pyspice_runner.run.window import Array, change_to_come
+
+SAMPLES: dict[str, tuple[str, str]] = {
+    "time_s": ("s", "time of the sample"),
+    "speed_rad_s": ("rad/s", "mean speed of the rotor since the last sample"),
+    "position_rad": ("rad", "angle of the rotor"),
+    "current_amplitude_a": ("A", "amplitude of the current into group A, mean since the last sample"),
+    "current_phase_deg": ("deg", "phase of that current ahead of the commanded voltage of group A"),
+    "temperature_k": ("K", "temperature of the stator above that at which its parameters hold"),
+    "reference": ("1", "set point of the controller, or value of the course reference, in the controller's unit"),
+    "current_b_amplitude_a": ("A", "amplitude of the current into group B, mean since the last sample"),
+    "current_b_phase_deg": ("deg", "phase of that current ahead of the commanded voltage of group A"),
+    "voltage_amplitude_v": ("V", "amplitude of the voltage of group A, mean since the last sample"),
+    "voltage_b_amplitude_v": ("V", "amplitude of the voltage of group B, mean since the last sample"),
+    "frequency_hz": ("Hz", "drive frequency from this sample on"),
+    "voltage_a_v": ("V", "amplitude of group A from this sample on"),
+    "voltage_b_v": ("V", "amplitude of group B from this sample on"),
+    "phase_deg": ("deg", "phase of group B ahead of group A from this sample on"),
+    "electrical_power_w": ("W", "real power into both groups, mean since the last sample"),
+    "heat_w": ("W", "losses of the stator in the averaged motor: dielectric and modal damping"),
+    "load_torque_n_m": ("N·m", "torque that the load draws"),
+    "load_position_rad": ("rad", "angle of what is coupled to the shaft"),
+    "check": ("1", "motion that the averaged motor leaves out, relative to static penetration and limit of stick"),
+    "separated": ("1", "share of the period in which the contact of the averaged motor is open"),
+    "tip_y_amplitude_m": ("m", "amplitude of the tip's fundamental in the averaged motor, towards the rotor"),
+}
+CHECKS = ("check", "separated", "tip_y_amplitude_m")
+OF_AVERAGED = ("heat_w", *CHECKS)
+# sample of each quantity that a controller may control, by the attribute ``quantity`` of the controller
+CONTROLLED = {"speed": "speed_rad_s", "position": "position_rad", "phase": "current_phase_deg"}
+SMALL = 0.02  # share of the greatest value, added to the mean that a change is relative to
+
+RECORDS = (
+    "time_s", "speed_rad_s", "position_rad", "current_amplitude_a", "current_b_amplitude_a", "temperature_k",
+    "load_position_rad",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class ControlledRun(Result):
+    """Samples and commands of a controller.
+
+    Attributes:
+        samples: arrays by the names of :data:`SAMPLES`, one value a sample; of the full motor without
+            :data:`OF_AVERAGED`. They are what the sensors measure and the actuators set.
+        records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
+        logs: what firmware logs at each sample, by its own names.
+        provenance: motor, drive and run settings, JSON-ready.
+        write_deck: returns the netlist of the run, without the controller; ``None`` if ngspice cannot run it.
+    """
+
+    samples: Mapping[str, Array] = field(repr=False)
+    records: Mapping[str, Array] = field(repr=False)
+    logs: Mapping[str, Array] = field(repr=False)
+    provenance: dict[str, Any] = field(repr=False)
+    write_deck: Callable[[], str | None] = field(repr=False)
+
+    units = SAMPLES
+
+    if TYPE_CHECKING:  # the samples are attributes
+
+        def __getattr__(self, name: str) -> Array: ...
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "samples", self._keyed(self.samples))
+        self.__dict__.update(self.samples)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.provenance["motor"]
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return the samples over time."""
+        return self.samples
+
+    @cached_property
+    def deck(self) -> str | None:  # type: ignore[override]
+        """Netlist of the run, for ngspice, without the controller; ``None`` if ngspice cannot run it."""
+        return self.write_deck()
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the averaged motor's own check passes at every sample, and the rotor keeps its limit of speed.
+
+        The full motor has no such check.
+        """
+        return not (self._model_cautions or self._too_fast)
+
+    @property
+    def _model_cautions(self) -> tuple[str, ...]:
+        if "check" not in self.samples:
+            return ()
+        seen, running = self.samples, self.provenance["run"]["start"] == "steady"
+        check, opened = (float(seen[name].max()) for name in ("check", "separated"))
+        factor = damping_factor(self.provenance["motor"], seen["frequency_hz"], seen["tip_y_amplitude_m"])
+        amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
+        bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
+        step = self.provenance["run"]["resolution"]["position_rad"]
+        angle = max(2.0 * presliding(self.provenance["motor"]), 1.5 * step)  # a step of the encoder is no motion
+        cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, angle)
+        return (*model_cautions(check, opened, factor), *bursts, *cycles)
+
+    @property
+    def _too_fast(self) -> tuple[str, ...]:
+        return too_fast(self.provenance["motor"], float(np.abs(self.samples["speed_rad_s"]).max()))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""
+        return self._told((*self._model_cautions, *self._too_fast))
+
+    @property
+    def _watched(self) -> dict[str, str]:
+        """Samples that must settle, by their words in the table: controlled quantity, power, temperature."""
+        quantity = self.provenance["run"]["quantity"] or "speed"
+        heats = {"temperature": "temperature_k"} if self.samples["temperature_k"].any() else {}
+        return {quantity: CONTROLLED[quantity], "electrical power": "electrical_power_w"} | heats
+
+    @cached_property
+    def to_come(self) -> dict[str, float | None]:
+        """Relative further change of means of up to 20 samples if the run went on; by extrapolation.
+
+        Given for the controlled quantity, or the speed; the electrical power; and the temperature of a stator that
+        heats up. Each is relative to its mean plus a fiftieth of its greatest value. ``None``: the run is too short.
+        """
+        found = {}
+        for name in self._watched.values():
+            values = self.samples[name]
+            size = abs(self._mean(values)) + SMALL * float(np.abs(values).max()) + np.finfo(float).tiny
+            share = change_to_come(self.samples["time_s"], values, self.provenance["run"]["sample_time_s"]) / size
+            found[name] = float(share) if isfinite(share) else None
+        return found
+
+    @staticmethod
+    def _mean(values: Array) -> float:
+        """Return the mean of the last quarter of the samples."""
+        return float(np.mean(values[-max(1, len(values) // 4) :]))
+
+    @property
+    def settled(self) -> bool:
+        """Whether these means stay within 2 % if the run goes on."""
+        return not self._moving
+
+    @property
+    def _moving(self) -> str:
+        """What has not settled, in words."""
+        shares = {word: self.to_come[name] for word, name in self._watched.items()}
+        return ", ".join(word for word, share in shares.items() if share is None or share > SETTLED)
+
+    @property
+    def static_error(self) -> float | None:
+        """Set point less controlled quantity, mean of the last quarter of the samples, in the unit of the quantity.
+
+        ``None`` for a controller without the attribute ``quantity``.
+        """
+        quantity = self.provenance["run"]["quantity"]
+        if quantity is None:
+            return None
+        error = self.samples["reference"] - self.samples[CONTROLLED[quantity]]
+        return self._mean((error + 180.0) % 360.0 - 180.0 if quantity == "phase" else error)
+
+    def summary(self) -> dict[str, str]:
+        """Return the last sample, what has settled, the static error, and the averaged motor's own check."""
+        shown = {name: unit for name, (unit, _) in SAMPLES.items() if name in self.samples and unit != "1"}
+        ends = {unit: "_" + re.sub(r"\W", "_", unit.lower()) for unit in shown.values()}
+        found = {
+            name.removesuffix(ends[unit]).replace("_", " "): f"{self.samples[name][-1]:.4g} {unit}"
+            for name, unit in shown.items()
+        }
+        found["settled"] = f"no: {self._moving}" if self._moving else "yes"
+        if self.static_error is not None:
+            name = CONTROLLED[self.provenance["run"]["quantity"]]
+            found["static error"] = f"{self.static_error:.3g} {SAMPLES[name][0]}, mean of the last quarter"
+        checked = {"check": "passed" if self.trusted else "not passed"} if "check" in self.samples else {}
+        return self._worded(found | checked | contact_row(self.provenance["run"]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the last sample and the settings, JSON-ready."""
+        end = {name: float(values[-1]) for name, values in self.samples.items()}
+        checked = [name for name in CHECKS if name in self.samples]
+        greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
+        told = self._entries("trusted", "settled", "to_come", "static_error")
+        return self._keyed({"end": end, **told, **greatest, **self.provenance, **self._entries("cautions")})

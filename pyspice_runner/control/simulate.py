@@ -1,0 +1,363 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sampled controller in the loop with the averaged or the full motor.
+
+At every sample time the run stops. The controller sees what a sensor would measure over the last interval, and sets
+frequency, amplitudes and phase for the next one. The averaged motor runs as compiled code in this process; in ngspice,
+one process runs throughout. Both keep the motor's state exactly.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from math import ceil, degrees, isfinite
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import SkipValidation
+
+from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.library import Course
+from pyspice_runner.averaged.schedules import CourseLike, coupled_to, course_of, settings_of
+from pyspice_runner.averaged.simulate import averaged_engine, deck_of, no_deck, runs_in_ngspice
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.control.circuit import CHECKED, COMMANDS, SAMPLED, CommandedSource, controlled_bench
+from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
+from pyspice_runner.control.firmware import Firmware
+from pyspice_runner.control.plants import Compiled, Motion, Spice, State, first
+from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.shaft import ShaftLoad
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.run.kernel import transient_timing
+from pyspice_runner.run.operating_point import OperatingPoint, Solver
+from pyspice_runner.run.window import Array
+from pyspice_runner.spice import Engine
+from pyspice_runner.spice.session import Session
+
+IDEAL_ROUNDING = Rounding(IDEAL)
+MOST_SAMPLES = 100_000
+MOST_VOLTAGE = 1e4  # V, as of a drive
+MOST_RECORDS = 1000  # between two samples
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Measurements passed to the controller, in the units of :data:`SAMPLES`; of a slider in m/s and m."""
+
+    time_s: float
+    speed_rad_s: float
+    position_rad: float
+    current_amplitude_a: float
+    current_phase_deg: float
+    temperature_k: float
+    reference: float = 0.0
+    current_b_amplitude_a: float = 0.0
+    current_b_phase_deg: float = 0.0
+    voltage_amplitude_v: float = 0.0
+    voltage_b_amplitude_v: float = 0.0
+
+
+Controller = Callable[[Sample], Mapping[str, float]]
+
+
+@checked
+def simulate_controlled(
+    motor: Motor,
+    drive: TwoPhaseDrive | Driver,
+    controller: Controller | str | Path,
+    duration: float,
+    *,
+    sample_time: float,
+    averaged: bool = True,
+    load_torque: float = 0.0,
+    shaft: ShaftLoad | None = None,
+    electronics: Electronics | None = None,
+    courses: Mapping[str, SkipValidation[CourseLike]] | None = None,
+    start: Literal["rest", "steady"] = "rest",
+    records: int = 1,
+    thermal: Thermal | None = None,
+    step: float | None = None,
+    engine: Engine = "auto",
+    timeout: float | None = None,
+) -> ControlledRun:
+    """Run a motor with a sampled controller.
+
+    Args:
+        motor: the motor.
+        drive: the commands until the first sample; or a driver, behind whose network the motor is, as in
+            :func:`simulate_averaged`. The commands are then those of its stages.
+        controller: called at every sample time with a :class:`Sample`; it returns what changes: ``voltage`` (V, of both
+            groups), ``voltage_a``, ``voltage_b``, ``phase_deg``, ``frequency`` (Hz). A negative amplitude turns the
+            phase by 180°. A path is that of a shared library of C code: firmware with
+            the functions of ``piezomotor_firmware.h``, or the function
+            ``void step(double t, const double *in, double *out)``. ``in`` has the values of a
+            :class:`Sample` behind the time, in its order. ``out`` takes amplitude of both groups (V), phase
+            (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
+            code that you trust. If a controller has the attribute ``quantity``, one of ``"speed"``, ``"position"`` and
+            ``"phase"``, the result states its static error. An attribute ``set_point``, a function of the time in s, is
+            the reference.
+        duration: simulated time in s.
+        sample_time: time in s between two samples; at least one period of the drive.
+        averaged: whether the averaged motor runs, or the full one, cycle by cycle.
+        load_torque: torque in N·m that a load draws from the shaft.
+        shaft: a mass that is coupled to the shaft.
+        electronics: sensors and actuators, and the computing delay; by default ideal ones.
+        courses: what changes during the run, as in :func:`simulate_averaged`, and ``reference``, which the controller
+            reads in the sample. A controller that sets a quantity with a course is an error.
+        start: ``"rest"``, preloaded and without voltage; ``"steady"``, the steady state at the drive and the load of
+            the start, of the compiled averaged motor only.
+        records: number of values between two samples in the ``records`` of the result.
+        thermal: drift with temperature; the losses then heat the stator.
+        step: time step in s of the full motor; by default that of ``simulate``. It is made a whole part of the sample
+            time.
+        engine: of the averaged motor, as in :func:`simulate_averaged`.
+        timeout: wall time in s for the way from one sample to the next, in ngspice.
+
+    Raises:
+        ParameterError: for a value out of range, also one that the controller returns.
+        SimulationError: if the engine fails, or there is no steady state to start from.
+    """
+    front = AveragedDrive.of(drive)
+    drive = front.stage
+    count = _count(drive, duration, sample_time)
+    load = Load(None, load_torque)
+    load.check(motor)
+    given = dict(courses or {})
+    course = course_of("reference", given.pop("reference", 0.0), duration)
+    quantity, reference = _controlled(controller, course)
+    settings = settings_of(motor, drive, load, given, duration, thermal)
+    coupled, parts = coupled_to(shaft), electronics or IDEAL
+    parts.check(sample_time, drive.frequency)
+    if not 1 <= records <= MOST_RECORDS:
+        raise ParameterError(f"records = {records} is not valid: it must be a whole number from 1 to {MOST_RECORDS}.")
+    source = CommandedSource(settings, drive, front.driver)
+    source.check(motor)
+    used = averaged_engine(engine) if averaged else "spice"
+    if start == "steady" and used == "spice":
+        raise ParameterError(
+            "start = 'steady' is not valid here: only the compiled averaged motor starts at a steady state. Give "
+            "averaged = True and engine = 'compiled', or start = 'rest'."
+        )
+    uniform = None
+    if not averaged:  # the largest step that divides the sample time and is not above the usual one
+        coarsest = OperatingPoint(motor, source, solver=Solver(step)).step
+        uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
+    elif step is not None:
+        raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
+
+    def bench() -> Bench:
+        return controlled_bench(
+            motor, front, settings, sample_time=sample_time, stops=(records, parts.delay_s), step=uniform,
+            thermal=thermal, shaft=coupled,
+        )  # fmt: skip
+
+    vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
+    vectors += ["v(load_position)"] if coupled.coupling_stiffness_n_m_per_rad else []
+    timing = transient_timing(uniform or drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
+    write_deck: Callable[[], str | None] = partial(deck_of, bench, vectors, timing)
+    decide = Firmware(controller, drive, sample_time) if isinstance(controller, str | Path) else controller
+    with ExitStack() as stack:
+        if used == "compiled":
+            write_deck = write_deck if runs_in_ngspice(settings) else no_deck
+            motion: Motion = Compiled(
+                motor, settings, thermal, coupled, steady=start == "steady", networks=front.networks
+            )
+        else:
+            deck = str(write_deck())
+            write_deck = partial(str, deck)
+            motion = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
+        running = Loop(motion, decide, motor, settings, Rounding(parts), reference)
+        samples, between = running.run(count, sample_time, records)
+    samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(settings["load_torque"]))
+    return ControlledRun(
+        samples={name: samples[name] for name in SAMPLES if averaged or name not in OF_AVERAGED},
+        records=between,
+        logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
+        provenance={
+            "motor": motor.to_dict(),
+            "drive": front.to_dict(),
+            "run": {
+                "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
+                "step_s": uniform, "start": start, "load_torque_n_m": load_torque,
+                "shaft": None if shaft is None else shaft.model_dump(),
+                "electronics": None if electronics is None else electronics.model_dump(),
+                "resolution": parts.resolution(sample_time, drive.frequency), "reference": [*map(list, course)],
+                "quantity": quantity,
+                "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
+                "thermal": None if thermal is None else thermal.model_dump(),
+                **PAPER_LAW.to_dict(),
+            },
+        },
+        write_deck=write_deck,
+    )  # fmt: skip
+
+
+def _controlled(controller: object, course: Course) -> tuple[str | None, Callable[[float], float]]:
+    """Return the controlled quantity, ``None`` if it is not known, and the set point over the time in s."""
+    quantity = getattr(controller, "quantity", None)
+    if quantity is not None and quantity not in CONTROLLED:
+        raise ParameterError(
+            f"The controller has quantity = {quantity!r}: it must be one of {', '.join(CONTROLLED)}. Leave it out for "
+            "another quantity."
+        )
+    set_point = getattr(controller, "set_point", None)
+    times, values = np.transpose(course)
+    if not callable(set_point):
+        return quantity, lambda time: float(np.interp(time, times, values))
+    if np.any(values):
+        raise ParameterError("The controller has a set_point of its own, and reference has a course. Leave one out.")
+    return quantity, lambda time: float(set_point(time))
+
+
+def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
+    """Return the number of samples."""
+    if not (isfinite(sample_time) and sample_time >= drive.period):
+        raise ParameterError(
+            f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
+            f"{drive.period:.3g} s."
+        )
+    count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0
+    if not 1 <= count <= MOST_SAMPLES:
+        raise ParameterError(
+            f"duration = {duration:g} s is out of range: it must hold 1 to {MOST_SAMPLES} samples of {sample_time:g} s."
+        )
+    return count
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A controller that acts on a running motor at sample times."""
+
+    motion: Motion
+    decide: Controller
+    motor: Motor
+    settings: Mapping[str, Course]
+    rounding: Rounding
+    reference: Callable[[float], float]  # over the time in s
+
+    def run(self, count: int, sample_time: float, records: int) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Run for a number of samples; return the controller's inputs and commands at each, and the records between.
+
+        Raise ParameterError for a command that is not valid, SimulationError if the engine fails.
+        """
+        wanted = {name: first(self.settings[name]) for name in COMMANDS}  # what the controller set
+        present, delay = dict(wanted), self.rounding.electronics.delay_s
+        self._set(self.rounding.commands(wanted), present)
+        fixed = [name for name in COMMANDS if len(self.settings[name]) > 1]
+        rows, between = list[list[float]](), list[list[float]]()
+        last = seen = now = State(0.0)
+        measured = 0.0  # the last measured angle
+        for number in range(1, count + 1):
+            begun, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
+            for part in range(1, records + 1):
+                until = begun + part * sample_time / records if part < records else number * sample_time
+                if waiting and begun + delay <= until:
+                    now = self.motion.advance(begun + delay)
+                    self._set(self.rounding.commands(wanted), present)
+                    waiting = False
+                if until > now.time:
+                    now = self.motion.advance(until)
+                if records > 1:
+                    ideal = vars(_sample(now, seen)) | {"load_position_rad": now.load_position}
+                    between.append([ideal[name] for name in RECORDS])
+                    seen = now
+            reference = self.reference(now.time)
+            sample = _sample(now, last, self.rounding, measured, reference, linear=self.motor.slider is not None)
+            power = (now.energy - last.energy) / (now.time - last.time)
+            measured, last = sample.position_rad, now
+            changed = _commands(self.decide(sample), wanted, self.motor)
+            for name in fixed:
+                if name in changed:
+                    raise ParameterError(
+                        f"The controller set {name}, which has a course or a soft start. Leave one out."
+                    )
+                wanted[name] = present[name] = float(np.interp(now.time, *np.transpose(self.settings[name])))
+            wanted |= changed
+            set_now = self.rounding.commands(wanted)
+            if not delay:
+                self._set(set_now, present)
+            rows.append(
+                [
+                    *vars(sample).values(),
+                    *set_now.values(),
+                    power,
+                    now.heat,
+                    now.load_position,
+                    now.check,
+                    now.separated,
+                    now.tip_y_amplitude,
+                ]
+            )
+        names = [name for name in SAMPLES if name != "load_torque_n_m"]
+        table, beside = np.array(rows), np.array(between).reshape(-1, len(RECORDS))
+        samples = {name: table[:, place] for place, name in enumerate(names)}
+        return samples, {name: beside[:, place] for place, name in enumerate(RECORDS)} if records > 1 else {}
+
+    def _set(self, commands: Mapping[str, float], present: dict[str, float]) -> None:
+        """Give the motor the commands that are not the present ones."""
+        for name, value in commands.items():
+            if value != present[name] and len(self.settings[name]) == 1:
+                self.motion.alter(name, value)
+                present[name] = value
+
+
+def _sample(
+    now: State, last: State, rounding: Rounding = IDEAL_ROUNDING, measured: float | None = None,
+    reference: float = 0.0, *, linear: bool = False,
+) -> Sample:  # fmt: skip
+    """Return the sample between two states; ``measured`` is the angle that was measured at the last one, rad."""
+    interval = now.time - last.time
+    position = rounding.position(now.position, linear=linear)
+    currents = [
+        rounding.current((after - before) / interval)
+        for after, before in ((now.charge_a, last.charge_a), (now.charge_b, last.charge_b))
+    ]
+    voltages = [
+        rounding.voltage((after - before) / interval)
+        for after, before in ((now.flux_a, last.flux_a), (now.flux_b, last.flux_b))
+    ]
+    current_a, current_b = ((abs(current), degrees(cmath.phase(current))) for current in currents)
+    before = last.position if measured is None else measured
+    return Sample(
+        now.time, (position - before) / interval, position, *current_a, now.temperature, reference, *current_b,
+        *map(abs, voltages),
+    )  # fmt: skip
+
+
+def _commands(returned: Mapping[str, float], present: Mapping[str, float], motor: Motor) -> dict[str, float]:
+    """Return the checked commands of a controller. Raise ParameterError for an unknown name or a value out of range."""
+    if not isinstance(returned, Mapping):
+        raise ParameterError(
+            f"The controller returned {type(returned).__name__}: it must return a mapping of settings."
+        )
+    given = dict(returned)
+    if "voltage" in given:
+        voltage = given.pop("voltage")
+        given = {"voltage_a": voltage, "voltage_b": voltage} | given
+    lowest, highest = (bound(mode.frequency_hz for mode in motor.modes) for bound in (min, max))
+    ranges = {
+        "frequency": (SLOWEST_DRIVE * lowest, FASTEST_DRIVE * highest), "phase_deg": (-1e4, 1e4),
+        "voltage_a": (-MOST_VOLTAGE, MOST_VOLTAGE), "voltage_b": (-MOST_VOLTAGE, MOST_VOLTAGE),
+    }  # fmt: skip
+    for name, value in given.items():
+        if name not in present:
+            raise ParameterError(f"The controller set {name!r}: it must be voltage or one of {', '.join(present)}.")
+        low, high = ranges[name]
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            number = float("nan")
+        if not low <= number <= high:
+            raise ParameterError(f"The controller set {name} = {value!r}: it must be {low:g} to {high:g}.")
+        given[name] = number
+    return given

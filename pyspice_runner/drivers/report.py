@@ -1,0 +1,647 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A motor and its drive electronics: currents, powers, harmonics, losses, efficiency, matching.
+
+Supply = losses in the driver + input of the motor; every report states the residual of this balance.
+"""
+
+from __future__ import annotations
+
+from cmath import phase
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from math import degrees, isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers.design import OPERATING, Design
+from pyspice_runner.drivers.driver import RAILS, Driver, Part
+from pyspice_runner.drivers.early_run import EarlyRun
+from pyspice_runner.drivers.events import driver_events, event_cautions
+from pyspice_runner.drivers.maxima import PartLoad, load_vectors, maxima
+from pyspice_runner.drivers.switching import TurnOn, edge_waveforms, switching_vectors, turn_ons
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.strength import depolarised
+from pyspice_runner.result import Audit, Result, contact_row
+from pyspice_runner.run.accuracy import JUDGED, CoarserRuns
+from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
+from pyspice_runner.run.ceramic import ceramic, modal_vectors
+from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
+from pyspice_runner.run.window import Window, change_to_come
+from pyspice_runner.units import engineering
+
+_DURATION = 3e-3  # s, of a run by default
+_SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
+_LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
+Task = tuple[OperatingPoint, float]  # a run from power-up, and its duration in s
+_MEANS = {
+    "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
+    "mean_rotor_speed_rad_s": "mean rotor speed",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """One harmonic: amplitudes and phases of voltage and current, sin(2πk f t + phase)."""
+
+    order: int
+    frequency_hz: float
+    voltage_v: float
+    voltage_phase_deg: float
+    current_a: float
+    current_phase_deg: float
+
+
+@dataclass(frozen=True)
+class Port:
+    """Voltage, current and power at one place: the output of a power stage, or the pins of a group."""
+
+    voltage_peak_v: float  # greatest absolute value
+    voltage_rms_v: float  # RMS value
+    current_peak_a: float  # greatest absolute value
+    current_rms_a: float  # RMS value
+    real_power_w: float  # mean of voltage times current
+    reactive_power_var: float  # of the fundamental; positive where the current lags
+    apparent_power_va: float  # RMS voltage times RMS current
+    power_factor: float  # real over apparent power
+    displacement_factor: float  # cosine of the angle between the fundamentals
+    voltage_thd: float  # RMS of the harmonics from the second on, over the fundamental
+    current_thd: float  # the same of the current
+    slew_rate_v_per_s: float  # greatest rate of the voltage
+    resistance_ohm: float  # real part of the impedance at the fundamental
+    reactance_ohm: float  # imaginary part of that impedance
+    harmonics: tuple[Harmonic, ...] = field(repr=False)  # fundamental and harmonics
+
+
+@dataclass(frozen=True, repr=False)
+class DriveReport(Result):
+    """One driver and its motor, measured over the last whole periods of a run.
+
+    Attributes:
+        motor: the motor, JSON-ready.
+        driver: the driver and every parameter of its parts, JSON-ready.
+        run: settings of the run, JSON-ready.
+        outputs: group → output of its power stage, in front of transformer and network.
+        groups: group → input of the group at its pin.
+        supply_power_w: mean power of all supplies but the gate drivers'. For a stage without supply pins, and for ideal
+            sources: output power plus losses of the stage.
+        gate_power_w: mean power of the gate drivers.
+        supply_current_mean_a: rail → mean current, both groups together.
+        supply_current_peak_a: rail → peak current, both groups together.
+        losses_w: ``PART_GROUP.DEVICE`` → mean loss. ``driver_GROUP.total`` is the difference of supply and output power
+            of the user's own stage, if its header has no ``LOSS`` lines.
+        stored_power_w: rate at which energy builds up in the driver's inductors and capacitors; 0 once settled.
+        motor_power_w: mean power into both groups.
+        shaft_power_w: mean power of the contact on the rotor.
+        mean_torque_n_m: mean torque of the contact on the rotor.
+        mean_torque_error_n_m: its estimated error by the step; ``None`` of a run with edges, or with a given step.
+        mean_rotor_speed_rad_s: mean speed.
+        to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
+        settling: relative change of the motor's power from the first to the second half of the window.
+        maxima: maxima of pins, stages and parts over the whole run from power-up.
+        switching: turn-on of each transistor of a bridge.
+        edge: voltage and current of a leg over time around a turn-on; empty without a bridge.
+        design: the design of the driver, completed by the run; ``None`` for a driver that was given.
+        waveforms: time and the voltages and currents of outputs and groups over the window.
+        solver_seconds: wall time that ngspice took.
+        ngspice_version: version of ngspice.
+        deck: netlist of the run.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        events: maxima of further runs as in ``maxima``, by event: load step, stop, frequency sweep; empty if not asked.
+        event_faults: a sentence for each limit that an event exceeds.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
+    """
+
+    motor: dict[str, Any]
+    driver: dict[str, Any]
+    run: dict[str, Any]
+    outputs: dict[str, Port]
+    groups: dict[str, Port]
+    supply_power_w: float
+    gate_power_w: float
+    supply_current_mean_a: dict[str, float]
+    supply_current_peak_a: dict[str, float]
+    losses_w: dict[str, float]
+    stored_power_w: float
+    motor_power_w: float
+    shaft_power_w: float
+    mean_torque_n_m: float
+    mean_rotor_speed_rad_s: float
+    settling: float
+    to_come: dict[str, float | None]
+    maxima: dict[str, Any]
+    switching: tuple[TurnOn, ...]
+    edge: dict[str, Array] = field(repr=False)
+    design: Design | None
+    waveforms: dict[str, Array] = field(repr=False)
+    solver_seconds: float
+    ngspice_version: str
+    deck: str = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+    ceramic: dict[str, Any] = field(default_factory=dict)
+    events: dict[str, dict[str, Any]] = field(default_factory=dict)
+    event_faults: list[str] = field(default_factory=list)
+    mean_torque_error_n_m: float | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.motor
+
+    @property
+    def power_in_w(self) -> float:
+        """Power of supplies and gate drivers."""
+        return self.supply_power_w + self.gate_power_w
+
+    @property
+    def balance_residual(self) -> float:
+        """Input power minus losses, stored power and motor power, over the input power."""
+        return (self.power_in_w - self.power_found_w) / self.power_in_w
+
+    @property
+    def power_found_w(self) -> float:
+        """Losses and stored power of the driver, and power into the motor."""
+        return sum(self.losses_w.values()) + self.stored_power_w + self.motor_power_w
+
+    @property
+    def driver_efficiency(self) -> float:
+        """Power into the motor over the input power."""
+        return self.motor_power_w / self.power_in_w
+
+    @property
+    def efficiency(self) -> float:
+        """Shaft power over the input power; negative where the shaft is driven."""
+        return self.shaft_power_w / self.power_in_w
+
+    @property
+    def power_factor(self) -> float:
+        """Real over apparent power of both stages together, at their outputs."""
+        return _quotient(
+            sum(port.real_power_w for port in self.outputs.values()),
+            sum(port.apparent_power_va for port in self.outputs.values()),
+        )
+
+    @property
+    def settled(self) -> bool:
+        """Whether power, torque and speed would stay within 2 % in a longer run."""
+        return all(share is not None and share <= SETTLED for share in self.to_come.values())
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, means that have not settled, and powers that are not valid."""
+        moving = [_MEANS[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
+        told = [f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."] if moving else []
+        if not self.driver["supplied"] and self.driver["kind"] != "ideal":
+            told.append("The driver has no supply pins: powers and efficiencies count from its output.")
+        for group in GROUPS:
+            gain = -self.losses_w.get(f"driver_{group}.total", 0.0)
+            if gain > DRIVER_BOUND * abs(self.power_in_w):
+                told.append(
+                    f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
+                    "sources of its own, and its efficiency is not valid."
+                )
+        if self.design and not self.design.feasible:
+            told.append(f"Do not build this driver. {self.design.reason}")
+        told += [*self.overloads, *self.event_faults]
+        return self._told((*self.audit.findings, *told, *self.ceramic.get("cautions", ())))
+
+    @property
+    def _by_step(self) -> str:
+        error = self.mean_torque_error_n_m
+        return "" if error is None else f" ± {engineering(error, 'N·m')} by the step"
+
+    @property
+    def overloads(self) -> list[str]:
+        """Limits of coils and capacitors that the run exceeds; a design has them in its reason."""
+        if self.design:
+            return []
+        return list(self.maxima["exceeded"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report, JSON-ready."""
+        names = (
+            "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
+            "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
+            "shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "driver_efficiency",
+            "efficiency", "balance_residual", "settling", "settled", "to_come", "maxima", "events", "switching",
+            "design",
+        )  # fmt: skip
+        return self._keyed({
+            **self._entries(*names),
+            "points": len(self.waveforms["time_s"]),
+            **self._entries("solver_seconds", "ngspice_version", "audit"),
+            **self.ceramic,
+            "cautions": list(self.cautions),
+        })  # fmt: skip
+
+    def columns(self) -> dict[str, Array]:
+        """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
+        return self.waveforms
+
+    def summary(self) -> dict[str, str]:
+        """Return driver, powers, losses, efficiency, speed, torque, the parts with what they bear, and the design."""
+        found = {
+            "motor": str(self.motor["name"]),
+            "driver": str(self.driver["label"]),
+            **contact_row(self.run),
+            "power put in": engineering(self.power_in_w, "W"),
+            "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %",
+            "power factor": f"{self.power_factor:.3f}",
+            "shaft power": engineering(self.shaft_power_w, "W"),
+            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
+            "mean torque": engineering(self.mean_torque_n_m, "N·m") + self._by_step,
+            "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
+        }
+        for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
+            told = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
+            found[f"losses of {part}"] = ", ".join(told)
+        for group, port in self.groups.items():
+            found[f"group {group}"] = (
+                f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
+                f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
+            )
+            field = self.maxima[f"field_{group}_v_per_m"]
+            found[f"group {group}, greatest"] = (
+                f"{engineering(self.maxima[f'voltage_{group}_v'], 'V')} after "
+                f"{engineering(self.maxima[f'voltage_{group}_at_s'], 's')}"
+                + ("" if field is None else f", {1e-3 * field:.3g} V/mm")
+                + f"; {engineering(self.maxima[f'current_{group}_a'], 'A')}"
+            )
+            for event, most in self.events.items():
+                found[f"group {group}, {event}"] = (
+                    f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
+                )
+        for edge in self.switching:
+            how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
+            needs = "" if edge.charge_c is None else f"; {engineering(edge.charge_c, 'C')} to move"
+            if edge.dead_time_s is not None:
+                needs += f", {engineering(edge.dead_time_s, 's')} by {engineering(edge.current_a, 'A')}"
+            loss = "" if edge.hard_switching_w is None else f"; loses {engineering(edge.hard_switching_w, 'W')}"
+            found[f"turn-on of {edge.transistor}"] = f"{how}{needs}{loss}"
+        loads = self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]
+        for load in loads:
+            value = f"{load.value:.4g}" if load.unit == "1" else engineering(load.value, load.unit)
+            borne = [
+                engineering(peak, unit)
+                for peak, unit in ((load.peak_voltage_v, "V"), (load.peak_current_a, "A"))
+                if peak is not None
+            ]
+            found[load.name] = f"{value}; bears {', '.join(borne)}" if borne else value
+        if self.design:
+            for point in self.design.points:
+                pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in GROUPS)
+                found[point.state] = (
+                    f"{engineering(point.speed_rad_s, 'rad/s')}, {engineering(point.torque_n_m, 'N·m')}; pins {pins}; "
+                    f"power factor {point.power_factor:.2f}"
+                )
+            found["design"] = f"{'feasible' if self.design.feasible else 'not feasible'}: {self.design.reason}"
+            started = {True: "yes", False: "no", None: "not simulated"}[self.design.starts]
+            found["starts from rest"] = started
+        return self._worded(found)
+
+
+@checked
+def drive_report(
+    motor: Motor,
+    driver: Driver | Design,
+    duration: float | None = None,
+    *,
+    contact: ContactLaw | None = "spring-slider",
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    step: float | None = None,
+    timeout: float | None = None,
+    audit: bool = True,
+    events: bool = False,
+    early: EarlyRun[Task, Outcome] | None = None,
+) -> DriveReport:
+    """Run a driver and its motor from power-up and report on both.
+
+    Args:
+        motor: the motor, at rest under its preload.
+        driver: the driver, or a design of :func:`propose_matching`, whose parts and start the run completes.
+        duration: simulated time in s; by default 3 ms; for a design from 1 to 6 ms, until its motor has started.
+        contact: law of the contact; ``None`` for a free tip.
+        speed: if given, the shaft is held at this speed, rad/s.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
+        timeout: wall time in s after which a run is ended.
+        audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
+        events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
+            of a design then bear the largest of all.
+        early: where :func:`begin_early` has begun this run.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    design = driver if isinstance(driver, Design) else None
+    driver = driver if isinstance(driver, Driver) else _driver_of(driver)
+    setup = OperatingPoint.of(
+        motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
+    )
+    if duration is None:
+        duration = _DURATION if design is None else _start_time(motor, design, load_torque)
+    _check_duration(setup, duration)
+    task = setup, duration
+    recording, judged = setup.recording(), _judged(setup)
+    coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
+    with coarser or nullcontext():
+        outcome = (early.outcome(task) if early else None) or run_task(task)
+        samples = outcome.vectors()
+        errors = coarser.errors(recording.columns(samples, judged)) if coarser else None
+    window = Window(samples["time"], driver.period, uniform=driver.uniform)
+    measured = _Measurement(window, samples, driver)
+    ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
+    budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
+    power = measured.power("pin", "a") + measured.power("pin", "b")
+    torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
+    currents = measured.supply_currents()
+    report = DriveReport(
+        motor=motor.to_dict(),
+        driver=driver.to_dict(),
+        run={
+            "duration_s": duration,
+            **setup.to_dict(),
+            "uniform_steps": driver.uniform,
+            "averaged_periods": window.periods,
+            "deck_sha256": outcome.deck_sha256,
+        },
+        outputs=ports["out"],
+        groups=ports["pin"],
+        supply_power_w=sum(budget.put_in for budget in budgets),
+        gate_power_w=sum(budget.feed for budget in budgets),
+        supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
+        supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
+        losses_w={name: loss for budget in budgets for name, loss in budget.losses.items()},
+        stored_power_w=sum(budget.stored for budget in budgets),
+        motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
+        shaft_power_w=window.mean(torque * samples["v(shaft)"]),
+        mean_torque_n_m=window.mean(torque),
+        mean_torque_error_n_m=errors.torque_n_m if errors else None,
+        mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
+        settling=window.settling(power),
+        to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
+        maxima=maxima(motor, driver, samples),
+        switching=turn_ons(driver, samples, window),
+        edge=edge_waveforms(driver, samples),
+        design=design,
+        waveforms=measured.waveforms(),
+        solver_seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        deck=outcome.deck,
+        ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
+    )
+    runs = [report.maxima]
+    if events:
+        found = driver_events(setup, _vectors(setup))
+        report = replace(report, events=found, event_faults=event_cautions(setup, found))
+        runs += found.values()
+    peaks = {group: float(report.maxima[f"voltage_{group}_v"]) for group in GROUPS}
+    if design:
+        reached = None if speed is not None else report.mean_rotor_speed_rad_s
+        loads = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
+        most = {group: max(float(run[f"voltage_{group}_v"]) for run in runs) for group in GROUPS}
+        report = replace(report, design=design.ran(loads, reached, most, motor))
+    report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
+    reactive = sum(port.apparent_power_va for port in report.groups.values())
+    findings = audit_power(report.power_in_w, report.power_found_w, reactive)
+    if setup.law:
+        findings += audit_contact(motor.contact.friction, samples["v(xmotor.normal)"], samples["v(xmotor.friction)"])
+    audited = Audit(findings)
+    if audit:
+        audited.withhold("report")
+    return replace(report, audit=audited)
+
+
+def begin_early(
+    early: EarlyRun[Task, Outcome], motor: Motor, driver: Driver, duration: float | None = None, **settings: Any
+) -> None:
+    """Begin the run of a driver whose design is still being checked, if it has switching edges.
+
+    The time of another run follows from the design. The arguments are those of :func:`drive_report`.
+
+    Raises:
+        ParameterError: for an invalid value.
+    """
+    if driver.switched:
+        task = OperatingPoint.of(motor, driver, **settings), _SHORTEST if duration is None else duration
+        _check_duration(*task)
+        early.begin(task)
+
+
+def run_task(task: Task, progress: Callable[[float], object] | None = None) -> Outcome:
+    """Run an operating point for a time in s; ``progress`` is called several times a second."""
+    setup, duration = task
+    return setup.run(duration, _vectors(setup), progress=progress)
+
+
+def _vectors(setup: OperatingPoint) -> list[str]:
+    """Return the vectors of a run from which a report is made."""
+    driver = setup.source
+    assert isinstance(driver, Driver)
+    names = [*_saved(driver, contact=setup.law is not None), *modal_vectors(setup.motor), *load_vectors(driver)]
+    names += setup.recording().vectors(_judged(setup))
+    return list(dict.fromkeys([*names, *switching_vectors(driver)]))
+
+
+def _judged(setup: OperatingPoint) -> tuple[str, ...]:
+    """Return the columns by which the error of the step is estimated; without a contact there is no torque."""
+    return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
+
+
+def _driver_of(design: Design) -> Driver:
+    """Return the driver of a design. Raise ParameterError with the reason if it has none."""
+    if design.driver is None:
+        raise ParameterError(f"There is no driver to be run. {design.reason}")
+    return design.driver
+
+
+def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
+    """Return the time in s of the run of a design.
+
+    A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
+    take long, it begins to.
+    """
+    if _driver_of(design).switched:
+        return _SHORTEST
+    points = design.points or design.unmatched
+    target = next(point for point in points if point.state == OPERATING)
+    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(load_torque)
+    time = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
+    return min(max(_SHORTEST, time + 0.5 * motor.decay_s), _LONGEST)
+
+
+def _check_duration(setup: OperatingPoint, duration: float) -> None:
+    """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
+    least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
+    if not least <= duration <= most:
+        raise ParameterError(
+            f"duration = {duration:g} s is not valid: it must be from {least:.3g} s, ten periods of the driver, to "
+            f"{most:.3g} s, so that the points fit in memory."
+        )
+
+
+def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
+    """Return the expected further relative change of the means of signals and of a free rotor's speed."""
+    motor, time = setup.motor, samples["time"]
+    friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n
+    least = {"motor_power_w": 0.0, "mean_torque_n_m": SMALL_TORQUE * friction, "mean_rotor_speed_rad_s": ROUNDING_RAD_S}
+    if setup.load.speed is None:
+        signals = {**signals, "mean_rotor_speed_rad_s": samples["v(shaft)"]}
+    window = Window(time, setup.source.period)
+    found = {}
+    for name, values in signals.items():
+        change = change_to_come(time, values, setup.source.period, motor.decay_s)
+        scale = abs(window.mean(values)) + least[name]
+        found[name] = change / scale if isfinite(change) and scale > 0.0 else None
+    return found
+
+
+@dataclass(frozen=True)
+class _Budget:
+    """Mean powers in W of the channel of one group."""
+
+    put_in: float  # power of its supplies
+    losses: dict[str, float]  # ``PART_GROUP.DEVICE`` → loss
+    feed: float  # power of the gate drivers
+    stored: float  # rate of the stored energy
+
+
+@dataclass(frozen=True)
+class _Measurement:
+    """Voltages, currents and powers of a driver over the window of a run.
+
+    A place is ``"out"``, the output of a stage, or ``"pin"``, the pin of a group.
+    """
+
+    window: Window
+    samples: dict[str, Array]
+    driver: Driver
+
+    def voltage(self, place: str, group: str) -> Array:
+        """Return the voltage at a place."""
+        if place == "pin":
+            return self.samples[f"v({group})"]
+        back = self.samples[f"v(return_{group})"] if self.driver.kind == "full-bridge" else 0.0
+        return self.samples[f"v(line_{group})"] - back
+
+    def current(self, place: str, group: str) -> Array:
+        """Return the current at a place."""
+        return self.samples[f"i(v{place}_{group})"]
+
+    def power(self, place: str, group: str) -> Array:
+        """Return the power that passes through a place."""
+        return self.voltage(place, group) * self.current(place, group)
+
+    def port(self, place: str, group: str) -> Port:
+        """Return the means and harmonics at a place."""
+        window, voltage, current = self.window, self.voltage(place, group), self.current(place, group)
+        volts, amperes = window.harmonics(voltage), window.harmonics(current)
+        rms_v, rms_a = window.rms(voltage), window.rms(current)
+        power = window.mean(voltage * current)
+        complex_power = 0.5 * volts[0] * amperes[0].conjugate()
+        impedance = volts[0] / amperes[0] if abs(amperes[0]) else complex(0.0)
+        return Port(
+            voltage_peak_v=float(np.abs(window.cut(voltage)).max()),
+            voltage_rms_v=rms_v,
+            current_peak_a=float(np.abs(window.cut(current)).max()),
+            current_rms_a=rms_a,
+            real_power_w=power,
+            reactive_power_var=float(complex_power.imag),
+            apparent_power_va=rms_v * rms_a,
+            power_factor=_quotient(power, rms_v * rms_a),
+            displacement_factor=_quotient(float(complex_power.real), float(abs(complex_power))),
+            voltage_thd=_distortion(volts),
+            current_thd=_distortion(amperes),
+            slew_rate_v_per_s=window.slew_rate(voltage),
+            resistance_ohm=float(impedance.real),
+            reactance_ohm=float(impedance.imag),
+            harmonics=tuple(
+                Harmonic(order, order / window.period, abs(u), degrees(phase(u)), abs(i), degrees(phase(i)))
+                for order, (u, i) in enumerate(zip(volts.tolist(), amperes.tolist(), strict=True), start=1)
+            ),
+        )
+
+    def budget(self, group: str, output_w: float) -> _Budget:
+        """Return the powers of the channel of a group whose stage delivers a power.
+
+        The header of the user's own stage may have no ``LOSS`` lines. Its loss is then the difference of supply and
+        output power, which is negative if the stage has sources of its own.
+        """
+        parts = self.driver.parts(group)
+        losses = {
+            f"{part.label}_{group}.{name}": self._mean(part, "loss", name)
+            for part in parts
+            for name, _ in part.library.losses
+        }
+        feeds = [sum(self._mean(part, "feed", name) for name, _ in part.library.feeds) for part in parts]
+        stored = [sum(self._growth(part, name) for name, _ in part.library.stores) for part in parts]
+        inside = stored[0] - feeds[0] if self.driver.own else 0.0  # of the user's own stage, besides its losses
+        if not self.driver.supplied:
+            lost = sum(loss for name, loss in losses.items() if self.driver.own and name.startswith("driver_"))
+            return _Budget(output_w + lost + inside, losses, sum(feeds), sum(stored))
+        put_in = sum(
+            self.window.mean(-self.samples[f"v({rail}_{group})"] * self.samples[f"i(v{rail}_{group})"])
+            for rail in RAILS
+            if f"i(v{rail}_{group})" in self.samples
+        )
+        if self.driver.own and not parts[0].library.losses:
+            losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
+        return _Budget(put_in, losses, sum(feeds), sum(stored))
+
+    def supply_currents(self) -> dict[str, Array]:
+        """Return the currents that the rails deliver, both groups together."""
+        found: dict[str, Array] = {}
+        for group in GROUPS:
+            for rail, name in zip(RAILS, ("positive", "negative"), strict=True):
+                if f"i(v{rail}_{group})" in self.samples:
+                    found[name] = found.get(name, 0.0) - self.samples[f"i(v{rail}_{group})"]
+        return found
+
+    def waveforms(self) -> dict[str, Array]:
+        """Return voltages and currents of both groups over the window."""
+        columns = {"time_s": self.window.time}
+        for group in GROUPS:
+            for place, name in (("out", f"output_{group}"), ("pin", f"group_{group}")):
+                columns[f"{name}_v"] = self.window.cut(self.voltage(place, group))
+                columns[f"{name}_a"] = self.window.cut(self.current(place, group))
+        return columns
+
+    def _mean(self, part: Part, kind: str, name: str) -> float:
+        return self.window.mean(self.samples[part.power_vector(kind, name)])
+
+    def _growth(self, part: Part, name: str) -> float:
+        energy = self.window.cut(self.samples[part.power_vector("store", name)])
+        return 1e-6 * float(energy[-1] - energy[0]) / self.window.length
+
+
+def _distortion(phasors: NDArray[np.complex128]) -> float:
+    return _quotient(float(np.linalg.norm(phasors[1:])), float(abs(phasors[0])))
+
+
+def _quotient(above: float, below: float) -> float:
+    return above / below if below else 0.0
+
+
+def _saved(driver: Driver, *, contact: bool) -> list[str]:
+    names = ["v(shaft)", *(["v(xmotor.friction)", "v(xmotor.normal)"] if contact else [])]
+    for group in GROUPS:
+        names += [f"v({group})", f"i(vpin_{group})", f"v(line_{group})", f"i(vout_{group})"]
+        if driver.kind == "full-bridge":
+            names.append(f"v(return_{group})")
+        if driver.kind != "ideal":
+            rails = [rail for rail, volts in zip(RAILS, driver.rails(group), strict=True) if volts]
+            names += [item for rail in rails for item in (f"v({rail}_{group})", f"i(v{rail}_{group})")]
+        for part in driver.parts(group):
+            names += part.power_vectors
+    return names

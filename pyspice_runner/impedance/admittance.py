@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The stator's electrical two-port, from ngspice's AC analysis, and the equivalent circuit of each mode.
+
+.. math::
+    \begin{pmatrix} i_A \\ i_B \end{pmatrix} =
+    \begin{pmatrix} Y_{AA} & Y_{AB} \\ Y_{BA} & Y_{BB} \end{pmatrix}
+    \begin{pmatrix} U_A \\ U_B \end{pmatrix}
+
+:mod:`.spectrum` defines the connections of the groups. In the preloaded state the contact is linearised at its
+operating point, where the tip sticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from math import exp, inf, pi, sqrt
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, linear_sum_assignment
+
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.impedance.spectrum import COUPLING, Connection, State, band_of, columns_of, connect
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.parameters import Mode
+from pyspice_runner.motor.recoil import modes_on_carrier
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.solid.residual_modes import with_outside_modes
+from pyspice_runner.result import Audit, Result
+from pyspice_runner.run.audit import audit_two_port
+from pyspice_runner.run.kernel import Outcome, run_bench
+from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_port_bench
+from pyspice_runner.units import engineering
+
+_ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
+_ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
+_TAILS = 1.0  # of the zoom: modes nearer than that have an arm of their own; the tails of others are a cubic
+_MOST_POINTS = 1_000_000
+
+_Sweep = Callable[[float, float, int], Outcome]  # first and last frequency, number of points
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One mode seen through one connection of the groups."""
+
+    mode: str  # name of the mode
+    fs: float  # frequency of greatest conductance, Hz
+    fp: float  # frequency of greatest resistance, Hz
+    fm: float | None  # frequency of greatest |Y|, Hz; ``None`` if the clamped capacitance masks it
+    fn: float | None  # frequency of least |Y|, Hz; ``None`` likewise
+    coupling_factor: float  # k_eff = √(1 − (fs/fp)²)
+    quality_factor: float  # Qm = √(L/C)/R of the motional arm
+    resistance_ohm: float  # motional resistance R
+    inductance_h: float  # motional inductance L
+    capacitance_f: float  # motional capacitance C
+
+
+@dataclass(frozen=True, repr=False)
+class Admittance(Result):
+    """The two-port over frequency.
+
+    Attributes:
+        frequency_hz: frequencies, shape (points,).
+        matrix_s: admittance matrix in S, shape (points, 2, 2); [.., 0, 1] is the current into A per volt on B.
+        state: ``"free"`` or ``"preloaded"``.
+        normal_force_n: normal force at ngspice's operating point; 0 when free.
+        resonances: connection → its resonances by rising frequency, without modes that the connection does not drive or
+            that neighbours mask.
+        ngspice_version: version of ngspice.
+        motor: the motor, JSON-ready.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        deck: netlist of the sweep.
+        unknown: one sentence for each mode whose recoil on the carrier is not known and may shift it.
+    """
+
+    frequency_hz: NDArray[np.float64]
+    matrix_s: NDArray[np.complex128]
+    state: State
+    normal_force_n: float
+    resonances: dict[str, tuple[Resonance, ...]]
+    ngspice_version: str
+    motor: dict[str, Any] = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+    deck: str | None = field(default=None, repr=False)
+    unknown: tuple[str, ...] = ()
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, and what is not known of the motor."""
+        return (*self.audit.findings, *self.unknown)
+
+    def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
+        """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""
+        return connect(self.matrix_s, connection)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return state, operating point and resonances, JSON-ready."""
+        return {
+            **self._entries("motor", "state"),
+            **band_of(self.frequency_hz),
+            "operating_point_normal_force_n": self.normal_force_n,
+            **self._entries("resonances", "ngspice_version", "audit", "cautions"),
+        }
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Return the frequency and the real and imaginary parts of the matrix, as in the CSV."""
+        return columns_of(self.frequency_hz, self.matrix_s)
+
+    def summary(self) -> dict[str, str]:
+        """Return motor, state, band, and the equivalent circuit of each mode for each connection."""
+        low, high = (engineering(float(self.frequency_hz[place]), "Hz") for place in (0, -1))
+        found = {"motor": str(self.motor["name"]), "state": self.state, "band": f"{low} to {high}"}
+        for connection, resonances in self.resonances.items():
+            for item in resonances:
+                arm = ((item.resistance_ohm, "Ω"), (item.inductance_h, "H"), (item.capacitance_f, "F"))
+                values = [engineering(*value) for value in ((item.fs, "Hz"), (item.fp, "Hz"), *arm)]
+                factors = f"k_eff {item.coupling_factor:.3g}, Qm {item.quality_factor:.4g}"
+                found[f"{item.mode}, driven as {connection}"] = f"fs, fp, R, L, C {', '.join(values)}, {factors}"
+        return found
+
+
+@checked
+@one_thread
+def admittance(
+    motor: Motor,
+    *,
+    start: float = 5e3,
+    stop: float = 100e3,
+    points: int = 2000,
+    state: State = "free",
+    timeout: float | None = None,
+    audit: bool = True,
+) -> Admittance:
+    """Compute the two-port admittance by ngspice's AC analysis, and the equivalent circuit of every mode in range.
+
+    That of a ``[solid]`` also has the modes computed outside the motor's range whose currents count.
+
+    Args:
+        motor: the motor.
+        start: first frequency in Hz.
+        stop: last frequency in Hz.
+        points: number of frequencies, evenly spaced.
+        state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
+        timeout: wall-time limit in s of each ngspice run.
+        audit: whether an admittance that is not passive is an error. If not, ``audit`` of the result has the findings.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails, or the operating point is not the preload.
+    """
+    if not 0.0 < start < stop <= 1e9:
+        raise ParameterError(
+            f"start = {start:g} Hz and stop = {stop:g} Hz are not valid: give 0 Hz < start < stop ≤ 1e9 Hz."
+        )
+    if not 3 <= points <= _MOST_POINTS:  # of two points, ngspice returns only the first
+        raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
+    motor = with_outside_modes(motor)
+    preloaded = state == "preloaded"
+    bench = two_port_bench(motor, preloaded=preloaded)
+    normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0
+    sweep = partial(sweep_two_port, bench, timeout)
+    outcome = sweep(start, stop, points)
+    frequency, matrix = two_port(outcome)
+    audited = Audit(audit_two_port(frequency, matrix))
+    if audit:
+        audited.withhold("result")
+    near = [
+        (item, _zoom(sweep, item.frequency_hz, item.bandwidth_hz))
+        for item in _expected(motor, preloaded)
+        if start < item.frequency_hz < stop
+    ]
+    resonances = {
+        connection: _resonances(sweep, motor, [pair for pair in near if _drives(connection, pair[0].mode)], connection)
+        for connection in get_args(Connection)
+    }
+    version, deck = outcome.ngspice_version, outcome.deck
+    document = motor.to_dict()
+    return Admittance(
+        frequency, matrix, state, normal_force, resonances, version, document, audited, deck, motor.cautions
+    )
+
+
+def _drives(connection: Connection, mode: Mode) -> bool:
+    """Whether a connection of the groups drives a mode; forces that cancel within round-off do not."""
+    shares = np.array(COUPLING[connection]) * (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v)
+    return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
+
+
+def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float:
+    """Return the normal force at ngspice's operating point, checked to be the preload."""
+    node = "v(xmotor1.normal)"
+    found = run_bench(bench, [node], timeout, "operating_point", {}).last()[node]
+    preload = motor.contact.preload_n
+    if abs(found - preload) > 1e-6 * preload:
+        raise SimulationError(
+            f"ngspice's operating point has a normal force of {found:.6g} N instead of the preload of {preload:.6g} N; "
+            "the contact cannot be linearised there."
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Expected:
+    """A mode, where its resonance is expected and how wide it is."""
+
+    mode: Mode
+    frequency_hz: float
+    bandwidth_hz: float
+
+
+def _expected(motor: Motor, preloaded: bool) -> list[_Expected]:
+    """Return every mode with its expected resonance."""
+    modes = modes_on_carrier(motor.modes, motor.mount)
+    bandwidth = [mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi) for mode in modes]
+    if not preloaded:
+        return [_Expected(mode, mode.frequency_hz, width) for mode, width in zip(modes, bandwidth, strict=True)]
+    # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
+    frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    normal = contact_law.normal_stiffness_at_preload(motor.contact)
+    tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
+    alone = [  # under preload, without the other modes
+        sqrt((mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2) / mode.mass_kg) / (2.0 * pi)
+        for mode in modes
+    ]
+    places = linear_sum_assignment(np.abs(np.subtract.outer(alone, frequencies)))[1]
+    found = zip(modes, frequencies[places].tolist(), bandwidth, strict=True)
+    return [_Expected(*each) for each in found]
+
+
+def _resonances(
+    sweep: _Sweep, motor: Motor, near: Sequence[tuple[_Expected, Swept]], connection: Connection
+) -> tuple[Resonance, ...]:
+    """Return characteristic frequencies and motional arms of the modes that a connection drives; sweep antiresonances.
+
+    A mode that its neighbours mask, so that it has no maximum of its own or no arm of positive resistance fits, is left
+    out.
+    """
+    found = []
+    for item, (frequency, matrix) in near:
+        y = connect(matrix, connection)
+        fs = _local_peak(frequency, y.real, item.frequency_hz)
+        others = [other for other, _ in near if other is not item]
+        away = min((abs(fs - other.frequency_hz) for other in others), default=inf) if fs is not None else 0.0
+        if fs is None or abs(fs - item.frequency_hz) > away:  # it is the maximum of another mode
+            continue
+        arm = _motional_arm(frequency, y, fs, item.bandwidth_hz, others)
+        if arm.resistance_ohm > 0.0:
+            found.append((item, frequency, y, fs, arm))
+    if not found:
+        return ()
+    found.sort(key=lambda each: each[3])
+    weight_a, weight_b = COUPLING[connection]
+    piezo = motor.piezo
+    clamped = weight_a**2 * piezo.capacitance_a_f + weight_b**2 * piezo.capacitance_b_f
+    clamped -= 2.0 * weight_a * weight_b * piezo.capacitance_ab_f
+    circuit = EquivalentCircuit(tuple(each[4] for each in found), clamped, 0.0, found[0][3])
+    resonances = []
+    for (item, frequency, y, fs, arm), pole in zip(found, circuit.antiresonances(), strict=True):
+        expected = abs(pole) / (2.0 * pi)
+        frequency_anti, matrix = _zoom(sweep, expected, item.bandwidth_hz)
+        y_anti = connect(matrix, connection)
+        fp = _local_peak(frequency_anti, (1.0 / y_anti).real, expected)
+        if fp is not None and fp > fs:
+            resonances.append(
+                Resonance(
+                    mode=item.mode.name,
+                    fs=fs,
+                    fp=fp,
+                    fm=_local_peak(frequency, np.abs(y), fs),
+                    fn=_local_peak(frequency_anti, -np.abs(y_anti), fp),
+                    coupling_factor=sqrt(1.0 - (fs / fp) ** 2),
+                    quality_factor=arm.quality_factor,
+                    **asdict(arm),
+                )
+            )
+    return tuple(resonances)
+
+
+def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> Swept:
+    """Return frequencies (Hz) within some bandwidths of a centre, and the admittance matrices there."""
+    low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
+    return two_port(sweep(low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS))
+
+
+def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    """Return the frequency of the greatest value, refined by a parabola through its neighbours."""
+    index = int(np.argmax(values))
+    if index in (0, len(values) - 1):
+        return float(frequency[index])
+    left, middle, right = values[index - 1 : index + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(frequency[index] + shift * (frequency[1] - frequency[0]))
+
+
+def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], expected: float) -> float | None:
+    """Return the frequency of the local maximum nearest to the expected one; ``None`` without a maximum."""
+    inner = slice(1, -1)
+    peaks = np.flatnonzero((values[inner] > values[:-2]) & (values[inner] >= values[2:])) + 1
+    if not len(peaks):
+        return None
+    index = int(peaks[np.argmin(np.abs(frequency[peaks] - expected))])
+    near = slice(index - 1, index + 2)
+    return _peak(frequency[near], values[near])
+
+
+def _motional_arm(
+    frequency: NDArray[np.float64],
+    y: NDArray[np.complex128],
+    fs: float,
+    bandwidth: float,
+    others: Sequence[_Expected],
+) -> MotionalArm:
+    """Fit one arm, those of its neighbours, and a smooth background, which enters linearly."""
+    near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
+    # the background has complex coefficients; the part outside the span of its columns is the residual
+    background, _ = np.linalg.qr(np.vander(frequency / fs - 1.0, 4) * near[:, None])
+    reach = _TAILS * (frequency[-1] - frequency[0])
+    seen = [other for other in others if abs(other.frequency_hz - fs) < reach]
+    centres = np.array([fs, *(other.frequency_hz for other in seen)])
+    widths = np.array([bandwidth, *(other.bandwidth_hz for other in seen)])
+
+    def outside(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return values - background @ (background.T @ values)
+
+    def parts(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+        return np.concatenate([values.real, values.imag])
+
+    target = parts(outside(y * near))
+
+    def split(parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        shifts, logarithms = parameters.reshape(2, -1)
+        ratio = frequency[:, None] / (centres * (1.0 + shifts))
+        columns = near[:, None] / (1.0 + 1j * np.exp(logarithms) * (ratio - 1.0 / ratio))
+        arms = parts(outside(columns))
+        conductances = np.asarray(np.linalg.lstsq(arms, target, rcond=None)[0], dtype=np.float64)
+        return conductances, target - arms @ conductances
+
+    def residual(parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        return split(parameters)[1] / float(np.abs(y).max())
+
+    start = np.concatenate([np.zeros(len(centres)), np.log(centres / widths)])
+    scale = np.concatenate([widths / centres, np.ones(len(centres))])
+    found = least_squares(residual, start, x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    shift, logarithm = found.x.reshape(2, -1)[:, 0].tolist()
+    omega, quality = 2.0 * pi * fs * (1.0 + shift), exp(logarithm)
+    resistance = 1.0 / float(split(found.x)[0][0])
+    return MotionalArm(resistance, quality * resistance / omega, 1.0 / (omega * quality * resistance))

@@ -1,0 +1,444 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Comparison of measured spectra with a motor or another spectrum, mode by mode.
+
+Both are fitted (:mod:`.fit`); modes with the closest frequencies and motional capacitances are paired. A deviation is
+the measured over the reference value less one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import hypot, inf, isfinite, sqrt
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.files import write_rows
+from pyspice_runner.impedance.admittance import admittance
+from pyspice_runner.impedance.fit import FittedArm, SpectrumFit, fit_spectrum
+from pyspice_runner.impedance.identify.descent import rms
+from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.result import Result
+from pyspice_runner.units import engineering
+
+if TYPE_CHECKING:
+    import pandas
+
+_VALUES = {  # quantity of a mode → attribute of a fitted arm
+    "frequency": "series_resonance_hz", "quality_factor": "quality_factor",
+    "coupling_factor": "characteristics.coupling_factor", "resistance": "resistance_ohm",
+}  # fmt: skip
+_DRIFTING: dict[str, dict[str, float]] = {  # quantity → powers of an arm's values
+    "frequency": {"series_resonance_hz": 1.0},
+    "quality_factor": {"quality_factor": 1.0},
+    "coupling": {"series_resonance_hz": 1.0, "capacitance_f": 0.5},
+}
+_FARTHEST = 0.2  # largest relative distance of the frequencies of one mode
+_MODEL_POINTS = 2000
+
+
+@dataclass(frozen=True)
+class ModeDeviation:
+    """One mode of the reference and its measured values."""
+
+    mode: int  # number of the mode in the reference, from 1
+    reference: dict[str, float]  # frequency (Hz), quality factor, coupling factor, resistance (Ω) of the reference
+    measured: dict[str, float] | None  # the same as measured; ``None`` if the mode is missing
+    standard_errors: dict[str, float | None]  # of ``measured``; ``None`` if not determined
+    deviations: dict[str, float]  # measured over reference less one
+    deviation_errors: dict[str, float | None]  # their standard errors, from both fits; ``None`` if not determined
+
+
+class _Tabulated(Result):
+    """A result with a table of texts."""
+
+    def rows(self) -> list[list[str]]:
+        """Return the table: a header, then the rows."""
+        raise NotImplementedError
+
+    def writers(self) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending: ``.json`` and ``.csv`` (:meth:`rows`)."""
+        return {**super().writers(), ".csv": lambda file: write_rows(file, self.rows())}
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return :meth:`rows` as a pandas table."""
+        import pandas
+
+        header, *rows = self.rows()
+        return pandas.DataFrame(rows, columns=header).apply(
+            lambda column: column if column.name == "spectrum" else pandas.to_numeric(column)
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(_Tabulated):
+    """A spectrum against a reference."""
+
+    # names that a tolerance may have.
+    QUANTITIES: ClassVar = (*_VALUES, "clamped_capacitance")
+    # quantities of a tolerance without a name; a resistance follows from the others.
+    JUDGED: ClassVar = ("frequency", "quality_factor", "coupling_factor", "clamped_capacitance")
+
+    measured: SpectrumFit  # the spectrum's fit
+    reference: SpectrumFit  # the reference's fit
+    modes: tuple[ModeDeviation, ...]  # the reference's modes in the common band, by rising frequency
+    extra_hz: tuple[float, ...]  # frequencies of measured modes that the reference does not have
+    clamped_capacitance_deviation: float  # measured over reference less one
+    clamped_capacitance_deviation_error: float | None  # its standard error; ``None`` if not determined
+    rms_deviation: float  # root mean square of |Y/Y_reference − 1| over the common band
+    cautions: tuple[str, ...] = ()  # limits of the deviations
+
+    def deviations(self) -> dict[tuple[str, int | None], float]:
+        """Return quantity and mode → deviation; infinite for a missing mode."""
+        found: dict[tuple[str, int | None], float] = {
+            (name, item.mode): item.deviations.get(name, inf) for item in self.modes for name in self.QUANTITIES[:-1]
+        }
+        return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation}
+
+    def errors(self) -> dict[tuple[str, int | None], float | None]:
+        """Return quantity and mode → standard error of the deviation, from both fits; ``None`` if not determined."""
+        found: dict[tuple[str, int | None], float | None] = {
+            (name, item.mode): item.deviation_errors.get(name) for item in self.modes for name in self.QUANTITIES[:-1]
+        }
+        return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation_error}
+
+    def outside(self, tolerances: Mapping[str, float]) -> tuple[str, ...]:
+        """Return the deviations outside of tolerances, one sentence each, with their standard errors.
+
+        Args:
+            tolerances: quantity (of ``QUANTITIES``) → limit of the magnitude of its relative deviation.
+        """
+        said = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
+        errors = self.errors()
+        for (name, mode), deviation in self.deviations().items():
+            limit = tolerances.get(name, inf)
+            if isfinite(deviation) and abs(deviation) > limit:
+                where = "" if mode is None else f" of mode {mode}"
+                error = errors[name, mode]
+                near = error is not None and abs(deviation) - error <= limit
+                said.append(
+                    f"The {name.replace('_', ' ')}{where} is off by {_percent(deviation, error, told=False)}; "
+                    f"the limit is {100.0 * limit:.3g} %{', within the error' if near else ''}."
+                )
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison JSON-ready."""
+        return {
+            "measured": self.measured.source,
+            "reference": self.reference.source,
+            **self._entries("modes", "extra_hz"),
+            "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
+            **self._entries("clamped_capacitance_deviation", "clamped_capacitance_deviation_error", "rms_deviation"),
+            **self._entries("cautions"),
+        }
+
+    def rows(self) -> list[list[str]]:
+        """Return the table: a header, then one row for each mode."""
+        return Trend((self,), (1.0,)).rows()
+
+    def summary(self) -> dict[str, str]:
+        """Return both sources, the RMS deviation and the deviations of each mode."""
+        found = {
+            "measured": self.measured.source,
+            "reference": self.reference.source,
+            "RMS deviation": f"{100.0 * self.rms_deviation:.3g} %",
+            "clamped capacitance": _percent(
+                self.clamped_capacitance_deviation, self.clamped_capacitance_deviation_error
+            ),
+        }
+        for item in self.modes:
+            errors = item.deviation_errors
+            shown = (
+                f"{name.replace('_', ' ')} {_percent(value, errors[name])}" for name, value in item.deviations.items()
+            )
+            frequency = engineering((item.measured or {}).get("frequency"), "Hz")
+            found[f"mode {item.mode}"] = ", ".join((frequency, *shown)) if item.measured else "missing"
+        if self.extra_hz:
+            found["further modes"] = ", ".join(engineering(frequency, "Hz") for frequency in self.extra_hz)
+        return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trend(_Tabulated):
+    """Comparisons of many spectra with one reference, in their order."""
+
+    comparisons: tuple[Comparison, ...]  # one for each spectrum
+    at: tuple[float, ...]  # condition of each spectrum, such as a temperature or an age; by default its number from 1
+    label: str = "number of the spectrum"  # name and unit of ``at``
+
+    def drifts(self) -> list[dict[str, Any]]:
+        r"""Return the change of each quantity with ``at``: the slope of its logarithm over all spectra.
+
+        Over temperature, the slopes of ``frequency``, ``coupling`` (θ, in proportion to f √C) and
+        ``clamped_capacitance`` are the drifts of :class:`~pyspice_runner.motor.thermal.Thermal`; over the drive level,
+        those of ``frequency`` and ``quality_factor`` are the softening and the losses of the ceramic. Weighted least
+        squares; the errors of the fits, or the scatter about the line if it is greater, give the standard error.
+
+        Returns:
+            For each mode and quantity ``mode``, ``quantity``, ``slope`` and ``standard_error`` per unit of ``at``; an
+            empty list for fewer than three spectra.
+        """
+        found: list[dict[str, Any]] = []
+        at = np.array(self.at)
+        if len(at) < 3 or float(np.ptp(at)) == 0.0:
+            return found
+        for number, first in enumerate(self.comparisons[0].modes):
+            modes = [item.modes[number] for item in self.comparisons]
+            if any(mode.measured is None for mode in modes):
+                continue
+            arms = [
+                min(item.measured.arms, key=lambda arm: abs(arm.series_resonance_hz - mode.measured["frequency"]))  # type: ignore[index]
+                for item, mode in zip(self.comparisons, modes, strict=True)
+            ]
+            errors = [arm.standard_errors for arm in arms]
+            for name, powers in _DRIFTING.items():
+                found.append({"mode": first.mode, "quantity": name, **_slope(at, arms, errors, powers)})
+        circuits = [item.measured.circuit for item in self.comparisons]
+        errors = [item.measured.standard_errors for item in self.comparisons]
+        slope = _slope(at, circuits, errors, {"clamped_capacitance_f": 1.0})
+        return [*found, {"mode": None, "quantity": "clamped_capacitance", **slope}]
+
+    def rows(self) -> list[list[str]]:
+        """Return the table: a header, then one row for each spectrum and mode."""
+        names = Comparison.QUANTITIES
+        header = ["spectrum", "at", "mode", "frequency_hz", "quality_factor", "coupling_factor", "resistance_ohm"]
+        header += ["clamped_capacitance_f", *(f"{name}_deviation" for name in names), "rms_deviation"]
+        header += [f"{name}_deviation_error" for name in names]
+        rows = [header]
+        for item, at in zip(self.comparisons, self.at, strict=True):
+            capacitance = {"clamped_capacitance": item.measured.circuit.clamped_capacitance_f}
+            for mode in item.modes:
+                values = (mode.measured or {}) | capacitance
+                deviations = mode.deviations | {"clamped_capacitance": item.clamped_capacitance_deviation}
+                cells = [f"{values[name]:.9g}" if name in values else "" for name in names]
+                cells += [f"{deviations[name]:.6g}" if name in deviations else "" for name in names]
+                cells.append(f"{item.rms_deviation:.6g}")
+                errors = mode.deviation_errors | {"clamped_capacitance": item.clamped_capacitance_deviation_error}
+                cells += ["" if errors.get(name) is None else f"{errors[name]:.3g}" for name in names]
+                rows.append([item.measured.source, f"{at:g}", str(mode.mode), *cells])
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all comparisons JSON-ready."""
+        return {
+            "reference": self.comparisons[0].reference.source,
+            **self._entries("at", "label", "comparisons"),
+            "drifts": self.drifts(),
+        }
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The cautions of all comparisons, each once."""
+        return tuple(dict.fromkeys(text for item in self.comparisons for text in item.cautions))
+
+    def summary(self) -> dict[str, str]:
+        """Return the reference, the number of spectra and the deviations of each."""
+        found = {"reference": self.comparisons[0].reference.source, "spectra": str(len(self.comparisons))}
+        for item, at in zip(self.comparisons, self.at, strict=True):
+            entries = item.summary()
+            found[f"{self.label} {at:g}"] = entries.pop("measured")
+            found |= {f"{name} at {at:g}": text for name, text in entries.items() if name != "reference"}
+        return found
+
+
+def _slope(
+    at: NDArray[np.float64],
+    items: Sequence[object],
+    errors: Sequence[Mapping[str, float | None]],
+    powers: Mapping[str, float],
+) -> dict[str, float]:
+    """Return the slope of the logarithm of a product of powers of values, and its standard error."""
+    values = np.array([[getattr(item, key) for key in powers] for item in items])
+    deviations = np.array([[error[key] or 0.0 for key in powers] for error in errors])
+    power = np.array(list(powers.values()))
+    deviation = np.maximum(np.linalg.norm(power * deviations / values, axis=1), 1e-12)
+    system = np.column_stack([np.ones_like(at), at]) / deviation[:, None]
+    scaled = np.log(values) @ power / deviation
+    solution = np.linalg.lstsq(system, scaled, rcond=None)[0]
+    scatter = float(np.sum((system @ solution - scaled) ** 2)) / (len(at) - 2)
+    variance = np.linalg.inv(system.T @ system)[1, 1] * max(scatter, 1.0)
+    return {"slope": float(solution[1]), "standard_error": float(np.sqrt(variance))}
+
+
+@checked
+def compare(
+    measured: Spectrum | Sequence[Spectrum],
+    reference: Spectrum | Motor,
+    *,
+    modes: int | None = None,
+    connection: Connection = "A",
+    state: State = "free",
+    leads: bool | tuple[float, float] = True,
+    noise: Mapping[str, float] | None = None,
+    timeout: float | None = None,
+    at: Sequence[float] | NDArray[np.float64] | None = None,
+    label: str = "",
+    progress: Callable[[int, int], object] | None = None,
+) -> Trend:
+    """Compare one or many spectra with a motor or another spectrum.
+
+    Args:
+        measured: the spectra.
+        reference: a spectrum, or a motor whose admittance ngspice computes over the measured band.
+        modes: number of modes to fit; by default selected for each spectrum.
+        connection: connection of the groups, of a motor and of two-ports.
+        state: ``"free"`` or ``"preloaded"``, of a motor.
+        leads: as of :func:`fit_spectrum`; not for a motor.
+        noise: as of :func:`fit_spectrum`; not for a motor.
+        timeout: time limit of the fit of a spectrum in s.
+        at: condition of each spectrum, such as a temperature or an age.
+        label: name and unit of ``at``.
+        progress: callback with the number of the next spectrum and their count, including the reference.
+
+    Raises:
+        ParameterError: for an invalid argument.
+        SimulationError: if ngspice fails to compute a motor's admittance.
+        SpectrumError: if a spectrum cannot be fitted, or has no band in common with the reference.
+    """
+    spectra = [measured] if isinstance(measured, Spectrum) else list(measured)
+    if not spectra:
+        raise ParameterError("There is nothing to compare; give at least one spectrum.")
+    if at is not None and len(at) != len(spectra):
+        raise ParameterError(f"at has {len(at)} values for {len(spectra)} spectra; give one for each.")
+    ports = [spectrum.driven(connection) if spectrum.ports == 2 else spectrum for spectrum in spectra]
+    if isinstance(reference, Motor):
+        start = min(float(port.frequency_hz[0]) for port in ports)
+        stop = max(float(port.frequency_hz[-1]) for port in ports)
+        result = admittance(reference, start=start, stop=stop, points=_MODEL_POINTS, state=state)
+        name = f"{reference.name} ({state}, {connection})"
+        against = Spectrum.from_admittance(result.frequency_hz, result.driven(connection), source=name, format="model")
+    else:
+        against = reference.driven(connection) if reference.ports == 2 else reference
+    for port in ports:
+        if min(port.frequency_hz[-1], against.frequency_hz[-1]) <= max(port.frequency_hz[0], against.frequency_hz[0]):
+            raise SpectrumError(
+                f"{port.source or 'The spectrum'} and {against.source or 'the reference'} share no frequencies."
+            )
+    fits = []
+    for number, spectrum in enumerate((against, *ports), start=1):
+        if progress is not None:
+            progress(number, len(ports) + 1)
+        computed = number == 1 and isinstance(reference, Motor)
+        known = {"leads": False} if computed else {"leads": leads, "noise": noise}
+        fits.append(fit_spectrum(spectrum, modes, timeout=timeout, **known))
+    found = tuple(_compare(fit, fits[0]) for fit in fits[1:])
+    places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
+    return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))
+
+
+def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
+    low = max(measured.frequency_hz[0], reference.frequency_hz[0])
+    high = min(measured.frequency_hz[-1], reference.frequency_hz[-1])
+    wanted, found = (
+        [arm for arm in fit.resonances if low <= arm.series_resonance_hz <= high] for fit in (reference, measured)
+    )
+    pairs = _pairs(wanted, found)
+    modes = tuple(
+        _deviation(k + 1, (reference, arm), (measured, found[pairs[k]]) if k in pairs else None)
+        for k, arm in enumerate(wanted)
+    )
+    inside = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
+    frequency, y = measured.frequency_hz[inside], measured.measured_s[inside]
+    ratio = y / reference.admittance(frequency) - 1.0
+    capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
+    deviation = capacitances[0] / capacitances[1] - 1.0
+    shares = [
+        _share(fit.standard_errors["clamped_capacitance_f"], of)
+        for fit, of in zip((measured, reference), capacitances, strict=True)
+    ]
+    apart = [] if pairs else [f"No resonance is common: {_listed(measured)}; {_listed(reference)}."]
+    return Comparison(
+        measured=measured,
+        reference=reference,
+        modes=modes,
+        extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
+        clamped_capacitance_deviation=deviation,
+        clamped_capacitance_deviation_error=_error(deviation, *shares),
+        rms_deviation=rms(ratio),
+        cautions=(*apart, *(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions)),
+    )
+
+
+def _percent(deviation: float, error: float | None, *, told: bool = True) -> str:
+    """Return a deviation in percent, with its sign unless it is 0, and its standard error.
+
+    If ``told``, a deviation that is not greater than its error is said to be within it.
+    """
+    value = f"{100.0 * deviation:+.3g}" if deviation else "0"
+    if not error:
+        return f"{value} %"
+    return f"{value} ± {100.0 * error:.1g} %{' (within the error)' if told and abs(deviation) <= error else ''}"
+
+
+def _listed(fit: SpectrumFit) -> str:
+    """Return the resonances of a spectrum in words."""
+    found = " and ".join(engineering(arm.series_resonance_hz, "Hz") for arm in fit.resonances) or "none"
+    return f"{fit.source or 'the spectrum'} has {found}".replace("\N{NO-BREAK SPACE}", " ")
+
+
+def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int, int]:
+    """Return the measured mode of each mode of the reference: the closest in frequency and capacitance."""
+    (f, c), (f_found, c_found) = (
+        np.log([[arm.series_resonance_hz, arm.capacitance_f] for arm in arms] or np.ones((0, 2))).T
+        for arms in (wanted, found)
+    )
+    distance = 10.0 * np.abs(f[:, None] - f_found) + np.abs(c[:, None] - c_found)
+    rows, columns = linear_sum_assignment(distance)
+    return {
+        int(row): int(column)
+        for row, column in zip(rows, columns, strict=True)
+        if abs(found[column].series_resonance_hz / wanted[row].series_resonance_hz - 1.0) < _FARTHEST
+    }
+
+
+def _deviation(
+    number: int, reference: tuple[SpectrumFit, FittedArm], measured: tuple[SpectrumFit, FittedArm] | None
+) -> ModeDeviation:
+    wanted = {name: attrgetter(path)(reference[1]) for name, path in _VALUES.items()}
+    if measured is None:
+        return ModeDeviation(number, wanted, None, {}, {}, {})
+    found = {name: attrgetter(path)(measured[1]) for name, path in _VALUES.items()}
+    errors = measured[1].standard_errors
+    deviations = {name: found[name] / wanted[name] - 1.0 for name in wanted}
+    shares = _shares(*measured), _shares(*reference)
+    return ModeDeviation(
+        number, wanted, found, {name: errors[path] for name, path in _VALUES.items() if path in errors}, deviations,
+        {name: _error(deviation, *(one[name] for one in shares)) for name, deviation in deviations.items()},
+    )  # fmt: skip
+
+
+def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float | None]:
+    """Return the relative standard errors of the quantities of an arm.
+
+    That of the coupling factor follows from k² = C/(C + C₀), with the correlation of both capacitances.
+    """
+    errors = arm.standard_errors
+    found = {name: _share(errors[path], getattr(arm, path)) for name, path in _VALUES.items() if path in errors}
+    arm_share = _share(errors["capacitance_f"], arm.capacitance_f)
+    clamped_share = _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
+    share = None
+    if arm_share is not None and clamped_share is not None:
+        place = next(number for number, one in enumerate(fit.arms) if one is arm)
+        names = (f"arms.{place}.capacitance_f", "clamped_capacitance_f")
+        common = fit.correlation[tuple(map(fit.correlation_names.index, names))]
+        spread = arm_share**2 + clamped_share**2 - 2.0 * common * arm_share * clamped_share
+        share = 0.5 * (1.0 - arm.characteristics.coupling_factor**2) * sqrt(max(spread, 0.0))
+    return found | {"coupling_factor": share}
+
+
+def _share(error: float | None, value: float) -> float | None:
+    return None if error is None else abs(error / value)
+
+
+def _error(deviation: float, measured: float | None, reference: float | None) -> float | None:
+    """Return the standard error of a deviation from the relative ones of both values."""
+    return None if measured is None or reference is None else (1.0 + deviation) * hypot(measured, reference)

@@ -1,0 +1,462 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Search of the arms and the rank of their coupling, the loss and the leads: starts, fit of each number, selection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf, log, sqrt
+from operator import itemgetter
+
+import numpy as np
+from scipy.optimize import nnls
+
+from pyspice_runner.impedance.identify import errors
+from pyspice_runner.impedance.identify.arms import COST, GLOBALS, LEADS, LOSSES, Solution
+from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, inverse, squares
+from pyspice_runner.impedance.identify.problem import MARGIN, PLAUSIBLE_LEADS, Problem, ridge_of
+from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
+
+SEARCHED_ARMS = 8  # tried when their number is not given
+MOST_RANK = 2  # of the coupling; each column adds the complex residues of the poles of Y, and more say little
+_COUPLED = 1e-4  # relative decrease of the sum of squares that ends a descent with coupled damping
+_FINAL_STEPS, _FINAL = 100, 1e-5  # of the last descents with a stated number of arms
+_EXHAUSTED = 1e-5  # relative residual below which there is nothing to find
+_MISFIT = 1e-3  # relative residual above which damping may be coupled; analysers are accurate to half of it at best
+_DISPERSION = 5e-3  # largest relative residual of a dielectric with another dispersion than the model
+# difference of the criterion, twice that of very strong evidence (Kass and Raftery, doi:10.2307/2291091): noise exceeds
+# 10 in one of 60 spectra
+_TIE = 20.0
+_AKAIKE = 2.0  # price of a parameter in the weights of the averages
+_PARTS: tuple[tuple[int, ...], ...] = ((), (3,), (2,), (1, 3))  # free parts of the loss to try
+_BESIDE = np.array([0.05, 0.2, 0.8])  # of the margin, where arms outside the band are tried
+_QUALITY_BESIDE = 50.0  # of these
+
+Progress = Callable[[int, int], object]
+Ranked = list[tuple[float, Solution]]  # descriptions with their scores, the best first
+Asked = list[tuple[float, Vector]]  # significance of a missing arm in standard deviations, and its parameters
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A number of arms that was tried."""
+
+    arms: int  # number of arms
+    rank: int  # rank of the coupling of their damping
+    leads: bool  # whether it has leads
+    criterion: float  # Schwarz's information criterion; the lowest is best
+    rms_relative_error: float  # root mean square of the relative residual's magnitude
+    # reason for rejection at any criterion: an arm is not determined, follows the background, or is narrower than the
+    # points.
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The result of a selection."""
+
+    problem: Problem  # with the points of the search
+    bare: Solution  # without arms
+    best: Solution
+    points: float  # independent ones
+    candidates: tuple[Candidate, ...]  # all numbers of arms that were tried
+    shifts: Vector  # differences of the values among the descriptions, see _shifts
+
+    def finds_resonance(self) -> bool:
+        """Whether the criterion asks for the selected arms, and one of them resonates in the band."""
+        best, bare = (errors.criterion(self.problem, each, self.points) for each in (self.best, self.bare))
+        return (best < bare or self.best.cost < 0.5 * self.bare.cost) and bool(
+            errors.resonances(self.problem, self.best)
+        )
+
+
+def select(problem: Problem, modes: int | None, leads: bool, progress: Progress | None) -> Outcome:
+    """Try numbers of arms, leads and ranks of the coupling, and select the best by the criterion."""
+    bare = fit_bare(problem)
+    solutions = _search(problem, bare, leads, progress, modes)
+    points = errors.independent(problem, min(solutions, key=COST))
+    best = min(solutions, key=lambda solution: errors.criterion(problem, solution, points))
+    if best.rank and not settled(problem, best):
+        if modes is None:
+            solutions += wider(problem, best)
+        else:
+            problem = problem.reaching(best)
+            solutions += polished(problem, best)
+    candidates: list[Candidate] = []
+    for solution in solutions:
+        error = problem.rms_relative_error(solution)
+        note = errors.doubts(problem, solution) if modes is None else ""
+        fewer = [item.rms_relative_error for item in candidates if item.arms < solution.arms]
+        idle = modes is None and len(errors.resonances(problem, solution)) < solution.arms
+        if not note and idle and fewer and min(fewer) ** 2 - error**2 < _DISPERSION**2:
+            note = "an arm follows the background"
+        value = errors.criterion(problem, solution, points)
+        candidates.append(Candidate(solution.arms, solution.rank, solution.has_leads, value, error, note))
+    among = [k for k in range(len(solutions)) if not candidates[k].note] or [
+        k for k in range(len(solutions)) if errors.resonances(problem, solutions[k])
+    ]
+    chosen = min(among or range(len(solutions)), key=lambda k: candidates[k].criterion)
+    # a stated number that cannot follow the spectrum takes the lowest residual
+    lowest = [(0.0, min(solutions, key=COST))]
+    ranked = lowest if problem.far else simplified(problem, solutions[chosen], points, leads)
+    bare = simplified(problem, bare, points, leads=False)[0][1]
+    return Outcome(problem, bare, ranked[0][1], points, tuple(candidates), _shifts(problem, ranked, points))
+
+
+def _search(
+    problem: Problem, bare: Solution, leads: bool, progress: Progress | None, only: int | None = None
+) -> list[Solution]:
+    """Fit one arm, two arms and so on, until the residuals hide no further one; or only one number of arms.
+
+    For each number that leaves more than noise, add a fit with leads if that leaves only noise, or one with coupled
+    damping.
+    """
+    solutions: list[Solution] = []
+    plain, shared, costs = bare, None, list[float]()
+    misfit = _MISFIT**2 * len(problem.w)
+    most = min(SEARCHED_ARMS, (2 * len(problem.w) - GLOBALS - 1) // 3)
+    for arms in range(1, most + 1) if only is None else (only,):
+        if progress is not None:
+            progress(arms, most)
+        done = arms > 1 and any(settled(problem, solution) for solution in solutions)
+        # if coupling does far better than arms with one resistance each, these need no long search
+        quick = shared is not None and shared.cost < 0.5 * plain.cost
+        plain = fit_arms(problem, arms, plain, quick) if only is None else fit_exactly(problem, arms, bare)
+        solutions.append(plain)
+        if not settled(problem, plain) and not done:
+            behind = with_leads(problem, plain) if leads else plain
+            if settled(problem, behind):
+                solutions[-1] = behind
+            elif arms > 1 and plain.cost > misfit:
+                shared = grown(problem, plain, shared or coupled(problem, fit_arms(problem, 2, bare, quick=True)))
+                solutions.append(shared)
+        if errors.is_exact(problem, solutions[-1]) or done:
+            break
+        costs.append(min(solutions, key=COST).cost)
+        if len(costs) >= 3 and (
+            costs[-1] > 0.8 * costs[-3] or not any(errors.resonances(problem, solution) for solution in solutions)
+        ):
+            break  # more arms gain nothing, or none of them rings
+        if len(costs) >= 2 and costs[-2] < misfit and len(errors.resonances(problem, plain)) < arms:
+            break  # the residual is below the accuracy of analysers, and an arm that follows it rings nowhere
+    first = solutions[0]
+    if first.arms == 1 and first.cost > misfit and not any(settled(problem, item) for item in solutions):
+        solutions.insert(1, coupled(problem, first))
+    return solutions
+
+
+def _shifts(problem: Problem, ranked: Ranked, points: float) -> Vector:
+    """Return the values of rivals less those of the best solution, each times the root of the rival's weight.
+
+    The sum of their squares is the variance by the choice among the descriptions of loss and leads. The weights are
+    those of Akaike's criterion: a description that fits as well counts, though another one was selected because it is
+    simpler (Burnham and Anderson, "Model Selection and Multimodel Inference", Springer 2002, sec. 4.3).
+    """
+    scores = np.array([errors.criterion(problem, item, points, price=_AKAIKE) for _, item in ranked])
+    odds = np.exp(-0.5 * (scores - scores.min()))
+    best = errors.log_values(ranked[0][1])
+    rivals = zip((odds / odds.sum()).tolist(), ranked, strict=True)
+    return np.array([
+        np.sqrt(share) * (errors.log_values(item) - best)
+        for share, (_, item) in rivals if share > 1e-9
+    ])  # fmt: skip
+
+
+def settled(problem: Problem, solution: Solution) -> bool:
+    """Tell whether the residuals hide no further arm: none is significant, and they resemble noise."""
+    if solution.cost < _EXHAUSTED**2 * len(problem.w):
+        return True
+    noise = errors.independent(problem, solution) > 0.5 * len(problem.w)
+    return noise and missing(problem, solution)[0][0] < errors.SIGNIFICANT
+
+
+def fit_bare(problem: Problem) -> Solution:
+    """Fit the clamped capacitance alone, behind plausible leads."""
+    capacitance = float(np.median(np.maximum(problem.y.imag / problem.w, 1e-6)))
+    begin = np.array([log(capacitance), 0.001, 0.001, 0.001, *problem.stated_leads])
+    return problem.descend(Solution(begin, inf, 0))
+
+
+def fit_arms(problem: Problem, arms: int, before: Solution | None = None, quick: bool = False) -> Solution:
+    """Fit a number of arms, from vector fitting and from a solution with one arm less, if given."""
+    best = problem.descend(start(problem, arms))
+    if settled(problem, best):
+        return best
+    if before is not None and before.arms == arms - 1:
+        best = min(best, problem.descend(problem.race(larger(problem, before))), key=COST)
+    candidates = [start(problem, arms + 1)]
+    for _ in range(3):
+        if quick or settled(problem, best):
+            break
+        rival = problem.race(smaller(problem, problem.race(candidates + larger(problem, best))))
+        if rival.cost > 0.99 * best.cost:
+            break
+        cost, best, candidates = best.cost, problem.descend(rival), []
+        if best.cost > cost / 3.0:  # a truly missing arm gains far more
+            break
+    return best
+
+
+def fit_exactly(problem: Problem, arms: int, bare: Solution) -> Solution:
+    """Fit a stated number of arms: at once, or if they leave the band, one after the other."""
+    best = fit_arms(problem, arms, bare if arms == 1 else None)
+    if arms > 1 and not errors.resonances(problem, best):
+        chained = bare
+        for count in range(1, arms + 1):
+            chained = fit_arms(problem, count, chained)
+        best = min(best, chained, key=COST)
+    return best
+
+
+def coupled(problem: Problem, solution: Solution) -> Solution:
+    """Return the fit with damping coupled by one column, started from one linear step."""
+    arms, last = solution.arms, solution.last
+    problem.ridge = problem.ridge or ridge_of(solution)
+    residual, jacobian = problem.linearised(solution)
+    values, _, chain = problem.device_residual(solution)
+    currents = np.sqrt(values.frequency) * values.velocity
+    first, second = np.triu_indices(arms, 1)
+    asked = -2.0 * chain * currents[first] * currents[second]
+    free = [k for k in range(last) if k not in solution.held]
+    system = np.vstack([jacobian[free], asked]).view(float).T
+    scale = np.maximum(np.linalg.norm(system, axis=0), 1e-300)
+    step = np.linalg.lstsq(system / scale, -residual.view(float), rcond=1e-6)[0] / scale
+    own = np.exp(-solution.columns[2])
+    matrix = np.diag(own)
+    limit = np.sqrt(own[first] * own[second])
+    matrix[first, second] = matrix[second, first] = np.clip(step[len(free) :], -limit, limit)
+    eigenvalues, vectors = np.linalg.eigh(matrix)
+    starts = []
+    for share in (0.5, 0.9):
+        column = vectors[:, -1] * np.sqrt(eigenvalues[-1])
+        column = column * np.minimum(1.0, np.sqrt(share * own / np.maximum(column**2, 1e-300)))
+        parameters = solution.parameters.copy()
+        parameters[GLOBALS + 2 : last : 3] = -np.log(own - column**2)
+        # a single arm shares with the clamped capacitance only, which has little loss itself
+        starts += [
+            replace(solution, parameters=np.concatenate([parameters, [size], column]), clamped=arms == 1)
+            for size in ((0.1, -0.1) if arms == 1 else (0.0,))
+        ]
+    return problem.descend(problem.race(starts), tolerance=_COUPLED)
+
+
+def grown(problem: Problem, plain: Solution, before: Solution) -> Solution:
+    """Return a fit with coupled damping and as many arms as a plain one, from that and from one with fewer."""
+    while before.arms < plain.arms:
+        before = problem.descend(problem.race(larger(problem, before)), tolerance=_COUPLED)
+    return min(coupled(problem, plain), before, key=COST)
+
+
+def wider(problem: Problem, solution: Solution) -> list[Solution]:
+    """Return fits with more coupling: of the clamped capacitance too, and by one more column."""
+    found = [] if solution.clamped else [problem.descend(replace(solution, clamped=True), tolerance=_COUPLED)]
+    if solution.rank < MOST_RANK and solution.arms > 1:
+        signs = np.array([[0.0], *[[(-1.0) ** k] for k in range(solution.arms)]])
+        more = 0.1 * np.append(0.0, np.exp(-0.5 * solution.columns[2]))[:, None] * signs
+        tail = np.hstack([solution.couplings, more]).ravel()
+        parameters = np.concatenate([solution.parameters[: solution.last], tail])
+        found.append(problem.descend(replace(solution, parameters=parameters), tolerance=_COUPLED))
+    return found
+
+
+def polished(problem: Problem, solution: Solution) -> list[Solution]:
+    """Return fits with the widest coupling, from one with as many arms."""
+    found = problem.descend(replace(solution, clamped=True), steps=_FINAL_STEPS, tolerance=_FINAL)
+    rest = [problem.descend(more, steps=_FINAL_STEPS, tolerance=_FINAL) for more in wider(problem, found)]
+    return [found, *rest]
+
+
+# --- loss and leads ---
+
+
+def with_leads(problem: Problem, solution: Solution) -> Solution:
+    """Return the fit with leads added."""
+    held = tuple(place for place in solution.held if place not in LEADS)
+    most = PLAUSIBLE_LEADS[0] * problem.unit_s, PLAUSIBLE_LEADS[1] / problem.unit_henry
+    starts = [solution.changed(LEADS, [share * value for value in most], held=held) for share in (0.0, 0.1)]
+    return problem.descend(problem.race(starts))
+
+
+def simplified(problem: Problem, solution: Solution, points: float, leads: bool) -> Ranked:
+    """Remove parts of the loss that the criterion does not ask for, look for leads, and descend.
+
+    Leads have both resistance and inductance. Over a narrow band they cancel the dispersion of a constant loss tangent,
+    which then resembles a falling and a rising part together: beside leads, a second part of the loss needs evidence as
+    strong as the leads themselves.
+    """
+
+    def score(rival: Solution) -> float:
+        several = len(set(LOSSES) - set(rival.held)) > 1
+        return errors.criterion(problem, rival, points) + _TIE * (rival.has_leads + (rival.has_leads and several))
+
+    def variants(kept: tuple[int, ...]) -> list[Solution]:
+        found = []
+        total = solution.parameters[list(LOSSES)].sum()
+        dropped = [place for place in LEADS if place not in kept] if solution.has_leads else []
+        for free in _PARTS:
+            held = tuple(place for place in (*LOSSES, *LEADS) if place not in (*free, *kept))
+            share = [total / max(len(free), 1) if place in free else 0.0 for place in LOSSES]
+            found.append(
+                problem.descend(solution.changed((*LOSSES, *dropped), share + [0.0] * len(dropped), held=held))
+            )
+        return found
+
+    found = [solution]
+    if solution.has_leads:
+        found += variants(LEADS)
+    else:
+        found += variants(())
+        white = leads and points > 0.5 * len(problem.w)
+        if white and _leads_promise(problem, min(found, key=score)) > log(2.0 * points):
+            found += variants(LEADS)
+    return sorted(((score(rival), rival) for rival in found), key=itemgetter(0))
+
+
+def _leads_promise(problem: Problem, solution: Solution) -> float:
+    """Return the decrease of the sum of squares by leads in one linear step, in units of the error's variance."""
+    _, gradient, hessian = squares(*problem.linearised(solution))
+    free = [k for k in range(len(gradient)) if k not in solution.held]
+    both = [*free, *LEADS]
+    fall = [float(gradient[part] @ inverse(hessian[np.ix_(part, part)]) @ gradient[part]) for part in (both, free)]
+    return (fall[0] - fall[1]) / max(solution.cost / (2 * len(problem.w)), FINEST**2)
+
+
+# --- starts ---
+
+
+def start(problem: Problem, arms: int) -> Solution:
+    """Return start values for a number of arms."""
+    s, w = problem.model.s, problem.w
+    y: Complexes = 1.0 / (1.0 / problem.y - problem.stated_leads[0] - s * problem.stated_leads[1])
+    weight = 1.0 / problem.deviation
+    poles = _relocated_poles(s, y, arms, weight)
+    frequency = np.abs(poles)
+    quality = np.clip(frequency / (2.0 * np.abs(poles.real)), 1.0, 1e5)
+    ratio = w / frequency[:, None]
+    shapes = 1.0 / (1.0 + 1j * quality[:, None] * (ratio - 1.0 / ratio))
+    slope = s * problem.model.constant_loss(0.0, derivative=True)
+    stacked = (np.vstack([s, slope, shapes]) * weight).view(float).T
+    scale = np.linalg.norm(stacked, axis=0)
+    amplitude = nnls(stacked / scale, np.ascontiguousarray(y * weight).view(float))[0] / scale
+    capacitance = max(amplitude[0], 1e-3 * float(np.median(np.abs(y) / w)))
+    found = np.zeros(GLOBALS + 3 * arms)
+    loss = min(max(amplitude[1] / capacitance, 1e-4), 0.5 * LARGEST_LOSS_TANGENT)
+    found[:GLOBALS] = log(capacitance), 0.1 * loss, 0.8 * loss, 0.1 * loss, *problem.stated_leads
+    found[GLOBALS::3] = np.log(frequency)
+    found[GLOBALS + 1 :: 3] = np.log(quality / np.maximum(amplitude[2:], 1e-3))
+    found[GLOBALS + 2 :: 3] = np.log(quality)
+    return Solution(found, inf, arms)
+
+
+def missing(problem: Problem, solution: Solution) -> Asked:
+    """Return the arms that the residuals ask for, the most significant first.
+
+    The residual over its derivative by Y_d is the missing admittance of the device; its weighted mean over a window is
+    compared with the deviation of the mean, for windows of all widths.
+    """
+    _, residual, chain = problem.device_residual(solution)
+    w, deviation = problem.w, problem.error(solution)
+    numerator = np.concatenate([[0.0], np.cumsum((-residual * chain.conj()).real)])
+    denominator = np.concatenate([[0.0], np.cumsum(np.abs(chain) ** 2)])
+    found = []
+    index, half = np.arange(len(w)), 1
+    while half == 1 or half < len(w) // 4:
+        low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, len(w))
+        sums, norms = numerator[high] - numerator[low], denominator[high] - denominator[low]
+        norms = np.maximum(norms, 1e-15 * denominator[-1])  # differences of sums lose smaller values
+        score = sums / (np.sqrt(norms) * deviation)
+        at = int(np.argmax(score))
+        width = w[high[at] - 1] - w[low[at]]
+        conductance = max(float(sums[at] / norms[at]), 1e-12)
+        quality = min(max(1.5 * w[at] / width, 1.0), 1e5)
+        found.append((float(score[at]), np.log([w[at], quality / conductance, quality])))
+        half *= 2
+    return sorted(found, key=lambda item: -item[0])
+
+
+def _beside(problem: Problem, solution: Solution) -> Asked:
+    """Return the arms outside the band that the residuals ask for."""
+    _, residual, chain = problem.device_residual(solution)
+    w, deviation = problem.w, problem.error(solution)
+    distance = _BESIDE * MARGIN * (w[-1] - w[0])
+    found = []
+    for place in np.concatenate([w[0] - distance, w[-1] + distance]):
+        if place <= 0.5 * w[0]:
+            continue
+        effect = chain / (1.0 / _QUALITY_BESIDE + 1j * (w / place - place / w))
+        asked, norm = float(np.sum((-residual * effect.conj()).real)), float(np.sum(np.abs(effect) ** 2))
+        conductance = max(asked / norm, 1e-12)
+        arm = np.log([place, _QUALITY_BESIDE / conductance, _QUALITY_BESIDE])
+        found.append((asked / (sqrt(norm) * deviation), arm))
+    return found
+
+
+def larger(problem: Problem, solution: Solution) -> list[Solution]:
+    """Return starts with one more arm, where the residuals ask for it most."""
+    head, couplings = np.split(solution.parameters, [solution.last])
+    asked = missing(problem, solution)
+    if solution.rank:
+        asked = sorted(asked + _beside(problem, solution), key=lambda item: -item[0])
+    tail = np.append(couplings, np.zeros(solution.rank))
+    return [
+        replace(solution, parameters=np.concatenate([head, arm, tail]), arms=solution.arms + 1) for _, arm in asked[:2]
+    ]
+
+
+def smaller(problem: Problem, solution: Solution) -> list[Solution]:
+    """Return starts with one arm less: without either of the two with the least certain reactances."""
+    variance = np.diag(errors.covariance(problem, solution))
+    doubtful = GLOBALS + 3 * np.argsort(variance[GLOBALS + 1 : solution.last : 3])[-2:]
+    return [
+        replace(solution, parameters=np.delete(solution.parameters, np.s_[at : at + 3]), arms=solution.arms - 1)
+        for at in doubtful
+    ]
+
+
+def _relocated_poles(s: Complexes, y: Complexes, count: int, weights: Vector, rounds: int = 12) -> Complexes:
+    """Relocate pole pairs by vector fitting until they settle; return those in the upper half plane."""
+    poles = (-0.01 + 1j) * np.geomspace(s[0].imag, s[-1].imag, count + 2)[1:-1]
+    weight = weights[:, None]
+    background = s[:, None] ** np.arange(3)  # the clamped capacitance is s, its loss s²
+    target = np.ascontiguousarray(y * weight[:, 0]).view(float)
+    for _ in range(rounds):
+        basis = _pole_basis(s, poles)
+        system = np.hstack([basis, background, -y[:, None] * basis]) * weight
+        stacked: Vector = np.ascontiguousarray(system.T).view(float).T
+        # the triangular factor is small and suffices for the least squares
+        triangle: Vector = np.asarray(np.linalg.qr(np.column_stack([stacked, target]), mode="r"))
+        scale = np.maximum(np.linalg.norm(triangle[:, :-1], axis=0), 1e-300)
+        solution = np.linalg.lstsq(triangle[:, :-1] / scale, triangle[:, -1], rcond=None)[0] / scale
+        moved = _only_pairs(_zeros_of_sigma(poles, solution[-2 * count :]), count, s.imag)
+        settled = np.all(np.abs(moved - poles) < 0.02 * np.abs(moved.real))  # half a bandwidth: near enough to descend
+        poles = moved
+        if settled:
+            break
+    return poles
+
+
+def _pole_basis(s: Complexes, poles: Complexes) -> Complexes:
+    """Return two columns for each pair of poles, so that real coefficients give a real impulse response."""
+    below, above = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
+    basis = np.empty((len(s), 2 * len(poles)), dtype=complex)
+    basis[:, ::2], basis[:, 1::2] = below + above, 1j * (below - above)
+    return basis
+
+
+def _zeros_of_sigma(poles: Complexes, residues: Vector) -> Complexes:
+    """Return the zeros of 1 + Σ residues over (s − poles), which are the relocated poles."""
+    matrix = np.zeros((2 * len(poles), 2 * len(poles)))
+    for k, pole in enumerate(poles):
+        matrix[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+        matrix[2 * k] -= 2.0 * residues
+    return np.asarray(np.linalg.eigvals(matrix), dtype=complex)
+
+
+def _only_pairs(values: Complexes, count: int, w: Vector) -> Complexes:
+    """Return stable pole pairs by rising frequency; a real pole becomes a broad pair in the band."""
+    pairs = values[values.imag > 0.0]
+    pairs = -np.maximum(np.abs(pairs.real), 1e-9 * pairs.imag) + 1j * pairs.imag  # none may lie on a point
+    real = np.sort(np.abs(values[values.imag == 0.0].real))[: count - len(pairs)]
+    spread = 1.0 + 0.01 * np.arange(len(real))  # two of them must not coincide
+    pairs = np.concatenate([pairs, (-0.05 + 1j) * np.clip(real, w[0], w[-1]) * spread])
+    return np.asarray(pairs[np.argsort(pairs.imag)])

@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Quantity and unit of a column by its heading, and the admittance of any two quantities that an analyser displays.
+
+Series elements make Z = R + jX with X = ωL_s = −1/(ωC_s), parallel ones Y = G + jB with B = ωC_p = −1/(ωL_p). A quality
+factor or loss D = 1/Q gives the magnitude of the real part, which is positive for a passive part under every sign
+convention for Q and D.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from math import pi
+from unicodedata import normalize
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.impedance.readers.text import Floats, quote
+
+Complexes = NDArray[np.complex128]
+
+# quantity → dimension of its unit, and names in English, German and French (without accents: :func:`_spellings`).
+# An angle may have no unit; its values then decide.
+_QUANTITIES = {
+    "frequency": ("Hz", "frequency freq f frequenz messfrequenz fréquence"),
+    "abs_z": ("Ohm", "|z| z |impedance| impedance impedanz impédance scheinwiderstand"),
+    "phase_z": ("angle", "zphz"),
+    # series resistance, the real part of Z
+    "r": ("Ohm", ("r rs rseries resistance seriesresistance z' zr widerstand wirkwiderstand serienwiderstand resistanz "
+                  "résistance résistancesérie")),
+    "x": ("Ohm", "x xs xseries reactance seriesreactance z'' zi blindwiderstand reaktanz réactance"),
+    "rp": ("Ohm", "rp rparallel parallelresistance parallelwiderstand résistanceparallèle"),  # 1/G
+    "xp": ("Ohm", "xp xparallel parallelreactance"),
+    "abs_y": ("S", "|y| y |admittance| admittance admittanz scheinleitwert"),
+    "phase_y": ("angle", ""),
+    "phase": ("angle", "phase theta th angle arg phi phaseangle phasenwinkel phasenlage winkel déphasage argument"),
+    "g": ("S", "g gp conductance y' leitwert wirkleitwert konduktanz"),
+    "b": ("S", "b bp susceptance y'' blindleitwert suszeptanz"),
+    "ls": ("H", "ls lseries seriesinductance serieninduktivität inductancesérie"),
+    "lp": ("H", "lp lparallel parallelinductance parallelinduktivität inductanceparallèle"),
+    "cs": ("F", "cs cseries seriescapacitance serienkapazität capacitésérie"),
+    "cp": ("F", "cp cparallel parallelcapacitance parallelkapazität capacitéparallèle"),
+    "q": ("", "q qualityfactor güte gütefaktor facteurdequalité"),
+    "d": ("", "d dissipation dissipationfactor losstangent tandelta verlustfaktor facteurdepertes"),
+}  # fmt: skip
+DIMENSION = {kind: dimension for kind, (dimension, _) in _QUANTITIES.items()}
+_PARTS = {  # of an impedance or an admittance; the unit or a name beside it decides which
+    ("abs_z", "abs_y"): "magnitude mag abs modulus mod betrag module",
+    ("r", "g"): "real re realpart realteil partieréelle réel réelle",
+    ("x", "b"): "imaginary imag im imagpart imaginarypart imaginärteil partieimaginaire imaginaire",
+    ("phase_z", "phase_y"): "phase theta arg angle phasenwinkel winkel argument",
+}
+_SIDES = ("z impedance impedanz impédance", "y admittance admittanz")
+_BESIDE = ["{part}{side}", "{part}({side})", "{part}|{side}|", "{side}{part}"]
+_BESIDE += [f"{{part}}{of}{{side}}" for of in ("of", "der", "von", "de", "del'")]
+
+
+def _spellings(name: str) -> set[str]:
+    """Return a name with accents, without, in German spelling without (ae, oe, ue), and without the accented letters.
+
+    An accented letter read in the wrong encoding becomes letters outside ASCII or a question mark; :func:`_kind` drops
+    both.
+    """
+    plain = "".join(sign for sign in normalize("NFKD", name) if sign.isascii())
+    german = name.translate({ord(sign): f"{letter}e" for sign, letter in zip("äöü", "aou", strict=True)})
+    return {name, plain, german, _ascii(name)}
+
+
+def _ascii(text: str) -> str:
+    return "".join(sign for sign in text if sign.isascii() and sign != "?")
+
+
+def _table(names: Mapping[str, str]) -> dict[str, str]:
+    return {spelling: kind for kind, text in names.items() for name in text.split() for spelling in _spellings(name)}
+
+
+_KIND = {
+    spelling: kind
+    for kinds, parts in _PARTS.items()
+    for kind, sides in zip(kinds, _SIDES, strict=True)
+    for form, part, side in product(_BESIDE, parts.split(), sides.split())
+    for spelling in _spellings(form.format(part=part, side=side))
+} | _table({kind: names for kind, (_, names) in _QUANTITIES.items()})
+_BY_UNIT = {  # names with no meaning without a unit
+    name: dict(zip(("Ohm", "S"), kinds, strict=True))
+    for kinds, parts in _PARTS.items()
+    for name in _table({kinds[0]: parts})
+    if name not in _KIND
+}
+_SIGNED = frozenset({"x", "b"})  # electrochemistry plots −Im Z
+
+_PREFIX = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
+_SPELLING = {
+    spelling: unit
+    for unit, spellings in {
+        "Ohm": "Î© â„¦ \N{OHM SIGN} Ω ohms Ohms OHMS",  # also UTF-8 read as Windows' Western European
+        "u": "Âµ Î¼ µ μ",
+        "S": "siemens Siemens mho ℧",
+    }.items()
+    for spelling in spellings.split()
+}
+_ANGLE = dict.fromkeys(("deg", "degree", "degrees", "°", "â°", "grad"), pi / 180) | dict.fromkeys(
+    ("rad", "radian", "radians", "radiant"), 1.0
+)
+_ANGLE |= dict.fromkeys(_table({"degrees": "degré degrés"}), pi / 180)
+_BASE = re.compile(r"(.{0,1})(hz|ohm|s|f|h)", re.IGNORECASE)
+
+_BRACKETED = re.compile(r"(.*)[(\[]([^()\[\]]*)[)\]]([^()\[\]]*)")
+_DIVIDED = re.compile(r"([^/]+)/([^/]+)")
+_TAILED = re.compile(r"(.+?)(?: (?:in|en))?[_ ]([^_ ]+)")
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The meaning of a column."""
+
+    cell: str  # the heading in the file
+    kind: str | None = None  # the quantity, a key of ``DIMENSION``; ``None`` if unknown
+    scale: float | None = None  # factor to SI units, for angles to radians; ``None`` if no unit is named
+    wrong: str = ""  # fault of the unit of a known quantity; empty without one
+
+    @property
+    def fault(self) -> str:
+        """The heading and why its values have no known unit; empty if they have one."""
+        why = self.wrong or ("it names no unit" if self.scale is None else "")
+        return f"{quote(self.cell)}: {why}" if why else ""
+
+
+@cache
+def unit_of(text: str) -> tuple[str, float] | None:
+    """Return dimension and factor to SI of a unit; ``None`` if unknown."""
+    unit = text.strip()
+    if len(unit) > 12:
+        return None
+    if angle := _ANGLE.get(unit.lower()) or _ANGLE.get(_ascii(unit.lower())):
+        return "angle", angle
+    if not unit or unit in ("1", "-"):
+        return "", 1.0
+    for spelling, plain in _SPELLING.items():
+        unit = unit.replace(spelling, plain)
+    match = _BASE.fullmatch(unit)
+    if not match or match[1] not in _PREFIX:
+        return None
+    dimension = {"hz": "Hz", "ohm": "Ohm", "s": "S", "f": "F", "h": "H"}[match[2].lower()]
+    prefix = "M" if unit == "mhz" else match[1]  # a lower-case header means megahertz
+    return dimension, _PREFIX[prefix]
+
+
+def heading(cell: str) -> Heading:
+    """Return the meaning of a heading such as ``frequency_hz``, ``|Z| (kOhm)``, ``theta-z(deg)`` or ``Re(Z)/Ω``."""
+    if len(cell) > 100:
+        return Heading(cell)
+    name, unit = _parts(cell)
+    sign = 1.0
+    normal = _normal(name)
+    known = unit_of(unit) if unit is not None else None
+    if normal.startswith("-") and _kind(normal[1:], known) in _SIGNED:
+        sign, normal = -1.0, normal[1:]
+    kind = _kind(normal.replace("-", ""), known)
+    if kind is None:
+        return Heading(cell)
+    dimension = DIMENSION[kind]
+    if unit is None:
+        return Heading(cell, kind, 1.0 if dimension == "" else None)
+    if known is None:
+        return Heading(cell, kind, wrong=f"the unit {quote(unit)} is not known")
+    if known[0] != dimension:
+        return Heading(cell, kind, wrong=f"the unit {quote(unit)} does not fit")
+    return Heading(cell, kind, sign * known[1])
+
+
+def _kind(name: str, unit: tuple[str, float] | None) -> str | None:
+    """Return the quantity of a name, with or without its accented letters."""
+    for spelling in (name, _ascii(name)):
+        if spelling in _KIND:
+            return _KIND[spelling]
+        if unit and unit[0] in _BY_UNIT.get(spelling, {}):
+            return _BY_UNIT[spelling][unit[0]]
+    return None
+
+
+def _parts(cell: str) -> tuple[str, str | None]:
+    """Split a heading into name and unit; the unit is ``None`` if there is none."""
+    text = cell.strip()
+    bracketed = _BRACKETED.fullmatch(text)
+    for match in (bracketed, _DIVIDED.fullmatch(text), _TAILED.fullmatch(text)):
+        if match and unit_of(match[2]):
+            return match[1], match[2]
+    if bracketed and not _kind(_normal(text), None) and _kind(_normal(bracketed[1]), None):
+        return bracketed[1], bracketed[2]  # a known quantity in a unit that is not
+    return text, None
+
+
+def _normal(name: str) -> str:
+    text = name.strip().lower().replace("θ", "theta").replace("φ", "phi").replace("\N{MINUS SIGN}", "-")
+    text = text.replace("′", "'").replace("’", "'").replace("″", "''").replace('"', "''")
+    return re.sub(r"[\s_.:]", "", text)
+
+
+# --- admittance ---
+
+_Part = Callable[[Floats, Floats], Floats]  # of angular frequency and value
+# imaginary part of Z, or of Y, by the quantity that gives it
+_REACTANCE: dict[str, _Part] = {
+    "x": lambda _, x: x,
+    "cs": lambda w, capacitance: -1.0 / (w * capacitance),
+    "ls": lambda w, inductance: w * inductance,
+}
+_SUSCEPTANCE: dict[str, _Part] = {
+    "b": lambda _, b: b,
+    "cp": lambda w, capacitance: w * capacitance,
+    "lp": lambda w, inductance: -1.0 / (w * inductance),
+    "xp": lambda _, x: -1.0 / x,
+}
+POLAR = tuple(product(("abs_z", "abs_y"), ("phase_z", "phase_y")))  # modulus and phase
+
+# by preference, for a file with several: real and imaginary part have no ambiguity of sign or wrap
+_PAIRS = (
+    ("r", "x"),
+    ("g", "b"),
+    *sorted(POLAR, key=lambda pair: pair[0][-1] != pair[1][-1]),
+    *((real, imag) for imag in _REACTANCE for real in ("r", "d", "q", "abs_z")),
+    *((real, imag) for imag in _SUSCEPTANCE for real in ("g", "rp", "d", "q", "abs_z")),
+)
+
+
+def pair_of(columns: Mapping[str, Floats]) -> tuple[str, str] | None:
+    """Return the two quantities that make the admittance; ``None`` without such a pair."""
+    return next((pair for pair in _PAIRS if pair[0] in columns and pair[1] in columns), None)
+
+
+def admittance(pair: tuple[str, str], frequency_hz: Floats, columns: Mapping[str, Floats]) -> Complexes:
+    """Return the admittance in S; not finite at points whose values make none."""
+    first, second = columns[pair[0]], columns[pair[1]]
+    w = 2.0 * np.pi * frequency_hz
+    with np.errstate(all="ignore"):
+        if pair in POLAR:
+            y = first if pair[0] == "abs_y" else 1.0 / first
+            return np.asarray(y * np.exp(1j * second if pair[1] == "phase_y" else -1j * second), dtype=np.complex128)
+        if pair[1] in _REACTANCE:
+            x = _REACTANCE[pair[1]](w, second)
+            return np.asarray(1.0 / (_real_part(pair[0], first, first, x) + 1j * x), dtype=np.complex128)
+        b = _SUSCEPTANCE[pair[1]](w, second)
+        return np.asarray(_real_part(pair[0], first, 1.0 / first, b) + 1j * b, dtype=np.complex128)
+
+
+def _real_part(kind: str, value: Floats, modulus: Floats, imag: Floats) -> Floats:
+    """Return the real part beside an imaginary one; a modulus may be the smaller of the two by rounding."""
+    if kind == "d":
+        return np.abs(imag * value)
+    if kind == "q":
+        return np.abs(imag / value)
+    if kind == "abs_z":
+        return np.sqrt(np.maximum(modulus**2 - imag**2, 0.0))
+    return 1.0 / value if kind == "rp" else value
+
+
+def with_named_phase(columns: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Return the columns with a bare “phase” assigned to the magnitude beside it, |Z| before |Y|."""
+    named = dict(columns)
+    if (angle := named.pop("phase", None)) is not None:
+        named.setdefault("phase_y" if "abs_y" in named and "abs_z" not in named else "phase_z", angle)
+    return named
+
+
+def contradiction(pair: tuple[str, str], y: Complexes, columns: Mapping[str, Floats]) -> str | None:
+    """Return a quantity that disagrees with the admittance of two others, if there is one.
+
+    A file with several columns is redundant; a disagreement means swapped or mislabelled columns. Printed digits differ
+    by rounding, so the limit is 5 % at more than half of the points.
+    """
+    with np.errstate(all="ignore"):
+        z = 1.0 / y
+        truths = {"abs_z": np.abs(z), "abs_y": np.abs(y), "r": z.real, "x": z.imag, "g": y.real, "b": y.imag}
+        angles = {"phase_z": np.angle(z), "phase_y": np.angle(y)}
+        for kind in [kind for kind in columns if kind not in pair and kind in truths | angles]:
+            values = columns[kind]
+            if kind in truths:
+                off = np.abs(values - truths[kind]) > 0.05 * np.abs(z if kind in ("abs_z", "r", "x") else y)
+            else:
+                off = np.abs(np.angle(np.exp(1j * (values - angles[kind])))) > 0.05
+            known = np.isfinite(values)
+            if 2 * np.count_nonzero(off & known) > np.count_nonzero(known):
+                return kind
+    return None
+
+
+def negative_modulus(pair: tuple[str, str], columns: Mapping[str, Floats]) -> int | None:
+    """Return the place of the first negative modulus, if there is one."""
+    below = [np.flatnonzero(columns[kind] < 0.0) for kind in pair if kind in ("abs_z", "abs_y")]
+    return next((int(places[0]) for places in below if places.size), None)

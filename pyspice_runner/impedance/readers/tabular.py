@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Instrument exports that are one table below a header: a header and how to read a column make a format.
+
+=======================  ==============================================================================================
+Keysight E4990A          lines of ``!``, ``BEGIN CH1_DATA``, the header, the points, ``END``. A trace is headed
+                         ``theta-z(deg)-data``; a suffix ``mem…`` in place of ``data`` marks a memory trace.
+Omicron Bode 100         ``Trace 1: Impedance: Real (Ω)``: for each trace its real and imaginary part, then the
+                         displayed quantities. Semicolons or commas, decimal sign of the computer's language.
+Digilent WaveForms       lines of ``#``, then ``Frequency (Hz),Trace th (deg),Trace |Z| (Ohm),…``. Columns without
+                         ``Trace`` are other channels.
+NanoVNA                  ``Frequency(Hz),Return Loss(dB),Phase(deg),Rs,SWR,Xs,|Z|,Theta``. The last columns are in Ω,
+                         *Theta* in degrees; *Phase(deg)* is the phase of the reflection.
+AIM (Array Solutions)    by position: frequency in MHz, SWR, series R, series X, |Z|, θ in degrees, …; the header is
+                         optional. Without one, |Z| and θ must agree with R + jX.
+=======================  ==============================================================================================
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from math import pi
+
+import numpy as np
+
+from pyspice_runner.impedance.readers.quantities import Heading, heading
+from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, cut_caution, from_header, swept, wants_memory
+from pyspice_runner.impedance.readers.text import Text, number, read_table, separator, split
+
+
+def _tabular(
+    name: str, header: Callable[[Text], int | None], meaning: Callable[[str], Heading], sweeps: bool = False
+) -> Callable[[Text], Reading | None]:
+    """Return the reader of a format by its header line (``None`` in another format) and the meaning of a heading.
+
+    ``sweeps`` tells whether the instrument always sweeps steadily, so that a frequency that does not is another column.
+    """
+
+    def read(text: Text) -> Reading | None:
+        line = header(text)
+        if line is None:
+            return None
+        reading = from_header(text, line, name, meaning)
+        return swept(reading) if sweeps else reading
+
+    return read
+
+
+_E4990A_BEGIN = re.compile(r"BEGIN CH[0-9]+_DATA")
+_E4990A_MEMORY = re.compile(r"[)\]]\s*-\s*mem", re.IGNORECASE)
+
+
+def read_e4990a(text: Text, trace: str | None) -> Reading | None:
+    """Read an E4990A file; ``None`` if it is in another format."""
+    begin = text.find(lambda line: _E4990A_BEGIN.match(line.strip()), 0, 100)
+    if begin is None:
+        return None
+    end = text.find(lambda line: line.strip() == "END", begin)
+    if end is None:
+        last = len(text.lines) - 1
+        raise text.refusal(last, "the file ends here, so it was cut short", "a line END after the points")
+    header = text.lines[begin + 1]
+    there = any(_E4990A_MEMORY.search(name) for name in split(header, separator(header)))
+    wanted = wants_memory(text, trace, there)
+
+    def meaning(name: str) -> Heading:
+        item = heading(name)
+        return item if item.kind == "frequency" or bool(_E4990A_MEMORY.search(name)) == wanted else Heading(name)
+
+    reading = from_header(text, begin + 1, "Keysight E4990A CSV", meaning, end, text.lines[:begin], "instrument")
+    if there and not wanted:
+        reading.cautions.append(MEMORY_NOTE)
+    if text.find(lambda line: _E4990A_BEGIN.match(line.strip()), end) is not None:
+        reading.cautions.append(f"The file holds several channels; {text.lines[begin].strip()[6:]} was read.")
+    return reading
+
+
+_BODE_HEADER = re.compile(r'"?Frequency \([kMG]?Hz\)"?[;,\t]"?Trace \d+: ')
+_BODE_PARTS = {"Magnitude": "mag", "Phase": "phase", "Real": "re", "Imaginary": "im"}
+_BODE_COLUMN = re.compile(r"Trace \d+: (Impedance|Admittance): (.+)")
+
+
+def _bode_column(cell: str) -> Heading:
+    """Return the meaning of a column; gain and reflection are ignored."""
+    match = _BODE_COLUMN.match(cell)
+    if not match:
+        return heading(cell) if cell.startswith("Frequency") else Heading(cell)
+    side, part = "z" if match[1] == "Impedance" else "y", match[2].strip()
+    word = part.partition(" ")[0]
+    return heading(part.replace(word, _BODE_PARTS[word] + side, 1) if word in _BODE_PARTS else part)
+
+
+_CHANNEL = re.compile(r"Trace\s+(.+)", re.IGNORECASE)
+
+
+def _waveforms_header(text: Text) -> int | None:
+    header = text.find(lambda line: line.strip() and not line.lstrip().startswith("#"), 0, 200)
+    if header is None or not text.lines[header].lstrip('" ').startswith("Frequency"):
+        return None
+    names = text.lines[header].lower()
+    if "trace " in names and "trace 1:" not in names:
+        return header
+    if not text.lines[0].lower().startswith("#digilent waveforms"):
+        return None
+    raise text.refusal(header, "no column of an impedance", "the export of WaveForms' impedance analyser")
+
+
+def _waveforms_column(cell: str) -> Heading:
+    """Return the meaning of a column; other channels (voltages, references) are ignored."""
+    if match := _CHANNEL.fullmatch(cell):
+        return heading(match[1])
+    return heading(cell) if cell.lower().startswith("frequency") else Heading(cell)
+
+
+_NANOVNA = {
+    "frequency(hz)": ("frequency", 1.0), "rs": ("r", 1.0), "xs": ("x", 1.0), "|z|": ("abs_z", 1.0),
+    "theta": ("phase_z", pi / 180),
+}  # fmt: skip
+
+
+def _nanovna_header(text: Text) -> int | None:
+    header = text.find(lambda line: line.strip() and line[0] not in "#!", 0, 50)
+    if header is None:
+        return None
+    names = {cell.lower().replace(" ", "") for cell in split(text.lines[header], separator(text.lines[header]))}
+    if not {"frequency(hz)", "returnloss(db)"} <= names:
+        return None
+    if not {"rs", "xs"} <= names:
+        raise text.refusal(header, "no columns Rs and Xs", "a NanoVNA file with the impedance, or its .s1p")
+    return header
+
+
+def _nanovna_column(cell: str) -> Heading:
+    return Heading(cell, *_NANOVNA.get(cell.lower().replace(" ", ""), ()))
+
+
+def read_aim(text: Text) -> Reading | None:
+    """Read an AIM file; ``None`` if it is in another format."""
+    start = text.find(_is_aim_point, 0, 20)
+    if start is None:
+        return None
+    above = [line.lower() for line in text.lines[:start] if line.strip()]
+    titled = bool(above) and "swr" in above[-1] and above[-1].lstrip('" ').startswith("freq")
+    if above and not titled:
+        return None
+    if not above and not _is_consistent(split(text.lines[start], ",")):
+        return None
+    if titled and "hz" in above[-1].replace("mhz", ""):
+        return None
+    table = read_table(text, None, start, None, ",")
+    frequency, r, x, size, angle = table.numbers([0, 2, 3, 4, 5])
+    columns = {"r": r, "x": x, "abs_z": size, "phase_z": np.deg2rad(angle)}
+    indices = np.array(table.indices)
+    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, cautions=cut_caution(table.cut)))
+
+
+def _is_aim_point(line: str) -> bool:
+    cells = split(line, ",")
+    return 6 <= len(cells) <= 12 and all(number(cell) is not None for cell in cells)
+
+
+def _is_consistent(cells: list[str]) -> bool:
+    """Whether |Z| and θ are those of R + jX within rounding."""
+    r, x, size, angle = (number(cell) or 0.0 for cell in cells[2:6])
+    return bool(abs(np.hypot(r, x) - size) <= 0.02 * size + 0.1 and abs(np.angle(r + 1j * x, deg=True) - angle) < 2.0)
+
+
+read_bode100 = _tabular("Omicron Bode 100 CSV", lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column)
+read_waveforms = _tabular("Digilent WaveForms CSV", _waveforms_header, _waveforms_column)
+read_nanovna = _tabular("NanoVNA CSV", _nanovna_header, _nanovna_column, sweeps=True)

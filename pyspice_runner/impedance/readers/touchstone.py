@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Touchstone 1 of one port or two, through scikit-rf (the extra ``spectra``).
+
+The columns, not the file name, give the number of ports. Port 1 is group A, port 2 group B, unless both ports belong to
+one device. In series between the ports, S₁₁ + S₂₁ = 1 and Y = S₂₁/(2 Z₀ (1 − S₂₁)); as a shunt from the line to ground,
+S₂₁ − S₁₁ = 1 and Z = Z₀ S₂₁/(2 (1 − S₂₁)), by Kirchhoff's laws with both ports terminated in Z₀.
+"""
+
+from __future__ import annotations
+
+import re
+from io import StringIO
+from typing import NamedTuple
+
+import numpy as np
+
+from pyspice_runner.errors import SpectrumError
+from pyspice_runner.impedance.readers.quantities import Complexes
+from pyspice_runner.impedance.readers.reading import Reading, cut_caution
+from pyspice_runner.impedance.readers.text import Text, described, number, quote
+
+FORMAT = "Touchstone"
+_OPTION = re.compile(r"#[ \t]*(?:(?:[kmg]?hz|[syzgh]|ri|ma|db|r[ \t]+[0-9.eE+-]+)[ \t]+)+(?:!.*)?", re.IGNORECASE)
+_SIDES = ("s", "y", "z", "g", "h")
+_HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
+_GROUP = dict.fromkeys(_HERTZ, "unit") | dict.fromkeys(_SIDES, "side") | dict.fromkeys(("ri", "ma", "db"), "form")
+_PORTS = {3: 1, 9: 2}
+_ONE_DEVICE = 0.1  # error of the rule of one device as a share of S₂₁, for fixture and calibration
+_ASSUMED = {
+    "series": "The two ports are those of one device in series between them, and it was read as one port.",
+    "shunt": "The two ports are those of one device from the line to ground (a shunt), and it was read as one port.",
+}
+_NOISE = 5  # numbers in a line of noise parameters, which may follow the points of a two-port
+
+
+class _Option(NamedTuple):
+    """The option line: factor to Hz, kind of parameter, number format, reference resistance in Ω."""
+
+    hertz: float
+    side: str
+    form: str
+    reference: float
+
+
+def read(text: Text, through: str | None) -> Reading | None:
+    """Read the file; ``None`` if it is in another format. ``through`` makes one device of two ports."""
+    first = text.find(lambda line: line.strip() and not line.lstrip().startswith("!"), 0, 1000)
+    if first is None:
+        return None
+    line = text.lines[first].strip()
+    if line.lower().startswith("[version]"):
+        raise text.refusal(first, "Touchstone 2", "version 1, which every analyser and simulator can write")
+    if len(line) > 200 or not _OPTION.fullmatch(line + " "):
+        return None
+    rows, indices, cautions = _rows(text, first + 1)
+    ports = _PORTS[len(rows[0])]
+    option = _option(text, first, line)
+    frequency = np.array([row[0] for row in rows]) * option.hertz
+    if through is not None and (ports == 1 or option.side != "s"):
+        found = "one port" if ports == 1 else f"{option.side.upper()} parameters"
+        raise text.refusal(first, found, "S parameters of two ports, or through left out")
+    values = _parameters(text, option, rows, ports)
+    device = through
+    if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
+        cautions.append(f"{_ASSUMED[device]} State through = series or shunt if that is wrong.")
+    matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(text, option, values)
+    if option.side != "s" and option.reference != 1.0:
+        cautions.append(
+            f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
+            "as Touchstone 1 has it."
+        )
+    metadata = described(entry for entry in text.lines if entry.lstrip().startswith("!"))
+    reading = Reading(text, FORMAT, frequency, np.array(indices), metadata=metadata, cautions=cautions)
+    if matrix.shape[-1] == 2:
+        reading.matrix_s = matrix
+    else:
+        reading.columns = {"g": matrix[:, 0, 0].real, "b": matrix[:, 0, 0].imag}
+    return reading
+
+
+def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[str]]:
+    """Return the points without noise parameters, their lines and cautions."""
+    rows: list[list[float]] = []
+    indices: list[int] = []
+    last = len(text.lines) - (0 if text.ended else 1)
+    for index in range(start, last):
+        line = text.lines[index].partition("!")[0]
+        cells = line.split()
+        if not cells or line.lstrip().startswith("#"):
+            continue
+        values = [np.nan if (value := number(cell)) is None else value for cell in cells]
+        if not np.isfinite(values).all():
+            raise text.refusal(index, f"{quote(cells[np.isfinite(values).argmin()])} is no number", "numbers")
+        if rows and len(rows[0]) == 9 and len(cells) == _NOISE:
+            break
+        if len(cells) not in _PORTS or (rows and len(cells) != len(rows[0])):
+            expected = f"{len(rows[0])}" if rows else "3 (one port) or 9 (two ports)"
+            raise text.refusal(index, f"{len(cells)} numbers", expected)
+        rows.append(values)
+        indices.append(index)
+    if len(rows) < 2:
+        raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
+    return rows, indices, cut_caution(None if text.ended else last)
+
+
+def _option(text: Text, index: int, line: str) -> _Option:
+    tokens = line[1:].partition("!")[0].lower().split()
+    named = [token for token in tokens if token.isalpha() and token != "r"]
+    if len({_GROUP[token] for token in named}) < len(named):
+        raise text.refusal(index, f"{quote(line)} names something twice", "an option line such as “# Hz S RI R 50”")
+    reference = number(tokens[tokens.index("r") + 1]) if "r" in tokens else 50.0
+    if reference is None or not reference > 0.0:
+        raise text.refusal(index, "the reference resistance is not above 0 Ω", "one such as R 50")
+    side = next((token for token in tokens if token in _SIDES), "s")
+    if side in "gh":
+        raise text.refusal(index, f"{side.upper()} parameters", "S, Y or Z parameters")
+    unit = next((token for token in tokens if token in _HERTZ), "ghz")
+    form = next((token for token in tokens if token in ("ri", "ma", "db")), "ma")
+    return _Option(_HERTZ[unit], side, form, reference)
+
+
+def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int) -> Complexes:
+    """Make complex matrices of the points with scikit-rf.
+
+    scikit-rf takes the number of ports from the file name, and falling frequencies for noise parameters; it gets a name
+    and frequencies to match. Y and Z are passed as S, to keep scikit-rf from normalising them.
+    """
+    try:
+        from skrf.io.touchstone import Touchstone
+    except ImportError:
+        raise SpectrumError(
+            f"{text.name} is a Touchstone file, which needs scikit-rf; install it by "
+            "pip install 'pyspice-runner[spectra]'."
+        ) from None
+    lines = [f"# hz s {option.form} r {option.reference!r}"]
+    lines += [" ".join(map(repr, [float(place), *row[1:]])) for place, row in enumerate(rows, start=1)]
+    file = StringIO("\n".join(lines) + "\n")
+    file.name = f"spectrum.s{ports}p"
+    return np.asarray(Touchstone(file).s, dtype=np.complex128)
+
+
+def _admittance(text: Text, option: _Option, values: Complexes) -> Complexes:
+    from skrf.network import s2y
+
+    try:
+        with np.errstate(all="ignore"):
+            if option.side == "s":
+                return np.asarray(s2y(values, option.reference), dtype=np.complex128)
+        if option.side == "z":
+            return np.asarray(np.linalg.inv(values * option.reference), dtype=np.complex128)
+    except np.linalg.LinAlgError:
+        raise SpectrumError(f"{text.name}: at some point there is a short circuit, which has no admittance.") from None
+    return values / option.reference
+
+
+def _through(s21: Complexes, reference: float, device: str) -> Complexes:
+    """Return the admittance in S of one device in series between the ports, or as a shunt to ground."""
+    with np.errstate(all="ignore"):
+        ratio = s21 / (2.0 * (1.0 - s21))
+        y = ratio / reference if device == "series" else 1.0 / (ratio * reference)
+    return np.asarray(y, dtype=np.complex128)[:, None, None]
+
+
+def _assumed(s: Complexes) -> str | None:
+    """Return ``series`` or ``shunt`` if the S-parameters are those of one device between the ports.
+
+    A series device has one current, 1 − S₁₁ = S₂₁; both ports of a shunt have one voltage, 1 + S₁₁ = S₂₁. A direct
+    connection satisfies both; the smaller error decides. Two groups satisfy neither, except at the resonance of a
+    shared mode.
+    """
+    reflected, passed = s[:, 0, 0], s[:, 1, 0]
+    missed = {"series": np.abs(1.0 - reflected - passed), "shunt": np.abs(1.0 + reflected - passed)}
+    device = min(missed, key=lambda name: float(np.median(missed[name])))
+    worst = np.maximum(missed[device], np.abs(s[:, 0, 1] - passed))
+    return device if np.mean(worst < _ONE_DEVICE * np.abs(passed)) > 0.5 else None

@@ -1,0 +1,480 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The coupling of every mode to each group, and a motor, from the spectra of both groups.
+
+.. math::
+    Y_{ij} = \delta_{ij} \frac{1}{R_i + 1/(sC_i)} + \sum_n \frac{\theta_{in} \theta_{jn}}{m_n}
+             \frac{s}{s^2 + s\,\omega_n/Q_n + \omega_n^2}
+
+A spectrum driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It contains θ²/m, not θ: the force
+needs one mechanical measurement, a modal mass or the velocity of the tip per motional current. All connections (of a
+two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with their estimated errors. The start is
+the fit of Y_AA + Y_BB, which shows every mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import hypot, inf, log, pi, sqrt
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.files import save_by_ending
+from pyspice_runner.impedance.fit import FittedArm, fit_spectrum
+from pyspice_runner.impedance.identify import descent
+from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, independent_points, rms
+from pyspice_runner.impedance.identify.errors import RESONANT_QUALITY, UNDETERMINED
+from pyspice_runner.impedance.noise import noise_of
+from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
+from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT, lossy_capacitance
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor, Provenance, assemble
+from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.result import Result
+from pyspice_runner.units import engineering
+
+_TRANSFER = "AB"  # current into A per volt on B
+_GLOBALS = 3  # ln C_A, ln C_B, tan δ
+_PER_MODE = 4  # ln f, ln Q, couplings to A and B
+_VALUES = ("series_resonance_hz", "quality_factor", "coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
+_PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent")
+
+
+@dataclass(frozen=True)
+class TwoPortMode:
+    """One mode with its coupling to both groups."""
+
+    series_resonance_hz: float  # f with both groups shorted
+    quality_factor: float  # Qm
+    coupling_a_n_per_v_kg05: float  # θ_A/√m in N/(V·√kg), never negative
+    coupling_b_n_per_v_kg05: float  # θ_B/√m in N/(V·√kg), with its sign against group A
+    standard_errors: dict[str, float]  # of the four values above
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TwoPortFit(Result):
+    """Modes and clamped capacitances fitted to the spectra of several connections.
+
+    Attributes:
+        source: name of the spectra.
+        modes: by rising frequency.
+        capacitance_a_f: clamped capacitance of group A.
+        capacitance_b_f: clamped capacitance of group B.
+        loss_tangent: of both, constant over frequency; the capacitances hold at 100 kHz.
+        standard_errors: of the three values above.
+        rms_relative_error: connection → root mean square of the relative residual.
+        noise: connection → error model, kind → σ, see :class:`SpectrumFit`.
+        cautions: limits of the values.
+    """
+
+    source: str
+    modes: tuple[TwoPortMode, ...]
+    capacitance_a_f: float
+    capacitance_b_f: float
+    loss_tangent: float
+    standard_errors: dict[str, float]
+    rms_relative_error: dict[str, float]
+    noise: dict[str, dict[str, float]]
+    cautions: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit JSON-ready."""
+        found = asdict(self)
+        found["warnings"] = list(found.pop("cautions"))
+        return found
+
+    def to_motor(
+        self,
+        *,
+        mass_kg: float | Sequence[float] | None = None,
+        velocity_per_current: float | Sequence[float] | None = None,
+        connection: Connection = "A",
+        tips: Sequence[tuple[float, float]] | None = None,
+        base: Motor | str | Path = "andersen2002",
+        name: str = "measured",
+    ) -> Motor:
+        """Return a complete motor: the fitted stator, calibrated, with contact and rotor or slider of another motor.
+
+        ``tips`` defines the modal coordinate r: with (0, 1), r is the displacement of the tip towards the rotor.
+
+        Args:
+            mass_kg: modal masses in kg; a single number applies to every mode, as for a uniform beam.
+            velocity_per_current: instead, tip velocity per motional current in m/s/A for each mode; a single number is
+                that of the first mode, and every mode gets the resulting modal mass.
+            connection: connection of that current.
+            tips: (tip_x, tip_y) of every mode; by default (0, 1), towards the rotor, for a mode that both groups drive
+                in phase, and (1, 0), along it, for a mode that they drive in opposition.
+            base: motor, or its name, to take contact and rotor from.
+            name: name of the new motor.
+
+        Raises:
+            ParameterError: without exactly one calibration, or for values that make no motor.
+        """
+        if tips is None:
+            tips = [
+                (0.0, 1.0) if mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 else (1.0, 0.0)
+                for mode in self.modes
+            ]
+            origin = Provenance("assumed", "from the sign of the couplings: alike towards the rotor, opposed along it")
+        else:
+            origin = Provenance("given", "stated with the calibration")
+        if len(tips) != len(self.modes):
+            raise ParameterError(f"tips has {len(tips)} entries for {len(self.modes)} modes; give one for each.")
+        masses, calibration = self._masses(mass_kg, velocity_per_current, connection, tips)
+        base = base if isinstance(base, Motor) else load_motor(base)
+        modes, provenance = [], dict[str, Provenance]()
+        fitted = Provenance("derived", f"fitted to {self.source} with the modal mass")
+        origins = {"mass_kg": calibration, "tip_x": origin, "tip_y": origin}
+        for index, (mode, mass, (tip_x, tip_y)) in enumerate(zip(self.modes, masses, tips, strict=True)):
+            omega = 2.0 * pi * mode.series_resonance_hz
+            values = {
+                "name": f"mode-{index + 1}",
+                "mass_kg": mass,
+                "damping_n_s_per_m": mass * omega / mode.quality_factor,
+                "stiffness_n_per_m": mass * omega**2,
+                "coupling_a_n_per_v": mode.coupling_a_n_per_v_kg05 * sqrt(mass),
+                "coupling_b_n_per_v": mode.coupling_b_n_per_v_kg05 * sqrt(mass),
+                "tip_x": float(tip_x),
+                "tip_y": float(tip_y),
+            }
+            modes.append(values)
+            provenance |= {f"modes.{index}.{key}": origins.get(key, fitted) for key in values if key != "name"}
+        measured = Provenance("derived", f"fitted to {self.source}")
+        piezo = {name: getattr(self, name) for name in _PIEZO}
+        provenance |= {f"piezo.{key}": measured for key in piezo}
+        borrowed = Provenance("assumed", f"that of {base.name}; state your own")
+        document = base.model_dump()
+        rest = {part: document[part] for part in ("contact", base.moved, "mount") if document[part] is not None}
+        provenance |= {f"{section}.{key}": borrowed for section, table in rest.items() for key in table}
+        parts = {"name": name, "modes": modes, "piezo": piezo, **rest}
+        return assemble(parts, None, provenance, where=self.source)
+
+    def writers(self, **calibration: Any) -> dict[str, Callable[[Path], object]]:
+        """Return the writers by ending, see :meth:`save`."""
+        heading = f"A motor by the two-port spectra {self.source}."
+
+        def write_motor(file: Path) -> None:
+            file.write_text(self.to_motor(**calibration).to_toml(heading=heading), encoding="utf-8")
+
+        return {**super().writers(), ".toml": write_motor}
+
+    def save(self, path: str | Path, **calibration: Any) -> Path:
+        """Write the fit as ``.json``, or as a motor ``.toml`` with the arguments of :meth:`to_motor`.
+
+        Raises:
+            ParameterError: for another ending, a place that cannot be written, or as by :meth:`to_motor`.
+        """
+        return save_by_ending(path, self.writers(**calibration))
+
+    def summary(self) -> dict[str, str]:
+        """Return source, errors, clamped capacitances, and frequency, Qm and couplings of each mode."""
+        errors = (f"{name.replace('-', '−')} {100.0 * value:.3g} %" for name, value in self.rms_relative_error.items())
+        found = {
+            "source": self.source or "spectra",
+            "RMS error": ", ".join(errors),
+            "clamped capacitance of A": engineering(self.capacitance_a_f, "F"),
+            "clamped capacitance of B": engineering(self.capacitance_b_f, "F"),
+        }
+        for number, mode in enumerate(self.modes, start=1):
+            couplings = (
+                f"{getattr(mode, name):.4g} ±{mode.standard_errors[name]:.2g}"
+                for name in ("coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
+            )
+            found[f"mode {number}"] = (
+                f"{engineering(mode.series_resonance_hz, 'Hz')}, Qm {mode.quality_factor:.4g}, "
+                f"couplings {', '.join(couplings)} N/(V·√kg)"
+            )
+        return found
+
+    def _masses(
+        self,
+        mass_kg: float | Sequence[float] | None,
+        velocity_per_current: float | Sequence[float] | None,
+        connection: Connection,
+        tips: Sequence[tuple[float, float]],
+    ) -> tuple[list[float], Provenance]:
+        if (mass_kg is None) == (velocity_per_current is None):
+            raise ParameterError(
+                "A motor needs one mechanical calibration: give either mass_kg or velocity_per_current, not both."
+            )
+        if connection not in COUPLING:
+            raise ParameterError(f"connection = {connection!r} is not valid: it must be one of {', '.join(COUPLING)}.")
+        what = "velocity_per_current" if mass_kg is None else "mass_kg"
+        given = velocity_per_current if mass_kg is None else mass_kg
+        values = np.ravel(np.asarray(given, float)).tolist()
+        if len(values) not in (1, len(self.modes)) or not all(0.0 < value < 1e18 for value in values):
+            raise ParameterError(
+                f"{what} = {given!r} is not valid: it must be a number > 0, or one for each of {len(self.modes)} modes."
+            )
+        if mass_kg is None:  # θ = |tip| i/v, and θ/√m is known
+            for index, (velocity, mode, tip) in enumerate(zip(values, self.modes, tips, strict=False)):
+                groups = np.array([mode.coupling_a_n_per_v_kg05, mode.coupling_b_n_per_v_kg05])
+                coupling = abs(float(groups @ COUPLING[connection]))
+                if coupling < 1e-6 * hypot(*groups):
+                    raise ParameterError(
+                        f"Mode {index + 1} takes no current through {connection}; measure its velocity another way."
+                    )
+                values[index] = (hypot(*tip) / velocity / coupling) ** 2
+        if len(values) < len(self.modes):
+            return values * len(self.modes), Provenance("derived", f"{what} of one mode; taken to be that of all")
+        return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
+
+
+@checked
+@one_thread
+def fit_two_port(
+    spectra: Spectrum | Mapping[Connection, Spectrum],
+    modes: int | None = None,
+    *,
+    noise: Mapping[str, float] | None = None,
+    timeout: float | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> TwoPortFit:
+    """Fit modes with their couplings to both groups. Leads must be compensated.
+
+    Without a number of modes, a mode that is not significant is rejected, like an arm of :func:`fit_spectrum`.
+
+    Args:
+        spectra: a two-port, or one-ports by connection: ``"A"`` (B shorted), ``"B"`` (A shorted), and ``"A+B"``,
+            ``"A-B"`` or both, which give the signs.
+        modes: number of modes; selected by default.
+        noise: known error of the measurement, see :func:`fit_spectrum`; by default estimated for each connection.
+        timeout: time limit of the search for the modes in s. The joint fit that follows is short.
+        progress: see :func:`fit_spectrum`.
+
+    Raises:
+        ParameterError: for a number of modes or a timeout out of range.
+        SpectrumError: if a connection is missing, there is no resonance, or the time limit is exceeded.
+    """
+    cautions: list[str] = []
+    if isinstance(spectra, Spectrum):
+        if spectra.ports != 2:
+            raise SpectrumError(
+                f"{spectra.source or 'The spectrum'} has one port; "
+                "give a two-port, or the spectra of A, B and A+B or A-B."
+            )
+        forward, backward = spectra.matrix_s[:, 0, 1], spectra.matrix_s[:, 1, 0]  # equal, of a passive stator
+        if (differ := 2.0 * rms(forward - backward) / rms(forward + backward)) >= 0.05:
+            cautions.append(
+                f"Y_AB and Y_BA differ by {100.0 * differ:.2g} % (RMS); check the wiring and the calibration."
+            )
+        shown = {connection: spectra.driven(connection) for connection in get_args(Connection)}
+        transfer = 0.5 * (forward + backward)
+        # the four connections of a two-port hold three independent spectra
+        ports: dict[str, Spectrum] = {
+            "A": shown["A"], "B": shown["B"], _TRANSFER: Spectrum.from_admittance(spectra.frequency_hz, transfer),
+        }  # fmt: skip
+        source = spectra.source
+    else:
+        shown = dict(spectra)
+        ports = {str(name): spectrum for name, spectrum in spectra.items()}
+        if not {"A", "B"} <= ports.keys() <= COUPLING.keys() or len(ports) < 3:
+            raise SpectrumError(
+                f"The connections {', '.join(ports) or 'none'} do not tell the couplings; give A, B, and A+B or A-B."
+            )
+        source = ", ".join(spectrum.source for spectrum in ports.values())
+    problem = _Problem(ports, noise)
+    parameters = problem.descend(problem.start(modes, timeout, progress))
+    problem.weigh(parameters)
+    parameters = problem.descend(parameters)
+    while modes is None and (doubtful := problem.doubtful(parameters)) is not None:
+        if len(parameters) == _GLOBALS + _PER_MODE:
+            raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
+        parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
+    return _report(problem, parameters, shown, source or "spectra", cautions)
+
+
+def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
+    """Return the admittance of 1 F with a constant loss tangent, as in a motor, and its derivative by the tangent."""
+    s = 2j * pi * frequency_hz
+
+    def admittance(loss: float) -> Complexes:
+        return np.asarray(sum(s * c / (1.0 + s * r * c) for r, c in lossy_capacitance(1.0, loss)))
+
+    step = 1e-6 * max(loss_tangent, 1e-3)
+    below, above = max(loss_tangent - step, 1e-12), min(loss_tangent + step, LARGEST_LOSS_TANGENT)
+    return admittance(loss_tangent), (admittance(above) - admittance(below)) / (above - below)
+
+
+class _Problem:
+    """The joint least-squares problem of several connections, in units of its own."""
+
+    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None) -> None:
+        self.ports = ports
+        first, second = ports["A"], ports["B"]
+        self.low = max(first.frequency_hz[0], second.frequency_hz[0])
+        self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
+        self.reference_hz = sqrt(self.low * self.high)
+        self.unit_s = float(np.median(np.abs(first.admittance_s)))
+        self.count = sum(len(spectrum) for spectrum in ports.values())
+        self.noise = {name: noise_of(noise, spectrum.admittance_s) for name, spectrum in ports.items()}
+        self.deviation = {name: self._deviation(name, spectrum.admittance_s) for name, spectrum in ports.items()}
+
+    def _deviation(self, name: str, smooth_s: Complexes) -> Vector:
+        """Return the deviation of an admittance at all points, in the unit of this problem."""
+        return np.maximum(self.noise[name].deviation(smooth_s), FINEST * np.abs(smooth_s)) / self.unit_s
+
+    def weigh(self, parameters: Vector) -> None:
+        """Take the deviations at the fitted admittances, and the errors of measurement from the residuals."""
+        for name, spectrum in self.ports.items():
+            measured = spectrum.admittance_s
+            fitted = self.model(parameters, name, spectrum.frequency_hz)[0] * self.unit_s
+            residuals = measured - fitted
+            white = independent_points(residuals / fitted) > 0.5 * len(measured)
+            self.noise[name] = self.noise[name].refined(fitted, residuals, white, fitted)
+            self.deviation[name] = self._deviation(name, fitted)
+
+    def descend(self, start: Vector) -> Vector:
+        """Descend from start values to the nearest minimum."""
+        return descent.descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
+
+    def independent(self, parameters: Vector) -> float:
+        """Return the number of independent points of all connections."""
+        return sum(independent_points(self.linearised(parameters, name)[0]) for name in self.ports)
+
+    def covariance(self, parameters: Vector) -> Vector:
+        """Return the covariance of the parameters."""
+        cost, _, hessian = self.normal_equations(parameters)
+        stated = self.noise["A"].stated
+        variance = descent.variance(cost, self.count, len(parameters), self.independent(parameters), stated)
+        return descent.inverse(hessian) * variance
+
+    def doubtful(self, parameters: Vector) -> int | None:
+        """Return the place of the least certain mode, if it is not significant."""
+        covariance = self.covariance(parameters)
+        doubts = []
+        for at in range(_GLOBALS, len(parameters), _PER_MODE):
+            couplings = parameters[at + 2 : at + 4]
+            slope = 2.0 * couplings / float(couplings @ couplings)  # of the logarithm of their squares' sum
+            error = sqrt(max(float(slope @ covariance[at + 2 : at + 4, at + 2 : at + 4] @ slope), 0.0))
+            broad = np.exp(parameters[at + 1]) < RESONANT_QUALITY
+            doubts.append((inf if broad or not np.isfinite(error) else error, at))
+        worst, place = max(doubts)
+        return place if worst > UNDETERMINED else None
+
+    def start(self, modes: int | None, timeout: float | None, progress: Callable[[int, int], object] | None) -> Vector:
+        """Fit Y_AA + Y_BB, which shows every mode, and divide each arm between the groups by the other connections."""
+        first = self.ports["A"].between(self.low, self.high)
+        frequency = first.frequency_hz
+        second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
+        trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
+        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout, progress=progress)
+        arms = [arm for arm in fit.arms if arm.in_band]
+        start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
+        share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
+        capacitance = fit.circuit.clamped_capacitance_f * 2.0 * pi * self.reference_hz / self.unit_s
+        split = min(max(share_a, 0.05), 0.95)
+        start[:_GLOBALS] = log(capacitance * split), log(capacitance * (1.0 - split)), fit.circuit.loss_tangent
+        size = {connection: self._amplitudes(connection, arms) for connection in self.ports}
+        for index, arm in enumerate(arms):
+            a, b = (sqrt(max(size[group][index], 1e-12)) for group in "AB")
+            total = a * a + b * b
+            if _TRANSFER in size:
+                alike = size[_TRANSFER][index]
+            else:
+                alike = size["A+B"][index] - total if "A+B" in size else total - size["A-B"][index]
+            at = _GLOBALS + _PER_MODE * index
+            frequency_ratio = arm.series_resonance_hz / self.reference_hz
+            start[at : at + _PER_MODE] = log(frequency_ratio), log(arm.quality_factor), a, b if alike >= 0.0 else -b
+        return start
+
+    def _amplitudes(self, connection: str, arms: Sequence[FittedArm]) -> Vector:
+        """Return (w·θ)²/m/ω of every mode by linear least squares, in the unit of this problem."""
+        spectrum = self.ports[connection]
+        w = spectrum.frequency_hz / self.reference_hz
+        y = spectrum.admittance_s / self.unit_s
+        columns = [1j * w, w**2 + 0j]
+        for arm in arms:
+            ratio = spectrum.frequency_hz / arm.series_resonance_hz
+            columns.append(1.0 / (1.0 / arm.quality_factor + 1j * (ratio - 1.0 / ratio)))
+        system = (np.array(columns) / np.abs(y)).view(float).T
+        found = np.linalg.lstsq(system, np.ascontiguousarray(y / np.abs(y)).view(float), rcond=None)[0]
+        return np.asarray(found[2:])
+
+    def bounds(self, start: Vector) -> tuple[Vector, Vector]:
+        """Return the least and greatest value of every parameter."""
+        modes = (len(start) - _GLOBALS) // _PER_MODE
+        low, high = log(self.low / self.reference_hz), log(self.high / self.reference_hz)
+        least = [-25.0, -25.0, 1e-9, *([low, log(0.6), -np.inf, -np.inf] * modes)]
+        greatest = [25.0, 25.0, LARGEST_LOSS_TANGENT, *([high, log(1e6), np.inf, np.inf] * modes)]
+        return np.array(least), np.array(greatest)
+
+    def reach(self, parameters: Vector) -> Vector:
+        """Return the largest step: of a mode its bandwidth."""
+        reach = np.full(len(parameters), np.inf)
+        reach[_GLOBALS::_PER_MODE] = 2.0 * np.exp(-parameters[_GLOBALS + 1 :: _PER_MODE])
+        reach[_GLOBALS + 1 :: _PER_MODE] = 2.0
+        return reach
+
+    def model(self, parameters: Vector, connection: str, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
+        """Return the admittance of a connection in the unit of this problem, and its derivatives."""
+        w = frequency_hz / self.reference_hz
+        into, driven = ((1.0, 0.0), (0.0, 1.0)) if connection == _TRANSFER else 2 * (COUPLING[connection],)  # type: ignore[index]
+        shape_of_loss, slope_of_loss = clamped(float(parameters[2]), frequency_hz)
+        capacitance = np.exp(parameters[:2]) / (2.0 * pi * self.reference_hz)
+        plates = capacitance[:, None] * shape_of_loss
+        log_frequency, log_quality, a, b = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
+        frequency, quality = np.exp(log_frequency), np.exp(log_quality)
+        shape = 1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w))
+        first, second = into[0] * a + into[1] * b, driven[0] * a + driven[1] * b
+        product = first * second
+        groups = np.array(into) * np.array(driven)
+        y = groups @ plates + (product * shape).sum(axis=0)
+        jacobian = np.empty((len(parameters), len(w)), dtype=complex)
+        jacobian[:2] = groups[:, None] * plates
+        jacobian[2] = groups @ capacitance * slope_of_loss
+        jacobian[_GLOBALS::_PER_MODE] = 1j * product * shape**2 * (w / frequency + frequency / w)
+        jacobian[_GLOBALS + 1 :: _PER_MODE] = product * shape**2 / quality
+        for group in (0, 1):
+            jacobian[_GLOBALS + 2 + group :: _PER_MODE] = (into[group] * second + driven[group] * first) * shape
+        return np.asarray(y), jacobian
+
+    def linearised(self, parameters: Vector, connection: str) -> tuple[Complexes, Complexes]:
+        """Return the residual Y_model − Y of one connection over its deviation, and its derivatives."""
+        spectrum, deviation = self.ports[connection], self.deviation[connection]
+        y, jacobian = self.model(parameters, connection, spectrum.frequency_hz)
+        return np.asarray((y - spectrum.admittance_s / self.unit_s) / deviation), jacobian / deviation
+
+    def normal_equations(self, parameters: Vector) -> descent.NormalEquations:
+        """Return the normal equations of all connections together."""
+        parts = [descent.squares(*self.linearised(parameters, connection)) for connection in self.ports]
+        return sum(part[0] for part in parts), np.sum([p[1] for p in parts], 0), np.sum([p[2] for p in parts], 0)
+
+
+def _report(
+    problem: _Problem, parameters: Vector, shown: Mapping[Connection, Spectrum], source: str, cautions: list[str]
+) -> TwoPortFit:
+    """Return the solution with units and standard errors."""
+    errors = {}
+    for name, spectrum in shown.items():
+        fitted = problem.model(parameters, name, spectrum.frequency_hz)[0] * problem.unit_s
+        errors[str(name)] = rms(fitted / spectrum.admittance_s - 1.0)
+    deviation = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
+    rows = zip(*(values[_GLOBALS:].reshape(-1, _PER_MODE) for values in (parameters, deviation)), strict=True)
+    modes = []
+    for (log_frequency, log_quality, a, b), error in rows:
+        frequency, quality = float(np.exp(log_frequency)) * problem.reference_hz, float(np.exp(log_quality))
+        scale = sqrt(problem.unit_s * 2.0 * pi * frequency)  # θ²/m is ω over the reactance
+        signed = -scale if a < 0.0 else scale
+        standard_errors = dict(zip(_VALUES, (error * [frequency, quality, scale, scale]).tolist(), strict=True))
+        modes.append(TwoPortMode(frequency, quality, float(a) * signed, float(b) * signed, standard_errors))
+    capacitances = np.exp(parameters[:2]) * problem.unit_s / (2.0 * pi * problem.reference_hz)
+    worst = max(errors.values())
+    if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
+        said = f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain."
+        cautions = [*cautions, said]
+    return TwoPortFit(
+        source=source,
+        modes=tuple(sorted(modes, key=lambda mode: mode.series_resonance_hz)),
+        capacitance_a_f=float(capacitances[0]),
+        capacitance_b_f=float(capacitances[1]),
+        loss_tangent=float(parameters[2]),
+        standard_errors=dict(zip(_PIEZO, (np.append(capacitances, 1.0) * deviation[:3]).tolist(), strict=True)),
+        rms_relative_error=errors,
+        noise={name: dict(model.sigma) for name, model in problem.noise.items()},
+        cautions=tuple(cautions),
+    )

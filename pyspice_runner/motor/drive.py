@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The voltages that drive the two piezo groups (paper eqs. 1 and 2)."""
+
+from __future__ import annotations
+
+from cmath import exp
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import hypot, pi, radians, sin, sqrt
+from typing import Any
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.contact import static_penetration
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import quantity
+from pyspice_runner.motor.refusal import Stated
+
+# Range of drive frequencies. At a thousandth of its frequency a mode responds like a spring, at a hundred times it with
+# 1e-4 of that: a frequency farther away is probably in another unit.
+SLOWEST_DRIVE, FASTEST_DRIVE = 1e-3, 1e2
+# m/s: the strain is this velocity over that of sound, about 5000 m/s; no stator survives 2 %
+FASTEST_TIP = 100.0
+FASTEST_SHAFT, FASTEST_SURFACE = 1e6, 1e3  # rad/s; m/s at the rim, where the strongest flywheels burst
+FASTEST_SLIDER = FASTEST_TIP  # m/s: no tip pushes it faster
+WIDEST_SWING = 0.1  # amplitude over the radius of the rotor: the tip stays near the crown of the rotor
+FLATTEST = 0.05  # of the penetration: fall x²/2R of a slider's face at the amplitude x, where R = 1 m stands for flat
+
+
+@dataclass(frozen=True)
+class Tone:
+    """One sine: ``amplitude`` (V) · sin(2π ``frequency`` (Hz) t + ``phase`` (rad))."""
+
+    amplitude: float
+    frequency: float
+    phase: float
+
+
+class Drive(Stated):
+    """Base of the drives: full amplitude from t = 0, or a soft start.
+
+    Raises:
+        ParameterError: by every constructor, for a value out of range.
+    """
+
+    soft_start: float = quantity(
+        "time over which the amplitude rises linearly from zero", "s", default=0.0, ge=0.0, le=100.0
+    )
+
+    @property
+    def tones_a(self) -> tuple[Tone, ...]:
+        """Sines whose sum is U_A."""
+        raise NotImplementedError
+
+    @property
+    def tones_b(self) -> tuple[Tone, ...]:
+        """Sines whose sum is U_B."""
+        raise NotImplementedError
+
+    @property
+    def label(self) -> str:
+        """Description of the drive for captions."""
+        raise NotImplementedError
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Frequencies present, in Hz."""
+        return tuple(sorted({tone.frequency for tone in (*self.tones_a, *self.tones_b)}))
+
+    @property
+    def period(self) -> float:
+        """Time in s after which both voltages repeat; for frequencies without a short one, that of the lowest."""
+        base = Fraction(self.frequencies[0])
+        repeats = 1
+        for frequency in self.frequencies[1:]:
+            ratio = (Fraction(frequency) / base).limit_denominator(20)
+            if abs(float(ratio) * self.frequencies[0] - frequency) < 1e-9 * frequency:
+                repeats = max(repeats, ratio.denominator)
+        return repeats / self.frequencies[0]
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return U_A and U_B just after t = 0, in V."""
+        if self.soft_start > 0.0:
+            return 0.0, 0.0
+        a, b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in (self.tones_a, self.tones_b))
+        return a, b
+
+
+class TwoPhaseDrive(Drive):
+    """Eq. (1): U_A = U sin(2πft), U_B = ρ U sin(2πft + φ); the paper has ρ = 1."""
+
+    voltage: float = quantity("amplitude U of group A, and of group B at ρ = 1", "V", ge=0.0, le=1e4)
+    frequency: float = quantity("frequency f", "Hz", ge=1.0, le=1e8)
+    phase_deg: float = quantity("phase φ of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
+    ratio_b: float = quantity("amplitude of group B over that of group A, ρ", "1", default=1.0, ge=0.01, le=100.0)
+
+    @property
+    def label(self) -> str:
+        """Amplitude, frequency and phase."""
+        ratio = f", B {self.ratio_b:g} times A" if self.ratio_b != 1.0 else ""
+        return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz, {self.phase_deg:g}° apart{ratio}"
+
+    @property
+    def voltage_b(self) -> float:
+        """Amplitude of group B in V."""
+        return self.ratio_b * self.voltage
+
+    @property
+    def tones_a(self) -> tuple[Tone, ...]:
+        """The sine of group A."""
+        return (Tone(self.voltage, self.frequency, 0.0),)
+
+    @property
+    def tones_b(self) -> tuple[Tone, ...]:
+        """The sine of group B."""
+        return (Tone(self.voltage_b, self.frequency, radians(self.phase_deg)),)
+
+
+def two_phases(drive: Any) -> dict[str, float]:
+    """Return the values of two phases by their names, of a drive, a driver or a tracker."""
+    return {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
+
+
+class TwoToneDrive(Drive):
+    """Eq. (2): U_A,B = U₁ sin(2πf₁t) ± U₂ sin(2πf₂t + φ).
+
+    The first tone drives both groups alike and so moves the tip towards the rotor; the second drives them against each
+    other and moves it along the rotor. With f₂ = 2 f₁ the tip moves on a figure eight.
+    """
+
+    voltage_1: float = quantity("amplitude U₁ of the common tone", "V", ge=0.0, le=1e4)
+    frequency_1: float = quantity("frequency f₁ of the common tone", "Hz", ge=1.0, le=1e8)
+    voltage_2: float = quantity("amplitude U₂ of the opposed tone", "V", ge=0.0, le=1e4)
+    frequency_2: float = quantity("frequency f₂ of the opposed tone", "Hz", ge=1.0, le=1e8)
+    phase_deg: float = quantity("phase φ of the opposed tone", "°", default=0.0, ge=-360.0, le=360.0)
+
+    @property
+    def label(self) -> str:
+        """Amplitude and frequency of both tones, and the phase."""
+        common = f"{self.voltage_1:g} V at {self.frequency_1 / 1e3:g} kHz"
+        return f"{common} ± {self.voltage_2:g} V at {self.frequency_2 / 1e3:g} kHz, {self.phase_deg:g}°"
+
+    @property
+    def tones_a(self) -> tuple[Tone, ...]:
+        """The two sines whose sum drives group A."""
+        return (
+            Tone(self.voltage_1, self.frequency_1, 0.0),
+            Tone(self.voltage_2, self.frequency_2, radians(self.phase_deg)),
+        )
+
+    @property
+    def tones_b(self) -> tuple[Tone, ...]:
+        """The two sines whose sum drives group B."""
+        common, opposed = self.tones_a
+        return (common, Tone(-opposed.amplitude, opposed.frequency, opposed.phase))
+
+
+DRIVES: dict[str, type[TwoPhaseDrive] | type[TwoToneDrive]] = {"two-phase": TwoPhaseDrive, "two-tone": TwoToneDrive}
+_USUAL_VOLTAGE = 50.0  # V, without a recommended drive: moves the tip of a small stator by some micrometres
+
+
+def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
+    """Return the recommended drive of a motor's parameter set.
+
+    The default is two phases 90° apart, with 50 V at the frequency of the last mode.
+    """
+    if motor.drive is not None:
+        values = dict(motor.drive)
+        return DRIVES[values.pop("kind", "two-phase")](**values)
+    return TwoPhaseDrive(voltage=_USUAL_VOLTAGE, frequency=motor.modes[-1].frequency_hz)
+
+
+def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
+    """Return upper bounds of the velocity (m/s) and amplitude (m) of a free tip in steady state."""
+    velocity = swing = 0.0
+    for tone_a, tone_b in zip(drive.tones_a, drive.tones_b, strict=True):
+        omega = 2.0 * pi * tone_a.frequency
+        along = towards = 0.0
+        for mode in motor.modes:
+            force = sum(
+                coupling * tone.amplitude * exp(1j * tone.phase)
+                for coupling, tone in ((mode.coupling_a_n_per_v, tone_a), (mode.coupling_b_n_per_v, tone_b))
+            )
+            stiffness = mode.stiffness_n_per_m - mode.mass_kg * omega**2 + 1j * omega * mode.damping_n_s_per_m
+            along += abs(mode.tip_x * force / stiffness)
+            towards += abs(mode.tip_y * force / stiffness)
+        swing += hypot(along, towards)
+        velocity += omega * hypot(along, towards)
+    return velocity, swing
+
+
+def check_together(motor: Motor, drive: Drive) -> None:
+    """Check that a drive suits a motor.
+
+    Raise ParameterError for a frequency far from the modes, or a voltage beyond the strength of the stator.
+    """
+    lowest, highest = (bound(mode.frequency_hz for mode in motor.modes) for bound in (min, max))
+    for frequency in drive.frequencies:
+        if not SLOWEST_DRIVE * lowest <= frequency <= FASTEST_DRIVE * highest:
+            raise ParameterError(
+                f"A drive at {frequency:g} Hz does not suit {motor.name}, whose modes lie from {lowest:.4g} to "
+                f"{highest:.4g} Hz: give a frequency ≥ {SLOWEST_DRIVE * lowest:.3g} and ≤ "
+                f"{FASTEST_DRIVE * highest:.3g} Hz."
+            )
+    velocity, swing = free_tip(motor, drive)
+    if motor.slider:
+        furthest = sqrt(2.0 * FLATTEST * static_penetration(motor.contact) * motor.rotor.radius_m)
+        reason = "within which the model's slider is flat"
+    else:
+        furthest, reason = WIDEST_SWING * motor.rotor.radius_m, "a tenth of the rotor's radius"
+    if velocity > FASTEST_TIP or swing > furthest:
+        raise ParameterError(
+            f"The drive ({drive.label}) is too strong for {motor.name}: the free tip would move by {swing:.3g} m at "
+            f"{velocity:.3g} m/s; the limits are {furthest:.3g} m, {reason}, and "
+            f"{FASTEST_TIP:g} m/s, above which a stator breaks. Lower the voltage, or correct the couplings."
+        )
+
+
+def too_fast(motor: Mapping[str, Any], speed: float) -> tuple[str, ...]:
+    """Return in a sentence that a rotor turns faster, in rad/s, than a shaft may be held; nothing if it does not.
+
+    The motor is stated as by :meth:`.Motor.to_dict`; with a slider the speed is in m/s.
+    """
+    if "slider" in motor:
+        told = f"The slider moves at {speed:.4g} m/s; the limit is {FASTEST_SLIDER:g} m/s, at which a stator breaks."
+        return (f"{told} Lower the load.",) if abs(speed) > FASTEST_SLIDER else ()
+    highest = min(FASTEST_SHAFT, FASTEST_SURFACE / motor["rotor"]["radius_m"])
+    if not abs(speed) > highest:
+        return ()
+    told = f"The rotor turns at {speed:.4g} rad/s; the limit is {highest:.3g} rad/s, above which its rim bursts."
+    return (f"{told} Lower the load torque.",)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Load of the shaft: none, a torque, or a held speed; in m/s and N for a slider."""
+
+    speed: float | None = None  # speed in rad/s at which the shaft is held; ``None`` leaves it free
+    # torque in N·m that a load draws from the free shaft at any speed; positive against the positive direction.
+    torque: float = 0.0
+
+    def check(self, motor: Motor) -> None:
+        """Raise ParameterError for a value out of range for a motor's shaft, or for speed and torque together."""
+        if self.speed is not None and motor.slider:
+            if not abs(self.speed) <= FASTEST_SLIDER:
+                raise ParameterError(
+                    f"speed = {self.speed:g} m/s is not valid: of a slider it must be a number from "
+                    f"{-FASTEST_SLIDER:g} to {FASTEST_SLIDER:g} m/s."
+                )
+        elif self.speed is not None:
+            if not abs(self.speed) <= FASTEST_SHAFT:
+                raise ParameterError(
+                    f"speed = {self.speed:g} rad/s is not valid: it must be a number from -1e6 to 1e6 rad/s."
+                )
+            radius = motor.rotor.radius_m
+            surface, highest = abs(self.speed) * radius, FASTEST_SURFACE / radius
+            if surface > FASTEST_SURFACE:
+                raise ParameterError(
+                    f"speed = {self.speed:g} rad/s is not valid for rotor.radius_m = {radius:g} m: its rim would move "
+                    f"at {surface:.3g} m/s, where every rotor bursts. Give at most {highest:.3g} rad/s."
+                )
+        if not abs(self.torque) <= 1e6:
+            unit = "N" if motor.slider else "N·m"
+            raise ParameterError(
+                f"load_torque = {self.torque:g} {unit} is not valid: it must be from -1e6 to 1e6 {unit}."
+            )
+        if self.speed is not None and self.torque:
+            raise ParameterError(
+                "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."
+            )

@@ -1,0 +1,456 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Read a motor from a TOML file.
+
+The file states the modes in one of four ways:
+
+* ``[beam]``, ``[[patches]]``, ``[tip]``, ``[damping]``: computed by Rayleigh–Ritz (:mod:`.beam`);
+* ``[solid]``: computed by finite elements (:mod:`.solid.stator`);
+* ``[[modes]]``: as :class:`~.parameters.Mode`, where ``frequency_hz`` may stand for ``stiffness_n_per_m`` and
+  ``quality_factor`` for ``damping_n_s_per_m``;
+* ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
+
+``[rotor]``, or ``[slider]`` of a linear stage, states what the tip moves; ``[mount]`` the springs of the stator;
+``[limits]`` those of ceramic and contact; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or
+``two-tone``, and the arguments of its constructor.
+
+The contact is stated by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
+is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import warnings
+from collections.abc import Mapping
+from math import inf, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import beam as beam_model
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.document import parse_toml, read_document
+from pyspice_runner.motor.drive import DRIVES
+from pyspice_runner.motor.motor import (
+    ALIASES,
+    MOVED,
+    Motor,
+    Provenance,
+    Structure,
+    assemble,
+    mass_and_stiffness,
+    with_constants,
+)
+from pyspice_runner.motor.parameters import (
+    Beam,
+    Contact,
+    Damping,
+    Limits,
+    Mode,
+    Mount,
+    Parameters,
+    Patch,
+    Piezo,
+    Rotor,
+    Tip,
+    label,
+    quantity,
+)
+from pyspice_runner.motor.refusal import allowed_range, as_table, build, check_keys, checked, limited, quoted, unit_of
+from pyspice_runner.motor.solid.parameters import Solid, solid_from
+from pyspice_runner.motor.solid.store import stator_of
+
+SETS = Path(__file__).parent / "sets"
+
+
+class Arm(Parameters):
+    """A mode by its electrical values, seen at group A with group B shorted, and one mechanical calibration."""
+
+    name: str = label("name of the mode")
+    resistance_ohm: float = quantity("motional resistance", "Ω", gt=0.0, le=1e12)
+    inductance_h: float = quantity("motional inductance", "H", gt=0.0, le=1e9)
+    capacitance_f: float = quantity("motional capacitance", "F", gt=0.0, le=1.0)
+    coupling_ratio: float = quantity("coupling of group B over that of group A", "1", ge=-1e3, le=1e3)
+    mass_kg: float = quantity("modal mass: the mechanical calibration", "kg", gt=1e-12, le=1e3)
+    tip_x: float = quantity("tangential tip displacement per modal coordinate, X", "1", ge=-1e4, le=1e4)
+    tip_y: float = quantity("tip displacement towards the rotor per modal coordinate, Y", "1", ge=-1e4, le=1e4)
+    recoil_kg: float | None = quantity(
+        "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
+    )
+    recoil_x_kg: float | None = quantity(
+        "recoil Γₓ on a carrier that moves along the rotor, too: momentum along x per modal velocity", "kg", ge=-1e3,
+        le=1e3, default=None,
+    )  # fmt: skip
+
+    def to_mode(self) -> Mode:
+        """Return the mechanical arm: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
+        coupling_squared = self.mass_kg / self.inductance_h
+        return Mode(
+            damping_n_s_per_m=coupling_squared * self.resistance_ohm,
+            stiffness_n_per_m=coupling_squared / self.capacitance_f,
+            coupling_a_n_per_v=sqrt(coupling_squared),
+            coupling_b_n_per_v=self.coupling_ratio * sqrt(coupling_squared),
+            **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y", "recoil_kg", "recoil_x_kg"}),
+        )
+
+
+class Materials(Parameters):
+    """Materials of tip and rotor, or slider, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
+
+    tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
+    tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
+    tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
+    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor, or of the slider", "Pa", ge=1e8, le=2e12)
+    rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
+
+    def constants(self, rotor_radius_m: float) -> dict[str, float]:
+        """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
+
+        The radius of a flat slider is infinite.
+        """
+        tip = self.tip_youngs_modulus_pa, self.tip_poisson
+        rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
+        modulus = contact_law.effective_modulus(*tip, *rotor)
+        radius = contact_law.effective_radius(self.tip_radius_m, rotor_radius_m)
+        return {
+            "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
+            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),
+            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(*rotor, modulus, radius),
+            "effective_radius_m": radius,
+            "poisson": self.tip_poisson,
+        }
+
+
+def available_motors() -> tuple[str, ...]:
+    """Return the names of the parameter sets of the package."""
+    return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
+
+
+def stated_solid(source: str | Path) -> Solid | None:
+    """Return the ``[solid]`` of a motor, or None if it has none. Raise ParameterError as :func:`load_motor`."""
+    document, path = _read(source)
+    table = document.get("solid")
+    where = path.name
+    return None if table is None else solid_from(_strip(table, "solid", {}, where), where, path.parent)
+
+
+@checked
+def load_motor(source: str | Path) -> Motor:
+    """Read a motor.
+
+    Args:
+        source: name of a parameter set (:func:`available_motors`) or path of a TOML file.
+
+    Raises:
+        ParameterError: for an unknown name, an unreadable file, a misspelt or missing entry, or an invalid value.
+    """
+    return _from_document(*_read(source))
+
+
+def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
+    """Read a motor and change some of its values. Raise ParameterError as :func:`load_motor` and :meth:`Motor.updated`.
+
+    Paths are those of :meth:`Motor.updated`, and those of the structure and the materials in the file:
+    ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``. Values are in SI units.
+    """
+    document, file = _read(source)
+    of_file = {path: value for path, value in changes.items() if path.startswith(_ONLY_IN_FILES)}
+    for path, value in of_file.items():
+        _put(document, path, value, file.name)
+    motor = _from_document(document, file)
+    for path in of_file:
+        motor.provenance[path] = Provenance("set", "by the user")
+    others = {path: value for path, value in changes.items() if path not in of_file}
+    return motor.updated(others) if others else motor
+
+
+_ONLY_IN_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.", "contact.materials.")
+
+
+def _put(document: dict[str, Any], path: str, value: Any, where: str) -> None:
+    """Put a value into a motor's document; the reader checks the name and the value."""
+    *tables, key = path.split(".")
+    place: Any = document
+    for table in tables:
+        if isinstance(place, list) and table.isdecimal() and int(table) < len(place):
+            place = place[int(table)]
+        else:
+            place = place.get(table) if isinstance(place, dict) else None
+    if not isinstance(place, dict):
+        raise ParameterError(f"{where} has no table {quoted('.'.join(tables))}, so {quoted(path)} cannot be set.")
+    place[key] = value
+
+
+def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
+    """Return the document of a motor and its file."""
+    path = Path(source)
+    if isinstance(source, str) and path.suffix != ".toml" and len(path.parts) == 1:
+        path = SETS / f"{source}.toml"
+        if source not in available_motors():
+            close = difflib.get_close_matches(source, available_motors(), n=1)
+            hint = f"Did you mean {close[0]!r}?" if close else "Give one of these or the path of a TOML file."
+            raise ParameterError(
+                f"There is no parameter set {quoted(source)}; there are {', '.join(available_motors())}. {hint}"
+            )
+    try:
+        found = path.is_file()
+    except OSError:  # such as a name that is too long
+        found = False
+    if not found:
+        raise ParameterError(
+            f"There is no file {quoted(str(source))}. Give the path of a TOML file or the name of a set."
+        )
+    return parse_toml(read_document(path, "a readable TOML file"), path.name), path
+
+
+_SECTIONS = (
+    "name", "description", "beam", "ceramic", "patches", "tip", "damping", "modes", "arms", "piezo", "contact", "rotor",
+    "slider", "mount", "limits", "drive", "solid",
+)  # fmt: skip
+_WAYS = ("beam", "solid", "modes", "arms")
+_FROM = {"beam": "[[patches]]", "solid": "[solid]"}
+_KINDS = ("given", "derived", "assumed")
+
+
+def _from_document(document: dict[str, Any], file: Path) -> Motor:
+    where = file.name
+    check_keys(document, _SECTIONS, where, "")
+    ways = [way for way in _WAYS if way in document]
+    if len(ways) != 1:
+        found = " and ".join(f"[{way}]" for way in ways) or "none of them"
+        raise ParameterError(
+            f"{where} must state its modes by exactly one of [beam], [solid], [[modes]] or [[arms]]; it has {found}."
+        )
+    for key in ("name", "contact", "piezo"):
+        if key not in document:
+            raise ParameterError(
+                f"{where} has no entry {key!r}; a motor needs name, piezo, contact, rotor or slider, and its modes."
+            )
+    moved = _moved(document, where)
+    provenance: dict[str, Provenance] = {}
+    plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
+
+    rotor = build(MOVED[moved], plain[moved], moved, where)
+    structure, modes, capacitances = _resolve_modes(plain, ways[0], file)
+    piezo = dict(as_table(plain["piezo"], "piezo", where))
+    if piezo.pop("loss_reference_hz", None) is not None:  # of files from before the ladder
+        provenance.pop("piezo.loss_reference_hz", None)
+        warnings.warn(
+            f"{where}: piezo.loss_reference_hz is ignored, because the loss tangent is now the same from 1 kHz to "
+            "10 MHz. Delete the line.",
+            stacklevel=2,
+        )
+    if capacitances is not None:
+        if given := [key for key in capacitances if key in piezo]:
+            raise ParameterError(
+                f"{where}: piezo.{given[0]} follows from {_FROM[ways[0]]}; leave it out or state the modes directly."
+            )
+        piezo.update(capacitances)
+    radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
+    contact = _resolve_contact(plain["contact"], radius, where)
+    contact |= _softening(contact, structure, provenance, where)
+    kinds: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, moved: MOVED[moved], "limits": Limits}
+    kinds |= {"beam": Beam, "tip": Tip} if ways[0] == "beam" else {}
+    kinds |= {"mount": Mount} if "mount" in plain else {}
+    resolved = {"piezo": piezo, "contact": contact}
+    for section, kind in kinds.items():
+        for name, field in kind.model_fields.items():
+            if not field.is_required() and name not in resolved.get(section, ()):
+                provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
+    _check_drive(plain.get("drive"), where)
+    return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)
+
+
+def _moved(document: Mapping[str, Any], where: str) -> str:
+    """Return which table states what the tip moves, ``rotor`` or ``slider``."""
+    found = [name for name in MOVED if name in document]
+    if len(found) != 1:
+        raise ParameterError(
+            f"{where} must state what the tip moves by exactly one of [rotor] or [slider]; it has "
+            f"{'both' if found else 'none of them'}."
+        )
+    return found[0]
+
+
+def _resolve_modes(
+    plain: dict[str, Any], way: str, file: Path
+) -> tuple[Structure | Solid | None, list[dict[str, Any]], dict[str, float] | None]:
+    where = file.name
+    if way == "beam":
+        return _from_beam(plain, where)
+    if way == "solid":
+        return _from_solid(plain, where, file.parent)
+    for key in ("ceramic", "patches", "tip"):
+        if key in plain:
+            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [[{way}]] leave it out.")
+    entries = plain[way]
+    if not isinstance(entries, list) or not entries:
+        raise ParameterError(f"{where}: {way} must be one or more tables [[{way}]].")
+    damping = build(Damping, plain["damping"], "damping", where) if "damping" in plain else None
+    modes = []
+    for index, entry in enumerate(entries):
+        if way == "arms":
+            arm = build(Arm, entry, f"arms.{index}", where)
+            try:
+                modes.append(arm.to_mode().model_dump())
+            except ValidationError as error:
+                name, value = str(error.errors()[0]["loc"][-1]), quoted(error.errors()[0]["input"])
+                raise ParameterError(
+                    f"{where}: the values of arms.{index} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
+                    f"{name} = {value} {unit_of(Mode, name)}; it must be {allowed_range(Mode, name)}."
+                ) from error
+        else:
+            modes.append(_complete_mode(as_table(entry, f"modes.{index}", where), damping, f"modes.{index}", where))
+    return None, modes, None
+
+
+def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[str, Any]], dict[str, float]]:
+    for key in ("patches", "tip", "damping"):
+        if key not in plain:
+            raise ParameterError(f"{where} has a [beam] but no {key!r}; a beam needs patches, tip and damping.")
+    ceramic = as_table(plain.get("ceramic", {}), "ceramic", where)
+    if not isinstance(plain["patches"], list):
+        raise ParameterError(f"{where}: patches must be one or more tables [[patches]].")
+    structure = Structure(
+        beam=build(Beam, plain["beam"], "beam", where),
+        patches=tuple(
+            build(Patch, {**ceramic, **as_table(patch, f"patches.{index}", where)}, f"patches.{index}", where)
+            for index, patch in enumerate(plain["patches"])
+        ),
+        tip=build(Tip, plain["tip"], "tip", where),
+        damping=build(Damping, plain["damping"], "damping", where),
+    )
+    try:
+        modes = beam_model.resonator_modes(structure.beam, structure.patches, structure.tip, structure.damping)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
+    capacitance_a, capacitance_b = beam_model.clamped_capacitances(structure.beam, structure.patches)
+    capacitances = {"capacitance_a_f": capacitance_a, "capacitance_b_f": capacitance_b}
+    return structure, [mode.model_dump() for mode in modes], capacitances
+
+
+def _from_solid(
+    plain: dict[str, Any], where: str, folder: Path
+) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
+    for key in ("ceramic", "patches", "tip", "damping"):
+        if key in plain:
+            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [solid] leave it out.")
+    solid = solid_from(plain["solid"], where, folder)
+    try:
+        stator = stator_of(solid)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
+    columns = {
+        "mass_kg": stator.masses_kg, "stiffness_n_per_m": stator.stiffnesses_n_per_m,
+        "damping_n_s_per_m": stator.dampings_n_s_per_m(solid.quality_factor),
+        "coupling_a_n_per_v": stator.couplings_n_per_v[0], "coupling_b_n_per_v": stator.couplings_n_per_v[1],
+        "tip_x": stator.tip_x, "tip_y": stator.tip_y,
+        **{  # 0 but for rounding
+            name: np.where(np.abs(recoil) > 1e-6 * stator.mass_kg, recoil, 0.0)
+            for name, recoil in (("recoil_kg", stator.recoil_kg), ("recoil_x_kg", stator.recoil_x_kg))
+        },
+    }  # fmt: skip
+    modes = [
+        {"name": f"mode-{index + 1}", **{name: float(column[index]) for name, column in columns.items()}}
+        for index in range(len(stator.masses_kg))
+    ]
+    capacitance = stator.clamped_f + stator.residual_f
+    between = -float(capacitance[0, 1])
+    return (
+        solid,
+        modes,
+        {
+            "capacitance_a_f": float(capacitance[0, 0]),
+            "capacitance_b_f": float(capacitance[1, 1]),
+            "capacitance_ab_f": between if abs(between) > 1e-6 * capacitance[0, 0] else 0.0,  # 0 but for rounding
+        },
+    )
+
+
+def _softening(
+    contact: Mapping[str, Any], structure: Structure | Solid | None, provenance: dict[str, Provenance], where: str
+) -> dict[str, float]:
+    """Return the compliances in series with the contact to which left-out modes of a solid, or of a stem, add."""
+    if isinstance(structure, Solid):
+        left_out = np.diag(stator_of(structure).residual_m_per_n)
+    elif structure is not None:
+        left_out = beam_model.residual_compliances(structure.beam, structure.patches, structure.tip)
+    else:
+        return {}
+    found: dict[str, float] = {}
+    for name, more in zip(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), left_out, strict=True):
+        if more > 0.0:
+            given = limited(Contact, name, contact.get(name, 0.0), f"contact.{name}", where)
+            note = f"the modes that are left out add {more:.3g} m/N"
+            provenance[f"contact.{name}"] = Provenance("derived", note)
+            found[name] = given + float(more)
+    return found
+
+
+def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, where: str) -> dict[str, Any]:
+    """Return a mode with stiffness and damping; ``build`` checks the remaining entries."""
+    check_keys(entry, (*Mode.model_fields, *ALIASES), where, path)
+    for alias, field in ALIASES.items():
+        if alias in entry and field in entry:
+            raise ParameterError(f"{where}: {path} states both {alias} and {field}; state one.")
+    if "mass_kg" not in entry:
+        raise ParameterError(f"{where}: {path}.mass_kg is missing (modal mass m, in kg). State it.")
+    if "frequency_hz" not in entry and "stiffness_n_per_m" not in entry:
+        raise ParameterError(f"{where}: {path} has no frequency. State frequency_hz or stiffness_n_per_m.")
+    entry = with_constants(entry, path, where)
+    if "damping_n_s_per_m" not in entry:
+        if damping is None:
+            raise ParameterError(
+                f"{where}: {path} has no damping. State quality_factor or damping_n_s_per_m, or [damping] for all."
+            )
+        entry["damping_n_s_per_m"] = damping.modal(*mass_and_stiffness(entry, path, where))
+    return entry
+
+
+def _resolve_contact(entry: Any, rotor_radius_m: float, where: str) -> dict[str, Any]:
+    contact = dict(as_table(entry, "contact", where))
+    if "materials" in contact:
+        constants = build(Materials, contact.pop("materials"), "contact.materials", where).constants(rotor_radius_m)
+        if both := [key for key in constants if key in contact]:
+            raise ParameterError(f"{where}: contact.{both[0]} follows from [contact.materials]; leave out one of them.")
+        contact.update(constants)
+    return contact
+
+
+def _check_drive(entry: Any, where: str) -> None:
+    """Check the table of the recommended drive, if there is one."""
+    if entry is None:
+        return
+    table = as_table(entry, "drive", where)
+    kind = table.get("kind", "two-phase")
+    if kind not in DRIVES:
+        raise ParameterError(
+            f"{where}: drive.kind = {quoted(kind)} is not valid: it must be one of {', '.join(DRIVES)}."
+        )
+    try:
+        DRIVES[kind](**{name: value for name, value in table.items() if name != "kind"})
+    except ParameterError as error:
+        raise ParameterError(f"{where}: [drive]: {error}") from error
+
+
+def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str) -> Any:
+    """Separate the provenance from a value, a table or an array of tables."""
+    if isinstance(value, list):
+        return [_strip(item, f"{path}.{index}", provenance, where) for index, item in enumerate(value)]
+    if not isinstance(value, dict):
+        provenance[path] = Provenance("stated", "")
+        return value
+    if "value" not in value and not any(kind in value for kind in _KINDS):
+        return {key: _strip(item, f"{path}.{key}", provenance, where) for key, item in value.items()}
+    kinds = [kind for kind in _KINDS if kind in value]
+    if "value" not in value or len(kinds) != 1 or len(value) != 2 or not isinstance(value[kinds[0]], str):
+        shown = path if path.isascii() and re.fullmatch(r"[\w.-]+", path) else quoted(path)
+        raise ParameterError(
+            f'{where}: {shown} must read {{ value = …, given | derived | assumed = "why" }}, one of the three.'
+        )
+    provenance[path] = Provenance(kinds[0], value[kinds[0]])
+    return value["value"]

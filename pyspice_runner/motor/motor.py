@@ -1,0 +1,443 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The motor: modes, electrical groups, contact, rotor or slider, and mount."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any, Self
+
+import numpy as np
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
+
+from pyspice_runner.display import Shown
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.beam_limits import beam_cautions
+from pyspice_runner.motor.parameters import (
+    Beam,
+    Contact,
+    Damping,
+    Limits,
+    Mode,
+    Mount,
+    Parameters,
+    Patch,
+    Piezo,
+    Rotor,
+    Slider,
+    Tip,
+)
+from pyspice_runner.motor.recoil import carriers, recoils, unknown_recoil
+from pyspice_runner.motor.refusal import allowed_range, build, checked, limited, positive, quoted, refusal, schema_of
+from pyspice_runner.motor.save import motor_toml
+from pyspice_runner.motor.solid.parameters import Solid
+from pyspice_runner.units import engineering
+
+# Relations between the values of a motor.
+LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 10.0, 1e7  # Hz, of a mode: from large quasi-static stages to MEMS
+LOWEST_QUALITY, HIGHEST_QUALITY = 0.5, 1e6  # below it does not ring; quartz in vacuum, the best there is, has 1e6
+MOST_MODES = 20
+WIDEST_SPREAD = 1e3  # of the modes' frequencies: a beam's 20th, and there may be no more, is 400 times its first
+CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
+STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: the tip has 1e-4 of the stator's mass
+
+
+DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
+
+
+# section, parameter and value at which an effect is off or not known; the parameters that then have no meaning
+_EFFECTS: dict[tuple[str, str, float | None], tuple[str, ...]] = {
+    ("piezo", "capacitance_ab_f", 0.0): (),
+    ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
+    ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
+    ("contact", "series_compliance_m_per_n", 0.0): (),
+    ("contact", "tangential_series_compliance_m_per_n", 0.0): (),
+    ("contact", "worn_flat_radius_m", 0.0): (),
+    ("contact", "effective_radius_m", None): (),
+    ("contact", "poisson", None): (),
+    ("contact", "specific_wear_rate_m3_per_n_m", None): (),
+    ("mount", "tangential_stiffness_n_per_m", None): ("tangential_damping_n_s_per_m",),
+    ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
+    ("slider", "guide_friction_n", 0.0): ("guide_presliding_m",),
+}
+
+
+ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
+_OF_MODE = (
+    "softening_per_m2",
+    "damping_growth_per_m2",
+    "recoil_kg",
+    "recoil_x_kg",
+)  # effects of a mode, off at 0 or unknown
+_OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
+MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
+_SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a value comes from: given (in the paper), derived, assumed, default, set (by the user) or just stated."""
+
+    kind: str
+    note: str
+
+    def __post_init__(self) -> None:
+        """Replace unpaired UTF-16 surrogates in the note, which no file can hold."""
+        object.__setattr__(self, "note", self.note.encode("utf-8", "replace").decode())
+
+
+class Structure(Parameters):
+    """The stator from which the modes are computed; used for plots of the mode shapes."""
+
+    beam: Beam
+    patches: tuple[Patch, ...]
+    tip: Tip
+    damping: Damping
+
+
+class Motor(Shown, Parameters):
+    """A standing-wave piezomotor: modes, electrical groups, contact, and rotor or slider.
+
+    A motor with a ``slider`` has a ``rotor`` as well, that of radius 1 m which moves in the same way
+    (:attr:`.Slider.as_rotor`). Its speeds in rad/s and torques in N·m are m/s and N.
+
+    ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid`` and
+    ``provenance`` state the origin of the values. No simulation reads these four.
+    """
+
+    name: str = Field(
+        description="name of the motor",
+        min_length=1,
+        max_length=60,
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_. -]*$",
+        json_schema_extra={"made_of": "letters, digits, spaces, dots, - and _, the first a letter or digit"},
+    )
+    modes: tuple[Mode, ...] = Field(
+        description="the bending modes, by rising frequency", min_length=1, max_length=MOST_MODES
+    )
+    piezo: Piezo
+    contact: Contact
+    rotor: Rotor
+    slider: Slider | None = Field(default=None, description="slider of a linear stage; null: the motor turns a rotor")
+    mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
+    limits: Limits | None = Field(default=None, description="limits of ceramic and contact; null: not known")
+    drive: dict[str, Any] | None = Field(default=None, exclude=True)
+    structure: Structure | None = Field(default=None, exclude=True)
+    solid: Solid | None = Field(default=None, exclude=True)
+    provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        if values:
+            raise ParameterError("Motor: name every parameter, or use load_motor(NAME or FILE) and its method updated.")
+        super().__init__(**named)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_rotor(cls, values: Any) -> Any:
+        """Give a motor with a slider the rotor that moves in the same way."""
+        if not isinstance(values, Mapping) or values.get("slider") is None:
+            return values
+        if "rotor" in values:
+            raise ValueError("a motor has a rotor or a slider, not both: state one of them")
+        slider = Slider.model_validate(values["slider"])
+        return {**values, "slider": slider, "rotor": slider.as_rotor}
+
+    @model_serializer(mode="wrap")
+    def _without_other(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the document with the rotor or the slider, as the motor was stated."""
+        document: dict[str, Any] = write(self)
+        document.pop("rotor" if self.slider else "slider", None)
+        return document
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        names = [mode.name for mode in self.modes]
+        if len(set(names)) != len(names):
+            raise ValueError(f"two modes share a name in {names}; give each its own")
+        for mode in self.modes:
+            _check_mode(mode)
+        lowest, highest = (bound(mode.frequency_hz for mode in self.modes) for bound in (min, max))
+        if highest > WIDEST_SPREAD * lowest:
+            raise ValueError(
+                f"the modes reach from {lowest:.4g} to {highest:.4g} Hz; a stator's are at most a factor "
+                f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
+            )
+        self._check_groups()
+        shaking = recoils(self.modes)[: len(carriers(self.mount))] / np.sqrt([mode.mass_kg for mode in self.modes])
+        shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
+        if self.mount and shaken >= self.mount.mass_kg:
+            raise ValueError(
+                f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
+                f"{self.mount.mass_kg:g} kg, which contains the stator, must exceed it: correct one of them"
+            )
+        seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
+        seat += self.contact.series_compliance_m_per_n * self.contact.preload_n
+        deepest = DEEPEST_SLIDER_M if self.slider else 0.1 * self.rotor.radius_m
+        if seat > deepest:
+            most = "" if self.slider else f"a tenth of rotor.radius_m = {self.rotor.radius_m:g} m"
+            raise ValueError(
+                f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the "
+                f"{self.moved}; at most {most or f'{deepest:g} m'} is allowed, so lower the preload"
+            )
+        fastest = float(contact_law.linearised_resonances(self.contact, self.modes, self.rotor, self.mount)[-1])
+        if fastest > STIFFEST_CONTACT * highest:
+            raise ValueError(
+                f"pressed on the {self.moved} the tip swings at {fastest:.4g} Hz, more than {STIFFEST_CONTACT:g} times "
+                f"the highest mode's {highest:.4g} Hz: the tip, the "
+                f"{'slider' if self.slider else 'rotor at its rim'} or the carrier has too little mass; change tip_x "
+                "and tip_y, contact.normal_stiffness_n_per_m15, "
+                f"{'slider.mass_kg' if self.slider else 'rotor.inertia_kg_m2'} or mount.mass_kg"
+            )
+        return self
+
+    def _check_groups(self) -> None:
+        for group in ("a", "b"):
+            clamped: float = getattr(self.piezo, f"capacitance_{group}_f")
+            motional = sum(
+                getattr(mode, f"coupling_{group}_n_per_v") ** 2 / mode.stiffness_n_per_m for mode in self.modes
+            )
+            coupling = motional / (clamped + motional)
+            if coupling > CLOSEST_COUPLING:
+                raise ValueError(
+                    f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
+                    f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
+                    f"coupling_{group}_n_per_v or the capacitance"
+                )
+
+    @property
+    def moved(self) -> str:
+        """What the tip moves: ``"rotor"`` or ``"slider"``."""
+        return "slider" if self.slider else "rotor"
+
+    @property
+    def dry_friction(self) -> tuple[str, float, str]:
+        """Path, value and unit of the dry friction of the bearing or the guide."""
+        if self.slider:
+            return "slider.guide_friction_n", self.slider.guide_friction_n, "N"
+        return "rotor.bearing_friction_n_m", self.rotor.bearing_friction_n_m, "N·m"
+
+    @property
+    def decay_s(self) -> float:
+        """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
+        springs: list[Any] = [*self.modes, *carriers(self.mount)]
+        return float(max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What is not known of the motor, and where the theory of its beam ends; every result repeats it."""
+        of_beam: tuple[str, ...] = ()
+        if (stator := self.structure) is not None:
+            of_beam = beam_cautions(stator.beam, stator.patches, stator.tip, len(self.modes))
+        return (*unknown_recoil(self.modes, self.mount), *of_beam)
+
+    def summary(self) -> dict[str, str]:
+        """Return name, modes, contact, mount, and rotor or slider, ready to print."""
+        modes = ", ".join(
+            f"{engineering(mode.frequency_hz, 'Hz')} (Q {mode.quality_factor:.3g})" for mode in self.modes
+        )
+        rotor = self.rotor
+        capacitances = (engineering(value, "F") for value in (self.piezo.capacitance_a_f, self.piezo.capacitance_b_f))
+        return {
+            "name": self.name,
+            "modes": modes,
+            "preload": engineering(self.contact.preload_n, "N"),
+            "mount": "fixed distance" if self.mount is None else f"{self.mount.stiffness_n_per_m:.4g} N/m",
+            "friction": f"{self.contact.friction:g}",
+            "clamped capacitances": " and ".join(capacitances),
+            self.moved: f"mass {rotor.inertia_kg_m2:.4g} kg, guide damping {rotor.bearing_damping_n_m_s:.4g} N·s/m"
+            if self.slider
+            else f"radius {engineering(rotor.radius_m, 'm')}, inertia {rotor.inertia_kg_m2:.4g} kg·m²",
+        }
+
+    __str__ = Shown.__repr__
+
+    def to_toml(self, *, heading: str = "") -> str:
+        """Return the motor as TOML for :func:`~pyspice_runner.load_motor`: values as set, with their origin.
+
+        Args:
+            heading: words for the first lines, as a comment.
+        """
+        document = self.model_dump() | ({"drive": self.drive} if self.drive else {})
+        return motor_toml(document, self.provenance, heading=heading)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``).
+
+        An effect that is off, such as a coefficient of restitution of 1, is left out.
+        """
+        document = self.model_dump()
+        for (section, name, off), companions in _EFFECTS.items():
+            if document.get(section) and document[section][name] == off:
+                for absent in (name, *companions):
+                    del document[section][absent]
+        document["modes"] = [
+            {
+                "name": mode.name,
+                "frequency_hz": mode.frequency_hz,
+                **mode.model_dump(exclude={"name", *(name for name in _OF_MODE if not getattr(mode, name))}),
+            }
+            for mode in self.modes
+        ]
+        return document
+
+    @checked
+    def updated(self, changes: Mapping[str, Any]) -> Motor:
+        """Return a motor with some values changed.
+
+        Args:
+            changes: dotted path → value, SI, as in :meth:`to_dict`. A mode is named or numbered from 0:
+                ``modes.0.frequency_hz``. A new ``frequency_hz`` changes the stiffness at the same mass and damping; a
+                new ``quality_factor`` changes the damping.
+                ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values.
+
+        Raises:
+            ParameterError: for a path that does not exist or an invalid value.
+        """
+        document = self.model_dump()
+        document["modes"] = [mode.model_dump() for mode in self.modes]
+        where = f"motor {self.name}"
+        provenance = dict(self.provenance)
+        changed: set[str] = set()
+        for given, value in changes.items():
+            path = _set_path(document, str(given), value)
+            if path in changed:
+                raise ParameterError(f"{where}: {path} is changed twice; give one value.")
+            changed.add(path)
+            provenance[path] = Provenance("set", "by the user")
+        for index, mode in enumerate(document["modes"]):
+            for alias, constant in ALIASES.items():
+                if alias in mode and f"modes.{index}.{constant}" in changed:
+                    other = constant.partition("_")[0]
+                    raise ParameterError(
+                        f"{where}: modes.{index}.{alias} and the {other} are both changed; give one of them."
+                    )
+            document["modes"][index] = with_constants(mode, f"modes.{index}", where)
+        changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
+        document["drive"] = self.drive
+        return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
+
+
+def _check_mode(mode: Mode) -> None:
+    if not LOWEST_FREQUENCY <= mode.frequency_hz <= HIGHEST_FREQUENCY:
+        raise ValueError(
+            f"mode {mode.name} swings at {mode.frequency_hz:.4g} Hz by its mass and stiffness; a piezo motor's modes "
+            f"lie from {LOWEST_FREQUENCY:g} to {HIGHEST_FREQUENCY:g} Hz, so correct one of them"
+        )
+    quality = mode.quality_factor
+    if quality <= LOWEST_QUALITY:
+        raise ValueError(
+            f"mode {mode.name} does not ring: quality factor {quality:.3g}; "
+            f"it must exceed {LOWEST_QUALITY:g}, so lower its damping"
+        )
+    if quality > HIGHEST_QUALITY:
+        raise ValueError(
+            f"mode {mode.name} rings too well: quality factor {quality:.3g}; no solid exceeds {HIGHEST_QUALITY:g}, "
+            "so raise its damping"
+        )
+
+
+def assemble(
+    parts: Mapping[str, Any], stator: Structure | Solid | None, provenance: dict[str, Provenance], *, where: str
+) -> Motor:
+    """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
+    modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
+    order = sorted(range(len(modes)), key=lambda index: modes[index].frequency_hz)
+    moved = {f"modes.{old}.": f"modes.{new}." for new, old in enumerate(order)}
+    try:
+        return Motor(
+            name=parts["name"],
+            modes=tuple(modes[index] for index in order),
+            **{
+                section: build(kind, parts[section], section, where)
+                for section, kind in _SECTIONS.items()
+                if parts.get(section) is not None
+            },
+            drive=parts.get("drive"),
+            structure=stator if isinstance(stator, Structure) else None,
+            solid=stator if isinstance(stator, Solid) else None,
+            provenance={
+                re.sub(r"^modes\.\d+\.", lambda found: moved[found[0]], path): origin
+                for path, origin in provenance.items()
+            },
+        )
+    except ValidationError as error:
+        raise refusal(error, Motor, "", where) from error
+
+
+def with_constants(mode: Mapping[str, Any], path: str, where: str) -> dict[str, Any]:
+    """Return a mode with stiffness and damping in place of its frequency and quality factor, if it has these."""
+    found = dict(mode)
+    if "frequency_hz" in found:
+        found["stiffness_n_per_m"] = _stiffness_for(found["mass_kg"], found.pop("frequency_hz"), path, where)
+    if "quality_factor" in found:
+        quality = positive(found.pop("quality_factor"), f"{path}.quality_factor", where)
+        if quality <= LOWEST_QUALITY:
+            raise ParameterError(
+                f"{where}: {path}.quality_factor = {quality:g} is not valid: it must be > {LOWEST_QUALITY:g}."
+            )
+        mass, stiffness = mass_and_stiffness(found, path, where)
+        found["damping_n_s_per_m"] = sqrt(stiffness * mass) / quality
+    return found
+
+
+def mass_and_stiffness(mode: Mapping[str, Any], path: str, where: str) -> list[float]:
+    """Return mass in kg and stiffness in N/m of a mode, checked."""
+    return [limited(Mode, name, mode[name], f"{path}.{name}", where) for name in ("mass_kg", "stiffness_n_per_m")]
+
+
+def _stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> float:
+    mass = limited(Mode, "mass_kg", mass_kg, f"{path}.mass_kg", where)
+    frequency = positive(frequency_hz, f"{path}.frequency_hz", where, "Hz")
+    stiffness = mass * (2.0 * pi * frequency) ** 2
+    limits = schema_of(Mode, "stiffness_n_per_m")
+    if not limits["exclusiveMinimum"] < stiffness <= limits["maximum"]:
+        raise ParameterError(
+            f"{where}: {path}.frequency_hz = {frequency:g} Hz is not valid: with a mass of {mass:g} kg it needs a "
+            f"stiffness of {stiffness:.3g} N/m, which must be {allowed_range(Mode, 'stiffness_n_per_m')}."
+        )
+    return stiffness
+
+
+def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
+    """Put a value into a motor's document and return its path, with the number of the mode instead of its name."""
+    section, _, rest = path.partition(".")
+    if section == "modes":
+        which, _, key = rest.partition(".")
+        names = [mode["name"] for mode in document["modes"]]
+        index = names.index(which) if which in names else int(which) if re.fullmatch("[0-9]{1,3}", which) else -1
+        if not 0 <= index < len(names):
+            raise ParameterError(
+                f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."
+            )
+        prefix = f"modes.{index}."
+        allowed: tuple[str, ...] = (*Mode.model_fields, *ALIASES)
+        target = document["modes"][index]
+    elif path in _OPTIONAL:
+        document[path] = dict(value) if isinstance(value, Mapping) else value
+        return path
+    elif section in MOVED and section not in document:
+        has = next(name for name in MOVED if name in document)
+        raise ParameterError(
+            f"There is no parameter {quoted(path)}: the motor has a {has}, no {section}. Its parameters are "
+            f"{', '.join(f'{has}.{name}' for name in document[has])}."
+        )
+    elif section in _SECTIONS:
+        if document[section] is None:
+            document[section] = {}
+        prefix, key, target, allowed = f"{section}.", rest, document[section], tuple(_SECTIONS[section].model_fields)
+    else:
+        prefix, key, target, allowed = "", path, document, ("name", *_OPTIONAL)
+    if key not in allowed:
+        close = difflib.get_close_matches(key, allowed, n=1)
+        hint = (
+            f"Did you mean {prefix + close[0]!r}?"
+            if close
+            else "Paths are those of `piezomotor show --json`, such as contact.preload_n."
+        )
+        raise ParameterError(f"There is no parameter {quoted(path)}. {hint}")
+    target[key] = value
+    return prefix + key

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error messages for invalid values: one sentence with the place, the value, its unit and the range."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date
+from functools import cache, wraps
+from numbers import Real
+from typing import Any, ParamSpec, Self, TypeVar
+
+from pydantic import ConfigDict, ValidationError, validate_call
+
+from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.motor.parameters import Parameters
+
+_P = TypeVar("_P", bound=Parameters)
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
+
+
+class Stated(Parameters):
+    """Parameters that a user gives to the constructor: by name, or in the order of their declaration.
+
+    Those of the class itself come before the inherited ones: ``TwoPhaseDrive(110.0, 40e3, 120.0)``.
+
+    Raises:
+        ParameterError: by the constructor, for an unknown name or an invalid value.
+    """
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        parameters = []
+        for name in cls._names():
+            field, kind = cls.model_fields[name], inspect.Parameter.POSITIONAL_OR_KEYWORD
+            default = inspect.Parameter.empty if field.is_required() else field.get_default(call_default_factory=True)
+            parameters.append(inspect.Parameter(name, kind, default=default))
+        cls.__signature__ = inspect.Signature(parameters)  # for help() and editors
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        where, names = type(self).__name__, self._names()
+        if len(values) > len(names):
+            raise ParameterError(f"{where}: there are {len(values)} values for {len(names)} parameters.")
+        positional = dict(zip(names, values, strict=False))
+        for name in positional.keys() & named:
+            raise ParameterError(f"{where}: {name} is given twice. The order of the values is {', '.join(names)}.")
+        check_keys(named, names, where, "")
+        try:
+            super().__init__(**positional, **named)
+        except ValidationError as error:
+            raise refusal(error, type(self), "", where) from error
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        """Return the names of the parameters in the order in which the constructor takes them."""
+        own = [name for name in cls.model_fields if name in cls.__annotations__]
+        return [*own, *(name for name in cls.model_fields if name not in own)]
+
+    def updated(self, changes: Mapping[str, Any]) -> Self:
+        """Return a copy with some values changed, by their names.
+
+        Raises:
+            ParameterError: for a name that does not exist or an invalid value.
+        """
+        return type(self)(**{**self.model_dump(), **changes})
+
+
+def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
+    """Return the parameters that a table states.
+
+    Raise ParameterError if it is not a table, or for an unknown or missing name or an invalid value.
+    """
+    table = as_table(entry, path, where)
+    check_keys(table, tuple(kind.model_fields), where, path)
+    try:
+        return kind(**table)
+    except ValidationError as error:
+        raise refusal(error, kind, path, where) from error
+
+
+def refusal(error: ValidationError, kind: type[Parameters], path: str, where: str) -> ParameterError:
+    """Return the first error of pydantic as one sentence: path, value, unit, range."""
+    first = error.errors()[0]
+    name = str(first["loc"][-1]) if first["loc"] else ""
+    full = ".".join(part for part in (path, name) if part)
+    if first["type"] == "value_error":
+        prefix = f"{where}: {path}." if path else f"{where}: "
+        return ParameterError(f"{prefix}{first['ctx']['error']}.")
+    field = kind.model_fields.get(name)
+    if first["type"] == "missing":
+        unit = f", in{_unit(kind, name)}" if _unit(kind, name) else ""
+        meaning = f" ({field.description}{unit})" if field else ""
+        return ParameterError(f"{where}: {full} is missing{meaning}. State it.")
+    kinds = {"float_type": "a number", "string_type": "a text"}  # of what stands within a field
+    allowed = allowed_range(kind, name) if field else kinds.get(first["type"], first["msg"])
+    return _invalid(first["input"], full, where, allowed, _unit(kind, name))
+
+
+@cache
+def schema_of(kind: type[Parameters], name: str) -> dict[str, Any]:
+    """Return the JSON schema of a field, which has its range."""
+    return dict(kind.model_json_schema()["properties"][name])
+
+
+def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
+    """Return the value if it is valid for the field of that name. Raise ParameterError otherwise."""
+    schema = schema_of(kind, name)
+    inside = (
+        _is_number(value)
+        and schema.get("exclusiveMinimum", float("-inf")) < value < schema.get("exclusiveMaximum", float("inf"))
+        and schema.get("minimum", float("-inf")) <= value <= schema.get("maximum", float("inf"))
+    )
+    if not inside:
+        raise _invalid(value, path, where, allowed_range(kind, name), _unit(kind, name))
+    return float(value)
+
+
+def allowed_range(kind: type[Parameters], name: str) -> str:
+    """Return in words the values that a field accepts, with its unit."""
+    schema = schema_of(kind, name)
+    if "enum" in schema:
+        return "one of " + ", ".join(map(str, schema["enum"]))
+    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    if schema.get("type") == "boolean":
+        return "true or false"
+    if schema.get("type") == "string":
+        return f"a text of at most {schema.get('maxLength', 1000)} {schema.get('made_of', 'characters')}"
+    if schema.get("type") == "array":
+        return f"{schema['minItems']} to {schema['maxItems']} entries"
+    low = f"≥ {schema['minimum']:g}" if "minimum" in schema else f"> {schema.get('exclusiveMinimum', float('-inf')):g}"
+    high = f"≤ {schema['maximum']:g}" if "maximum" in schema else f"< {schema.get('exclusiveMaximum', float('inf')):g}"
+    noun = "a whole number" if schema.get("type") == "integer" else "a number"
+    return f"{noun} {low} and {high}{_unit(kind, name)}"
+
+
+def unit_of(kind: type[Parameters], name: str) -> str:
+    """Return the unit that a field was declared with, or an empty text."""
+    extra = kind.model_fields[name].json_schema_extra if name in kind.model_fields else None
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def _unit(kind: type[Parameters], name: str) -> str:
+    unit = unit_of(kind, name)
+    return f" {unit}" if unit not in ("", "1") else ""
+
+
+def check_keys(table: Mapping[str, Any], allowed: Sequence[str], where: str, path: str) -> None:
+    """Check the names in a table; the error gives the nearest name."""
+    for key in table:
+        if key not in allowed:
+            hint = did_you_mean(key, allowed)
+            raise ParameterError(f"{where}: there is no {quoted('.'.join(p for p in (path, key) if p))}. {hint}")
+
+
+def as_table(value: Any, path: str, where: str) -> dict[str, Any]:
+    """Return the value if it is a table."""
+    if not isinstance(value, dict):
+        raise ParameterError(f"{where}: {path} must be a table [{path}], not {quoted(value)}.")
+    return value
+
+
+def positive(value: Any, path: str, where: str, unit: str = "") -> float:
+    """Return the value if it is a number above zero, and below 1e18, which keeps its powers finite."""
+    unit = f" {unit}" if unit else ""
+    if not (_is_number(value) and 0.0 < value < 1e18):
+        raise _invalid(value, path, where, f"a number > 0 and < 1e+18{unit}", unit)
+    return float(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _invalid(value: Any, path: str, where: str, allowed: str, unit: str) -> ParameterError:
+    shown = f"{len(value)} entries" if isinstance(value, tuple) else quoted(value)
+    return ParameterError(
+        f"{where}: {path} = {shown}{unit if _is_number(value) else ''} is not valid: it must be {allowed}."
+    )
+
+
+def quoted(value: Any) -> str:
+    """Return a value as it was written, made short and printable."""
+    try:
+        text = f"{value:g}" if isinstance(value, float) else str(value) if isinstance(value, date) else repr(value)
+    except (ValueError, RecursionError):  # such as an integer of five thousand digits, which Python does not write
+        return f"{type(value).__name__} too large to be shown"
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+_MEANT = {  # pydantic's type of an error → what the value must be
+    "float_type": "a number", "int_type": "a whole number", "bool_type": "True or False", "string_type": "a text",
+    "dict_type": "a dictionary", "callable_type": "a function", "sequence_str": "a list",
+}  # fmt: skip
+
+
+def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Check the names and types of a function's arguments by pydantic's ``validate_call``, not their ranges.
+
+    A number of NumPy's becomes one of Python's. The function raises ParameterError for an unknown or missing argument,
+    or a value of another type.
+    """
+    returned = function.__annotations__.pop("return", None)  # may name what only a type checker imports
+    validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)
+    function.__annotations__["return"] = returned
+
+    @wraps(function)
+    def call(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
+        plain = {name: _as_python(value) for name, value in kwargs.items()}
+        try:
+            return validated(*map(_as_python, args), **plain)
+        except ValidationError as error:
+            if error.title not in (function.__name__, function.__qualname__):  # raised within the function
+                raise
+            raise ParameterError(_complaint(function, error)) from None
+
+    return call
+
+
+def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
+    """Return what is wrong with the arguments of a call, one sentence about the first that is wrong."""
+    parameters = inspect.signature(function).parameters
+    names = list(parameters)
+    where, faults = function.__name__, error.errors()
+    first = next((fault for fault in faults if fault["type"].startswith("unexpected")), faults[0])
+    place = first["loc"][0]
+    if first["type"] == "unexpected_positional_argument":
+        keyword = [f"{name}=…" for name, item in parameters.items() if item.kind is item.KEYWORD_ONLY]
+        return f"{where}: there are too many arguments without a name. Name them: {', '.join(keyword[:3])}."
+    name = names[place] if isinstance(place, int) else place
+    if first["type"] == "unexpected_keyword_argument":
+        if name == "sliders" and "contact" in names:
+            return f"{where}: there is no argument 'sliders'. Write contact=Law(\"brush\", {quoted(first['input'])})."
+        if name == "averaged":
+            return f"{where}: there is no argument 'averaged'. The averaged motor runs in simulate_averaged."
+        hint = did_you_mean(name, [known for known in names if known != "self"], "The arguments are")
+        return f"{where}: there is no argument {quoted(name)}. {hint}"
+    if first["type"].startswith("missing"):
+        return f"{where}: the argument {name} is missing."
+    if first["type"] == "multiple_argument_values":
+        return f"{where}: the argument {name} is given twice."
+    wanted: dict[str, None] = {}  # in words; a union has a fault for each of its types
+    for fault in faults:
+        said = str(fault["msg"]).removeprefix("Input should be ")
+        said = said.replace("a valid dictionary or instance of", "an instance of")
+        wanted |= {_MEANT.get(fault["type"], said): None} if fault["loc"][0] == place else {}
+    value = first["input"]
+    shown = repr(value) if isinstance(value, float) else quoted(value)
+    return f"{where}: {name} = {shown} is not valid: it must be {' or '.join(wanted)}."
+
+
+def _as_python(value: Any) -> Any:
+    """Return a NumPy number, or an array of one number, as a Python number."""
+    return value.item() if getattr(value, "ndim", None) == 0 else value
+
+
+def as_number(value: Any) -> float | None:
+    """Return a number as a Python ``float``, or ``None`` if the value is not a number or is too large."""
+    value = _as_python(value)
+    if isinstance(value, bool):
+        return None
+    try:
+        return float(value) if isinstance(value, Real) else None
+    except OverflowError:
+        return None

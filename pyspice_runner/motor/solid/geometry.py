@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The mesh of a stator: cells with their materials, unknowns with their places, springs and the face of contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.solid.elements import Array, Indices, Part, plate_matrix
+from pyspice_runner.motor.solid.materials import materials
+from pyspice_runner.motor.solid.parameters import Box, Electrode, Placed, Solid, Support
+from pyspice_runner.motor.solid.places import Places, places_of
+
+_GROUPS = ("A", "B", "ground")
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A mesh with its materials, electrodes and supports."""
+
+    basis: Any
+    """Quadratic elements of one field."""
+    parts: list[Part]
+    place: Indices
+    """Row of each unknown: displacements, then potentials, then groups A and B; −1 where it is held at 0."""
+    displacements: int
+    size: int
+    springs: list[tuple[Indices, Array]]
+    """Unknowns and matrices of sprung faces."""
+    contact: Array
+    """Mean motion of the face of contact along normal and tangent, of all displacements of nodes: (2, nodes, axes)."""
+
+    @property
+    def dimension(self) -> int:
+        """2 of a plate, 3 of a solid."""
+        return int(self.basis.mesh.dim())
+
+    @property
+    def fields(self) -> int:
+        """Unknowns of a node."""
+        return 2 if self.dimension == 2 else 4
+
+
+def build_geometry(solid: Solid) -> Geometry:
+    """Return mesh, materials and places of a stator. Raise ParameterError for parts that miss it or touch wrongly."""
+    try:
+        from skfem import Basis
+    except ImportError:
+        raise ParameterError(
+            "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'pyspice-runner[solid]'`."
+        ) from None
+    plate = solid.theory == "plate"
+    shape, owner = _owned(solid)
+    basis = Basis(shape.mesh, shape.element, intorder=4)
+    base = (2 if plate else 4) * basis.N
+    used = [(np.flatnonzero(owner == index), box) for index, box in enumerate(solid.boxes)]
+    parts = [part for cells, box in used if len(cells) for part in _parts(solid, shape, cells, box, base)]
+    place, displacements, size = _places(solid, shape, basis, parts)
+    springs = []
+    fields = 2 if plate else 4
+    for index, support in enumerate(solid.supports):
+        if support.stiffness_n_per_m is not None:
+            nodes, local = _spread(shape, basis, support, f"supports.{index}")
+            held = support.stiffness_n_per_m * local
+            springs += [(fields * nodes + axis, held) for axis in _axes(support, shape.mesh.dim())]
+    nodes, local = _spread(shape, basis, solid.contact, "contact")
+    mean = np.bincount(nodes.ravel(), local.sum(axis=2).ravel(), minlength=basis.N)
+    contact = np.zeros((2, basis.N, shape.mesh.dim()))
+    for row, sense in enumerate((solid.contact.normal, solid.contact.tangent)):
+        contact[row, :, "xyz".index(sense[1])] = mean if sense[0] == "+" else -mean
+    return Geometry(basis, parts, place, displacements, size, springs, contact)
+
+
+def _owned(solid: Solid) -> tuple[Places, Indices]:
+    """Return the mesh without the cells that no box has, and the number of the box that each cell belongs to."""
+    shape = places_of(solid)
+    owner = np.full(shape.mesh.nelements, -1)
+    for index, box in enumerate(solid.boxes):
+        owner[shape.cells(box, f"boxes.{index}")] = index
+    kept = np.flatnonzero(owner >= 0)
+    shape.restrict(kept)
+    return shape, owner[kept]
+
+
+@dataclass(frozen=True)
+class Regions:
+    """What the parts of a stator cover, by numbers of vertices, (corners, n)."""
+
+    points_m: Array
+    """Places of the vertices, (axes, vertices)."""
+    boxes: list[Indices]
+    """Cells of each box."""
+    electrodes: list[Indices]
+    """Facets of each electrode; of a plate the cells that it covers."""
+    contact_m: Array
+    """Middle of the face of contact, (axes,)."""
+
+
+def regions_of(solid: Solid) -> Regions:
+    """Return the regions of boxes, electrodes and contact. Raise ParameterError as :func:`build_geometry`."""
+    from skfem import Basis
+
+    shape, owner = _owned(solid)
+    mesh, electrodes = shape.mesh, []
+    for index, electrode in enumerate(solid.electrodes):
+        name = f"electrodes.{index}"
+        if solid.theory == "plate":
+            electrodes.append(mesh.t[:, shape.cells(electrode, name)])
+        else:
+            electrodes.append(mesh.facets[:, shape.facets(electrode, name)])
+    boxes = [mesh.t[:, owner == index] for index in range(len(solid.boxes))]
+    basis = Basis(mesh, shape.element)
+    touched = basis.doflocs[:, shape.nodes(basis, solid.contact, "contact")]
+    return Regions(mesh.p, boxes, electrodes, touched.mean(axis=1))
+
+
+def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> list[Part]:
+    """Return the cells of a box as parts: of a plate those between the same electrodes."""
+    card = materials()[box.material]
+    matrix, ceramic = card.matrix(box.polarisation), bool(card.stress_constants_c_m2.any())
+    if solid.theory == "solid":
+        return [Part(cells, matrix, card.density_kg_m3, ceramic=ceramic)]
+    faces = np.full((2, len(cells)), -1)
+    for index, electrode in enumerate(solid.electrodes):
+        side = shape.side(electrode, box)
+        if side is not None:
+            covered = shape.cells(electrode, f"electrodes.{index}")[cells]
+            faces[side, covered] = _GROUPS.index(electrode.group)
+    found = []
+    for upper, lower in np.unique(faces, axis=1).T:
+        shorted = min(upper, lower) >= 0
+        found.append(
+            Part(
+                cells[(faces[0] == upper) & (faces[1] == lower)],
+                plate_matrix(matrix, shorted=shorted),
+                card.density_kg_m3,
+                box.height_m,
+                (base + int(upper), base + int(lower)) if shorted else (base + 2, base + 2),
+                ceramic,
+            )
+        )
+    return found
+
+
+def _places(solid: Solid, shape: Places, basis: Any, parts: list[Part]) -> tuple[Indices, int, int]:
+    """Return the row of each unknown, and the numbers of displacements and of all rows."""
+    dimension = basis.mesh.dim()
+    fields = 2 if dimension == 2 else 4
+    free = np.ones((basis.N, dimension), dtype=bool)
+    for index, support in enumerate(solid.supports):
+        if support.stiffness_n_per_m is None:
+            held = shape.nodes(basis, support, f"supports.{index}")
+            for axis in _axes(support, dimension):
+                free[held, axis] = False
+    place = np.full((basis.N, fields), -1)
+    displacements = int(free.sum())
+    place[:, :dimension][free] = np.arange(displacements)
+    unknown = displacements
+    if dimension == 3:
+        potential = np.full(basis.N, -1)
+        for part in parts:
+            if part.matrix[6:, 6:].any():
+                potential[basis.element_dofs[:, part.cells]] = len(_GROUPS)
+        for index, electrode in enumerate(solid.electrodes):
+            covered = shape.nodes(basis, electrode, f"electrodes.{index}") & (potential >= 0)
+            _cover(potential, covered, electrode, index)
+        between = potential == len(_GROUPS)
+        place[between, 3] = displacements + np.arange(between.sum())
+        unknown += int(between.sum())
+        for group in (0, 1):
+            place[potential == group, 3] = unknown + group
+    return np.append(place.ravel(), [unknown, unknown + 1, -1]), displacements, unknown + 2
+
+
+def _cover(potential: Indices, covered: NDArray[np.bool_], electrode: Electrode, index: int) -> None:
+    """Give the nodes under an electrode its group. Raise ParameterError if there are none, or another has them."""
+    if not covered.any():
+        raise ParameterError(f"solid.electrodes.{index} touches no ceramic; correct its place.")
+    group = _GROUPS.index(electrode.group)
+    others = set(potential[covered]) - {group, len(_GROUPS)}
+    if others:
+        raise ParameterError(
+            f"solid.electrodes.{index} of group {electrode.group} touches one of group {_GROUPS[min(others)]}; leave a "
+            "gap between them."
+        )
+    potential[covered] = group
+
+
+def _axes(support: Support, dimension: int) -> list[int]:
+    """Return the directions that a support holds; a plate moves in its plane only."""
+    return [axis for axis in range(dimension) if "xyz"[axis] in support.directions]
+
+
+def _spread(shape: Places, basis: Any, item: Placed, name: str) -> tuple[Indices, Array]:
+    """Return the nodes of a face, (facets, n), and ∫NᵢNⱼ over its area, (facets, n, n); of a point its nodes."""
+    facets = shape.facets(item, name)
+    if len(facets):
+        face = basis.boundary(facets)
+        values = np.stack([np.asarray(field[0]) for field in face.basis])
+        local = np.einsum("afq,bfq,fq->fab", values, values, face.dx / face.dx.sum())
+        return face.element_dofs.T, np.asarray(local)
+    nodes = np.flatnonzero(shape.nodes(basis, item, name))
+    return nodes[:, None], np.full((len(nodes), 1, 1), 1.0 / len(nodes))

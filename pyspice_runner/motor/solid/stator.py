@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Modes of a stator by finite elements, and what the modes that are left out contribute.
+
+With the potentials between the electrodes eliminated by the solver, K ψ = ω² M ψ with both groups shorted. A mode has
+the force factors θ = −(C ψ − Q φ) at the electrodes; the charges there with all displacements held at zero are the
+clamped capacitances. Each mode is scaled so that its largest displacement is 1; its sign makes the larger motion of the
+contact positive.
+
+Everything left out answers at once: the response to a voltage and to a force on the face of contact, less that of the
+computed modes, is the static compliance of all higher ones; computed modes outside the range of the motor add theirs at
+the highest frequency of the range. Rigid motion is left to the mount.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, strains
+from pyspice_runner.motor.solid.geometry import Geometry, build_geometry
+from pyspice_runner.motor.solid.parameters import Solid
+
+_RIGID = 1e-8  # ω² of a rigid motion, over that of the shift
+_ZERO = 1e-7  # of its natural scale: a motion or a coupling that symmetry forbids
+_SLIGHT = 1e-3  # of the largest displacement: a motion of the contact that does not count
+UNSEEN = 0.01  # of the current through the clamped capacitance: a current at resonance that does not count
+_LEAST = 24  # modes that are computed
+_BLOCK = 8  # more than the rigid motions of one body
+_EXACT = 1e-11  # of an eigenvalue: its residual
+_SMALL = 4  # cells that are not divided
+_DIRECTIONS = 500  # in the space of modes, in which the greatest stress is sought
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Elastic modes by rising frequency; the arrays' last index counts them."""
+
+    frequencies_hz: Array
+    masses_kg: Array
+    couplings_n_per_v: Array
+    """(2, modes): groups A and B."""
+    tip_x: Array
+    tip_y: Array
+    recoil_kg: Array
+    """Γ = ∫ρ ψ·n dV along the normal."""
+    recoil_x_kg: Array
+    """The same along the tangent."""
+
+    @property
+    def stiffnesses_n_per_m(self) -> Array:
+        """Modal stiffness with both groups shorted."""
+        return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
+
+    def dampings_n_s_per_m(self, quality_factor: float) -> Array:
+        """Return the modal damping √(k m)/Q."""
+        return np.asarray(2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor)
+
+
+@dataclass(frozen=True)
+class Stator(Modes):
+    """The modes of a stator within the range of its motor, and what the others contribute."""
+
+    clamped_f: Array
+    """(2, 2): charges on the groups per volt on the groups, all displacements held at zero."""
+    residual_f: Array
+    """(2, 2): the same of the modes that are left out."""
+    residual_m_per_n: Array
+    """(2, 2): compliance of the modes that are left out, normal and tangent."""
+    stress_pa_per_m: Array
+    """(points, modes): normal stresses of the ceramic, where some combination of modes makes them greatest."""
+    strain_per_m: Array
+    """(points, modes): the strains there."""
+    mass_kg: Array
+    """Of the stator: a number."""
+    outside: Modes
+    """Modes computed beyond the range that take part in motion or currents; they lie in the residuals."""
+    nodes_m: Array
+    """(axes, nodes)."""
+    cells: Indices
+    """(corners, cells)."""
+    shapes: Array
+    """(axes, nodes, modes): displacement per modal coordinate."""
+
+    def static_from(self, others_hz: Array) -> Array:
+        """Return ω² in (rad/s)² at which the residuals count modes outside the range: 0 for those above it."""
+        squares = (2.0 * pi * self.frequencies_hz) ** 2
+        return np.where(others_hz < self.frequencies_hz.min(), squares.mean(), 0.0)
+
+
+@one_thread  # the modes enter decks and the addresses of stored points
+def solve_stator(solid: Solid) -> Stator:
+    """Return the modes of a stator. Raise ParameterError if its parts do not fit together or it has no modes there."""
+    geometry = build_geometry(solid)
+    stiffness, mass = assemble(geometry.basis, geometry.parts, geometry.place, geometry.size, geometry.springs)
+    count = geometry.displacements
+    inner = slice(0, geometry.size - 2)
+    system, electric = stiffness[inner, inner], stiffness[inner, -2:].toarray()
+    loads = np.hstack([-electric, _contact_loads(geometry)])
+    shift = -((0.5 * pi * solid.highest_hz) ** 2)
+    order = _dissection(geometry)
+    solve = _factor(system - shift * mass[inner, inner], order)
+    squares, vectors = _lowest(
+        solve, mass[:count, :count].tocsr(), len(order), shift, (2.0 * pi * solid.highest_hz) ** 2
+    )
+    generalised = loads.T @ vectors  # forces of the groups and motions of the contact, per modal coordinate
+
+    clamped = -stiffness[-2:, -2:].toarray()
+    total = clamped + loads[:, :2].T @ solve(loads[:, :2])
+    if system.shape[0] > count:
+        between = slice(count, geometry.size - 2)
+        clamped = clamped + electric[between].T @ _factor(system[between, between], order[order >= count] - count)(
+            electric[between]
+        )
+    compliance = loads[:, 2:].T @ solve(loads[:, 2:])
+
+    rigid = squares < _RIGID * -shift
+    _require_whole(int(rigid.sum()), geometry.dimension)
+    shapes = _displacements(geometry, vectors)
+    amplitude = np.sqrt((shapes**2).sum(axis=0)).max(axis=0)
+    y, x = generalised[2:]
+    amplitude *= np.sign(np.where(np.abs(y) >= np.abs(x), y, x) + np.finfo(float).tiny)
+    squares = np.maximum(squares, 0.0)
+    frequencies = np.sqrt(squares) / (2.0 * pi)
+    capacitance = np.diag(clamped)[:, None] + np.finfo(float).tiny
+    couplings = np.where(generalised[:2] ** 2 <= _ZERO**2 * capacitance * squares, 0.0, generalised[:2])
+    couplings = couplings / (VOLTS * amplitude)
+    motion = np.where(np.abs(generalised[2:] / amplitude) <= _ZERO, 0.0, generalised[2:] / amplitude)
+    seen = solid.quality_factor * generalised[:2] ** 2 > UNSEEN * capacitance * squares
+    takes_part = seen.any(axis=0) | (np.abs(motion) > _SLIGHT).any(axis=0)
+    kept = ~rigid & takes_part & (solid.lowest_hz <= frequencies) & (frequencies <= solid.highest_hz)
+    if not kept.any():
+        near = ", ".join(f"{frequency:.4g}" for frequency in frequencies[~rigid & takes_part][:8])
+        raise ParameterError(
+            f"The solid has no mode from solid.lowest_hz = {solid.lowest_hz:g} to solid.highest_hz = "
+            f"{solid.highest_hz:g} Hz that its electrodes or its contact move; its lowest are at {near} Hz."
+        )
+
+    others = ~kept & ~rigid
+    # at the frequency of the motor's modes those below push against the force, and those above are static
+    under = np.where(squares[others] < squares[kept].min(), squares[kept].mean(), 0.0)
+    at_shift = _response(generalised, squares - shift)
+    beside = _response(generalised[:, others], squares[others] - under)
+    density = _mass_of_nodes(geometry)
+    stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
+    recoils = np.einsum("n,anm,da->dm", density, shapes, geometry.contact.sum(axis=1)) / amplitude
+    columns = [frequencies, 1.0 / amplitude**2, couplings, motion[1], motion[0], *recoils]
+    inside, outside = (Modes(*(column[..., chosen] for column in columns)) for chosen in (kept, others & takes_part))
+    return Stator(
+        **vars(inside),
+        clamped_f=clamped / VOLTS**2,
+        residual_f=(total - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
+        residual_m_per_n=compliance - at_shift[2:, 2:] + beside[2:, 2:],
+        stress_pa_per_m=stress,
+        strain_per_m=strain,
+        mass_kg=np.array(density.sum()),
+        outside=outside,
+        nodes_m=np.asarray(geometry.basis.mesh.p),
+        cells=np.asarray(geometry.basis.mesh.t),
+        shapes=(shapes[..., kept] / amplitude[kept])[:, _corners(geometry)],
+    )
+
+
+def _dissection(geometry: Geometry) -> Indices:
+    """Return an order of the inner unknowns in which a sparse matrix has few factors.
+
+    Nested dissection (A. George, SIAM J. Numer. Anal. 10 (1973) 345): the cells are halved along their greatest extent,
+    and the nodes that both halves share come after those of either half.
+    """
+    nodes, mesh = geometry.basis.element_dofs, geometry.basis.mesh
+    centres = mesh.p[:, mesh.t].mean(axis=1)
+    free = np.ones(geometry.basis.N, dtype=bool)
+    found: list[Indices] = []
+
+    def halve(cells: Indices) -> None:
+        if len(cells) <= _SMALL:
+            shared = np.unique(nodes[:, cells])
+        else:
+            axis = np.ptp(centres[:, cells], axis=1).argmax()
+            cells = cells[np.argsort(centres[axis, cells], kind="stable")]
+            middle = len(cells) // 2
+            shared = np.intersect1d(nodes[:, cells[:middle]], nodes[:, cells[middle:]])
+        shared = shared[free[shared]]
+        free[shared] = False
+        if len(cells) > _SMALL:
+            halve(cells[:middle])
+            halve(cells[middle:])
+        found.append(shared)
+
+    halve(np.arange(mesh.nelements))
+    rows = geometry.place[: len(free) * geometry.fields].reshape(len(free), -1)[np.concatenate(found)].ravel()
+    return np.asarray(rows[(rows >= 0) & (rows < geometry.size - 2)])
+
+
+def _factor(matrix: Any, order: Indices) -> Callable[[Array], Array]:
+    """Return the solver of a sparse symmetric matrix, positive in displacements and negative in potentials.
+
+    Such a matrix has factors in any order (R. J. Vanderbei, SIAM J. Optim. 5 (1995) 100), so that no pivot is sought.
+    """
+    from scipy.sparse.linalg import splu
+
+    ordered = matrix[order][:, order].tocsc()
+    factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def solve(right: Array) -> Array:
+        found = np.empty_like(right)
+        found[order] = factor.solve(right[order])
+        return found
+
+    return solve
+
+
+def _lowest(solve: Callable[[Array], Array], mass: Any, rows: int, shift: float, highest: float) -> tuple[Array, Array]:
+    """Return ω² and vectors of unit modal mass, with their potentials, of all modes up to ω² = ``highest`` and more.
+
+    Block Lanczos with full orthogonalisation and without restarts, which needs no guess of the number of modes; a block
+    finds modes of the same frequency together (G. H. Golub, R. Underwood, in Mathematical Software III, 1977, 361).
+    """
+    size = mass.shape[0]
+    block = np.random.default_rng(0).standard_normal((size, min(_BLOCK, size)))  # the same modes in every run
+    basis = heavy = np.empty((size, 0))  # heavy = mass @ basis
+    images, projected = None, np.empty((0, 0))
+    while True:
+        for _ in range(2):  # which is enough against rounding
+            block = np.linalg.qr(block - basis @ (heavy.T @ block))[0]
+            factor = np.linalg.cholesky(block.T @ (mass @ block))
+            block = np.asarray(np.linalg.solve(factor, block.T).T, dtype=np.float64)
+        basis, heavy = np.hstack([basis, block]), np.hstack([heavy, mass @ block])
+        image = solve(np.vstack([heavy[:, -block.shape[1] :], np.zeros((rows - size, block.shape[1]))]))
+        images = image if images is None else np.hstack([images, image])
+        columns = heavy.T @ image[:size]
+        projected = np.block([[projected, columns[: len(projected)]], [columns.T]])
+        values, turns = (found[..., ::-1] for found in np.linalg.eigh(projected))
+        rest = image[:size] - basis @ columns
+        last = turns[-block.shape[1] :]
+        errors = np.sqrt(np.maximum(np.einsum("im,ij,jm->m", last, rest.T @ (mass @ rest), last, optimize=True), 0.0))
+        within = int((values >= 1.0 / (highest - shift)).sum())
+        wanted = min(max(_LEAST, within + 1), size)
+        if basis.shape[1] == size or (wanted <= len(values) and (errors <= _EXACT * values)[:wanted].all()):
+            return shift + 1.0 / values[:wanted], images @ turns[:, :wanted] / values[:wanted]
+        block = rest[:, : size - basis.shape[1]]
+
+
+def _response(generalised: Array, stiffness: Array) -> Array:
+    """Return Σ g gᵀ/k over the modes."""
+    return np.asarray((generalised / stiffness) @ generalised.T)
+
+
+def _contact_loads(geometry: Geometry) -> Array:
+    """Return unit forces on the face of contact along normal and tangent, (rows, 2)."""
+    nodes = geometry.contact.shape[1]
+    rows = geometry.place[: nodes * geometry.fields].reshape(nodes, -1)[:, : geometry.dimension]
+    loads = np.zeros((geometry.size - 2, 2))
+    loads[rows[rows >= 0]] = geometry.contact[:, rows >= 0].T
+    return loads
+
+
+def _unknowns(geometry: Geometry, vectors: Array) -> Array:
+    """Return all unknowns, with those that are held at 0: (unknowns, modes)."""
+    values = np.zeros((len(geometry.place), vectors.shape[1]))
+    free = (geometry.place >= 0) & (geometry.place < len(vectors))  # with both groups shorted
+    values[free] = vectors[geometry.place[free]]
+    return values
+
+
+def _displacements(geometry: Geometry, vectors: Array) -> Array:
+    """Return the displacements of all nodes: (axes, nodes, modes)."""
+    nodes = geometry.contact.shape[1]
+    values = _unknowns(geometry, vectors)[: nodes * geometry.fields].reshape(nodes, geometry.fields, -1)
+    return np.asarray(values[:, : geometry.dimension].transpose(1, 0, 2))
+
+
+def _corners(geometry: Geometry) -> Indices:
+    """Return the elements' node at each vertex of the mesh."""
+    return np.asarray(geometry.basis.nodal_dofs[0])
+
+
+def _mass_of_nodes(geometry: Geometry) -> Array:
+    """Return ∫ρN dV of each node."""
+    masses = np.zeros(geometry.basis.N)
+    for part in geometry.parts:
+        own = geometry.basis.with_elements(part.cells)
+        values = np.stack([np.asarray(field[0]) for field in own.basis])
+        local = np.einsum("aeq,eq->ae", values, part.density_kg_m3 * part.thickness_m * own.dx)
+        masses += np.bincount(own.element_dofs.ravel(), local.ravel(), minlength=len(masses))
+    return masses
+
+
+def _stress(geometry: Geometry, vectors: Array) -> tuple[Array, Array]:
+    """Return normal stresses and strains of the ceramic, means over elements, where they can be the greatest."""
+    values, axes = _unknowns(geometry, vectors), geometry.dimension
+    stresses, found = [np.zeros((1, vectors.shape[1]))], [np.zeros((1, vectors.shape[1]))]
+    for part in geometry.parts:
+        if part.ceramic:
+            strain = strains(geometry.basis, part, values).mean(axis=1)
+            stresses.append(np.einsum("rs,esc->erc", part.matrix[:axes], strain).reshape(-1, vectors.shape[1]))
+            found.append(strain[:, :axes].reshape(-1, vectors.shape[1]))
+    stress, strain = np.concatenate(stresses), np.concatenate(found)
+    directions = np.random.default_rng(0).standard_normal((vectors.shape[1], _DIRECTIONS))
+    directions /= np.abs(stress).max(axis=0)[:, None] + np.finfo(float).tiny
+    points = np.unique(np.abs(stress @ directions).argmax(axis=0))
+    return stress[points], strain[points]
+
+
+def _require_whole(rigid: int, dimension: int) -> None:
+    most = 3 if dimension == 2 else 6
+    if rigid > most:
+        raise ParameterError(
+            f"The solid has {rigid} rigid motions, and a single body has {most}: its boxes do not touch. Close the gap."
+        )

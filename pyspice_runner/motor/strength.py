@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strain, stress and temperature of the ceramic of a running motor, and what exceeds the limits of the motor.
+
+A beam strains its outer fibre by the curvature ψ′ times the distance from the neutral axis. The stress is Young's
+modulus times that strain, without the contribution of the field, E d₃₁ E₃ (0.7 MPa at 50 V on the plates of
+andersen2002). Of a solid they are the normal strains and stresses, means over elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from math import nan, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.motor.beam import solve_resonator
+from pyspice_runner.motor.motor import Motor, Structure
+from pyspice_runner.motor.solid.parameters import Electrode
+from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.wear import next_flat, time_to_flat
+from pyspice_runner.units import engineering
+
+Array = NDArray[np.float64]
+STRESSED = (
+    "The ceramic is stressed to {stress:.3g} MPa; its rated dynamic strength is {strength:.3g} MPa. Lower the voltage."
+)
+HEATED = (
+    "In the steady state the losses heat the stator by {rise:.3g} K to {temperature:.3g} °C; the limit is {most:.3g} "
+    "°C, half the Curie temperature. Lower the voltage, or drive it for a short time."
+)
+PRESSED = (
+    "The peak pressure of the contact is {pressure}; the limit is {most}. Lower the voltage or the preload, or give "
+    "the tip a larger radius."
+)
+TORN = (
+    "Friction puts the trailing edge of the contact under a tension of {tension}; its strength is {strength}. Lower "
+    "the voltage or the preload, or give the tip a larger radius."
+)
+WORN = (
+    "The results are those of a new tip: after {time} it is worn to a flat as wide as the contact under the preload, "
+    "{radius} in radius."
+)
+WIDER = "The results are those of a tip with a flat of {worn} in radius: after {time} its radius is {radius}."
+FIELD = (
+    "Group {group} reaches {volts:.4g} V, a field of {field:.3g} V/mm; the limit is {most:.3g} V/mm, above which "
+    "losses rise steeply and the ceramic may lose its polarisation. Lower the voltage, or let the supply rise slowly."
+)
+COMPARED = (
+    "ceramic_stress_pa", "temperature_rise_k", "peak_pressure_pa", "tensile_stress_pa", "wear_volume_m3_per_s",
+)  # fmt: skip
+SHORT_LIFE_S = 3600.0  # time in which a new tip must not wear to a flat
+_POINTS = 41  # along each patch
+
+
+@cache
+def _of_beam(structure: Structure) -> tuple[Array, Array]:
+    """Return strain in 1/m and stress in Pa/m of the outer fibres per modal displacement, (points, modes)."""
+    resonator = solve_resonator(structure.beam, structure.patches, structure.tip)
+    strains, moduli = [], []
+    for patch in structure.patches:
+        x = np.linspace(patch.start_m, patch.end_m, _POINTS)
+        strains.append((0.5 * structure.beam.thickness_m + patch.thickness_m) * -resonator.curvature(x))
+        moduli.append(np.full(_POINTS, patch.youngs_modulus_pa))
+    strain = np.concatenate(strains)
+    return strain, np.concatenate(moduli)[:, None] * strain
+
+
+def _of_modes(motor: Motor) -> tuple[Array, Array]:
+    """Return strain in 1/m and stress in Pa/m of the ceramic per modal displacement; no points if not known."""
+    if motor.solid is not None:
+        stator = stator_of(motor.solid)
+        return stator.strain_per_m, stator.stress_pa_per_m
+    if motor.structure is not None:
+        strain, stress = _of_beam(motor.structure)
+        return strain[:, : len(motor.modes)], stress[:, : len(motor.modes)]
+    return np.empty((0, 0)), np.empty((0, 0))
+
+
+def stress_of_modes(motor: Motor) -> Array:
+    """Return the stress of the ceramic per modal displacement in Pa/m, (points, modes); no points if not known."""
+    return _of_modes(motor)[1]
+
+
+def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
+    """Return the greatest strain and stress over modal displacements in m, shape (modes, points).
+
+    They are NaN without a known beam or solid.
+    """
+    return _peak(motor, lambda shape: float(np.abs(shape @ displacement_m).max()))
+
+
+def peak_of_amplitudes(motor: Motor, amplitudes_m: Sequence[float]) -> dict[str, float]:
+    """Return an upper bound of strain and stress: all modes at their amplitudes at once."""
+    return _peak(motor, lambda shape: float((np.abs(shape) @ np.asarray(amplitudes_m)).max()))
+
+
+def _peak(motor: Motor, greatest: Callable[[Array], float]) -> dict[str, float]:
+    """Return the greatest strain and stress, each a function of its values per modal displacement."""
+    strain, stress = (greatest(shape) if len(shape) else nan for shape in _of_modes(motor))
+    return {"ceramic_strain": strain, "ceramic_stress_pa": stress}
+
+
+def electrode_distance(motor: Motor, group: str) -> float | None:
+    """Return the least distance in m between the electrodes of group ``a`` or ``b``; ``None`` if it is not known.
+
+    Of patches it is the thickness of a layer, of a solid the distance of the nearest parallel electrode of ground.
+    """
+    found: list[float] = []
+    if motor.structure is not None:
+        patches = (patch for patch in motor.structure.patches if patch.group.lower() == group)
+        found = [patch.thickness_m / patch.layers for patch in patches]
+    elif motor.solid is not None:
+        faces = [face for face in motor.solid.electrodes if face.region is None]
+        for one in (face for face in faces if face.group.lower() == group):
+            found += [gap for other in faces if other.group == "ground" if (gap := _gap(one, other)) is not None]
+    return min(found, default=None)
+
+
+def _gap(one: Electrode, other: Electrode) -> float | None:
+    """Return the distance in m of two parallel electrodes that face each other; ``None`` if they do not."""
+    (low, high), (base, top) = one.corners, other.corners
+    for axis in range(3):
+        sides = [side for side in range(3) if side != axis]
+        level = low[axis] == high[axis] and base[axis] == top[axis] and low[axis] != base[axis]
+        if level and all(low[side] < top[side] and base[side] < high[side] for side in sides):
+            return abs(low[axis] - base[axis])
+    return None
+
+
+def depolarised(motor: Motor, volts: Mapping[str, float]) -> tuple[str, ...]:
+    """Return one sentence for each group whose greatest voltage in V, by its name, puts its ceramic above its field."""
+    limits = motor.limits
+    if limits is None or limits.field_v_per_m is None:
+        return ()
+    told = []
+    for group, voltage in volts.items():
+        distance = electrode_distance(motor, group)
+        if distance is not None and voltage / distance > limits.field_v_per_m:
+            told.append(
+                FIELD.format(group=group.upper(), volts=voltage, field=1e-3 * voltage / distance,
+                             most=1e-3 * limits.field_v_per_m)
+            )  # fmt: skip
+    return tuple(told)
+
+
+def amplitude(mean_square_velocity: float, omega: float) -> float:
+    """Return the amplitude in m of a sinusoidal displacement."""
+    return sqrt(2.0 * max(mean_square_velocity, 0.0)) / omega
+
+
+def temperature_rise(motor: Motor, heat_w: float) -> float:
+    """Return the steady temperature in K above the surroundings; NaN without a thermal resistance."""
+    return nan if motor.limits is None else motor.limits.thermal_resistance_k_per_w * heat_w
+
+
+def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
+    """Return one sentence for each limit that a quantity of :data:`COMPARED` exceeds, after the motor's own."""
+    stress, rise, pressure, tension, wear = (quantities.get(name, nan) for name in COMPARED)
+    limits, found = motor.limits, [*motor.cautions]
+    if limits is not None:
+        if stress > limits.dynamic_strength_pa:
+            found.append(STRESSED.format(stress=1e-6 * stress, strength=1e-6 * limits.dynamic_strength_pa))
+        temperature, most = limits.ambient_c + rise, 0.5 * limits.curie_temperature_c
+        if temperature > most:
+            found.append(HEATED.format(rise=rise, temperature=temperature, most=most))
+        if limits.contact_pressure_pa is not None and pressure > limits.contact_pressure_pa:
+            most_pressure = engineering(limits.contact_pressure_pa, "Pa")
+            found.append(PRESSED.format(pressure=engineering(pressure, "Pa"), most=most_pressure))
+        if limits.contact_tension_pa is not None and tension > limits.contact_tension_pa:
+            strength = engineering(limits.contact_tension_pa, "Pa")
+            found.append(TORN.format(tension=engineering(tension, "Pa"), strength=strength))
+    life = time_to_flat(motor.contact, wear)
+    if life <= SHORT_LIFE_S:
+        worn, radius = (
+            engineering(value, "m") for value in (motor.contact.worn_flat_radius_m, next_flat(motor.contact))
+        )
+        said = WIDER if motor.contact.worn_flat_radius_m else WORN
+        found.append(said.format(time=engineering(life, "s"), worn=worn, radius=radius))
+    return tuple(found)

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One transient run of a motor: from a drive and a load to verified waveforms with their energy balance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from math import isfinite, sqrt
+from typing import Any
+
+from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
+from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.waveforms import Burst, Waveform
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
+from pyspice_runner.interrupts import held
+from pyspice_runner.motor.drive import Drive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.result import Audit
+from pyspice_runner.run.accuracy import COST, TIP, CoarserRuns
+from pyspice_runner.run.audit import audit_run
+from pyspice_runner.run.ceramic import ceramic
+from pyspice_runner.run.dynamometer import delivering
+from pyspice_runner.run.engines import on_engine
+from pyspice_runner.run.kernel import Outcome, progress_callback
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
+from pyspice_runner.run.window import Window
+from pyspice_runner.spice import Engine
+from pyspice_runner.trackers.tracker import Tracker
+
+_USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
+_MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to some 20 %
+_MOST_TRIALS = 5
+_FEWEST_KEPT = 10  # points of an interrupted run; fewer show nothing
+
+
+@checked
+def simulate(
+    motor: Motor,
+    drive: Drive | Driver | Tracker | Waveform | Burst,
+    duration: float,
+    *,
+    contact: ContactLaw | None = "spring-slider",
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    step: float | None = None,
+    accuracy: float | None = None,
+    thermal: Thermal | None = None,
+    exact_resonance: bool = True,
+    signals: Sequence[str] | None = None,
+    record_from: float = 0.0,
+    record_every: int = 1,
+    progress: Callable[[float, float], object] | None = None,
+    timeout: float | None = None,
+    audit: bool = True,
+    engine: Engine = "spice",
+) -> Waveforms:
+    """Run a motor from rest under its preload; the drive comes on at t = 0.
+
+    Memory grows with the recorded points, not with the duration; ``signals``, ``record_from`` and ``record_every``
+    select them. The energy balance and the audit need all signals at every step, which is the default.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups, or what makes them: a driver circuit, or a tracker of the last mode; also a
+            waveform or a burst (:mod:`pyspice_runner.circuit.waveforms`).
+        duration: simulated time in s.
+        contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
+            ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.
+        speed: if given, the shaft is held at this speed, rad/s.
+        load_torque: torque in N·m that a load draws from the free shaft, positive against the positive direction.
+        step: uniform time step in s; by default from the accuracy, or the shortest period present over 128.
+        accuracy: error allowed of the tip's trajectory, RMS relative to its motion, such as 0.005. The step is chosen
+            so that :attr:`Waveforms.error_estimate` stays below it; a given step that is too coarse is an error. By
+            default the error is estimated too, by two more runs with coarser steps that take 0.75 times as long;
+            a run with a given step, or without the tip among its signals, has no estimate.
+        thermal: drift of a motor that its losses heat; the column ``temperature_k`` is then recorded.
+        exact_resonance: write the modes so that the trapezoidal rule resonates where they do
+            (:class:`~pyspice_runner.circuit.motor.Discretisation`).
+        signals: columns to record beside the time; by default all.
+        record_from: time in s from which on points are recorded: for a look at the end of a long run.
+        record_every: number of steps from one recorded point to the next.
+        progress: called several times a second with the fraction that is done, 0 to 1, and the remaining seconds.
+        timeout: wall time in s after which the run is ended.
+        audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit`` has them.
+        engine: ``"spice"``, in which ngspice interprets the B-sources of the motor; ``"compiled"``, a compiled
+            Verilog-A module, which takes a compiler and ngspice 46 (:mod:`~pyspice_runner.run.engines`); ``"auto"``,
+            the compiled one if it was seen on this machine to move as the other does.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+        Interrupted: when interrupted; ``partial`` has what was done, marked as not complete.
+    """
+    reason = "A motor that its losses heat has no compiled form." if thermal else ""
+    reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
+    setup = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, thermal=thermal, step=step,
+        accuracy=accuracy, exact_resonance=exact_resonance, timeout=timeout, audit=audit,
+    )  # fmt: skip
+    setup = on_engine(setup, engine, reason)
+    if accuracy is not None and step is None:
+        setup = setup.with_step(setup.shortest_period / points_per_period(accuracy))
+    _check_duration(setup, duration)
+    _check_recording(signals, record_from, record_every, duration, setup.step)
+    estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
+    if accuracy is not None and not estimate:
+        raise ParameterError("accuracy is the error of the tip: signals must have tip_x_m and tip_y_m.")
+    for _ in range(_MOST_TRIALS):
+        run = _run(setup, duration, signals, record_from, record_every, estimate=estimate, progress=progress)
+        if accuracy is None:
+            return run
+        if run.error_estimate is None:
+            raise SimulationError("The error could not be estimated: the run failed with twice the step. Give a step.")
+        error = _MARGIN * run.error_estimate
+        if error <= accuracy:
+            return run
+        finer = setup.step * max(0.9 * sqrt(accuracy / error), 0.25)
+        if step is not None:
+            raise ParameterError(
+                f"step = {step:g} s is too coarse for accuracy = {accuracy:g}: its error is some {error:.2g}. "
+                f"It must be about {finer:.2g} s; leave the step out, and it is chosen."
+            )
+        setup = setup.with_step(finer)
+        _check_recording(signals, record_from, record_every, duration, setup.step)
+    raise SimulationError(
+        f"No step down to {setup.step / 0.9:.2g} s reached accuracy = {accuracy:g}; the last error was some "
+        f"{error:.2g}. The motion is likely chaotic: then only averages can be accurate. Run it with a step of your "
+        "own."
+    )
+
+
+def _run(
+    setup: OperatingPoint,
+    duration: float,
+    signals: Sequence[str] | None,
+    start: float,
+    every: int,
+    *,
+    estimate: bool,
+    progress: Callable[[float, float], object] | None,
+) -> Waveforms:
+    """Run an operating point and return its waveforms, audited, with an estimate of their errors if requested.
+
+    The signals are recorded from the start in s on, at every n-th step.
+    """
+    motor = setup.motor
+    recording = setup.recording(started=start == 0.0)
+    balanced = signals is None and every == 1
+
+    def waveforms(outcome: Outcome, *, complete: bool, coarser: CoarserRuns | None = None) -> Waveforms:
+        samples = outcome.vectors(every)
+        waves = recording.columns(samples, recording.all_columns if signals is None else signals)
+        energy: EnergyBalance | None = None
+        findings: tuple[str, ...] = ()
+        inexact: list[str] = []
+        if balanced:
+            energy = recording.energy(waves, samples)
+            inexact = list(_delivering(energy))
+            findings = audit_run(motor, waves, energy, step=setup.step, contact=setup.law is not None)
+            if setup.solver.audit and complete:
+                Audit(findings).withhold("run")
+        errors, interrupted = None, False
+        if coarser is not None:
+            try:
+                errors = coarser.errors(waves)
+            except KeyboardInterrupt:
+                interrupted = True
+        window = Window(samples["time"], setup.source.measured_period(samples))
+        stressed: dict[str, Any] = {"cautions": []}
+        if signals is None:
+            stressed = ceramic(motor, setup.law, setup.discretisation, samples, setup.source, window)
+        provenance: dict[str, Any] = {
+            "motor": motor.to_dict(),
+            "drive": setup.source.to_dict(),
+            "run": {
+                "duration_s": duration,
+                **setup.to_dict(),
+                "accuracy": setup.solver.accuracy,
+                "record_from_s": start,
+                "record_every": every,
+            },
+            "deck_sha256": outcome.deck_sha256,
+            "audit": {"passed": not findings if balanced else None, "findings": list(findings)},
+            **stressed,
+            "cautions": [*stressed["cautions"], *inexact],
+        }
+        arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
+        found = Waveforms(
+            **arrays,
+            energy=energy,  # type: ignore[arg-type]
+            drive_period_s=window.period,
+            rotor_radius_m=motor.rotor.radius_m,
+            decay_s=motor.decay_s,
+            solver_seconds=outcome.seconds + (errors.seconds if errors else 0.0),
+            ngspice_version=outcome.ngspice_version,
+            provenance=provenance,
+            deck=outcome.deck,
+            final_state=setup.motion(outcome.last()) if signals is None else None,
+            error_estimate=errors.tip if errors else None,
+            speed_error_rad_s=errors.speed_rad_s if errors else None,
+            torque_error_n_m=errors.torque_n_m if errors else None,
+            complete=complete,
+        )
+        if interrupted:
+            raise Interrupted("The run is complete; the estimate of its error was interrupted.", found)
+        return found
+
+    vectors = [*recording.vectors(signals), *setup.source.vectors, *(setup.state_vectors() if signals is None else ())]
+    tell = progress_callback(progress, duration * (1.0 + COST if estimate else 1.0)) if progress else None
+    recorded = COLUMNS if signals is None else signals
+    beside = CoarserRuns(setup, recorded, duration, record_from=start) if estimate else nullcontext()
+    # an interrupt waits until the coarser runs have ended
+    with held() as listening, beside as coarser:
+        try:
+            with listening():
+                after = (lambda at: tell(at + coarser.reached_s if coarser else at)) if tell else None
+                outcome = setup.run(duration, vectors, record_from=start, progress=after, keep_partial=True)
+        except Interrupted as interrupt:
+            if interrupt.partial.result.raw.points < _FEWEST_KEPT:
+                raise KeyboardInterrupt from None
+            found = waveforms(interrupt.partial, complete=False)
+            ended = f"The run was interrupted at {found.time_s[-1]:.4g} of {duration:g} s."
+            raise Interrupted(ended, found) from None
+        with listening():
+            return waveforms(outcome, complete=True, coarser=coarser)
+
+
+def _delivering(energy: EnergyBalance) -> tuple[str, ...]:
+    """Return a sentence for each loss that is negative over the run; energies stand for the powers of a point."""
+    losses = {"friction_loss_w": energy.friction, "normal_loss_w": energy.contact_damping}
+    rest = dict.fromkeys(("power_b_w", "shaft_power_w", "damping_loss_w", "dielectric_loss_w"), 0.0)
+    return delivering([{"power_a_w": energy.passed, **losses, **rest}])
+
+
+def points_per_period(accuracy: float) -> float:
+    """Return the points a period of the fastest motion to begin with for an accuracy.
+
+    The error falls with their square.
+    """
+    return max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
+
+
+def _check_duration(setup: OperatingPoint, duration: float) -> None:
+    if not (isfinite(duration) and duration > 0.0):
+        raise ParameterError(f"duration = {duration:g} s is not valid: it must be a number > 0 s.")
+    if duration < 10.0 * setup.step:
+        raise ParameterError(
+            f"duration = {duration:g} s is shorter than ten steps of {setup.step:g} s; give at least "
+            f"{10 * setup.step:.3g} s."
+        )
+
+
+def _check_recording(
+    signals: Sequence[str] | None, record_from: float, record_every: int, duration: float, step: float
+) -> None:
+    for name in signals or ():
+        if name not in COLUMNS:
+            raise ParameterError(f"signals: {name!r} is not valid: it must be one of {', '.join(COLUMNS)}.")
+    last = duration - 10.0 * step * record_every
+    if record_every < 1 or last < 0.0:
+        raise ParameterError(
+            f"record_every = {record_every} is not valid: it must be a whole number of steps from 1 to "
+            f"{int(duration / (10.0 * step))}."
+        )
+    if not 0.0 <= record_from <= last:
+        raise ParameterError(
+            f"record_from = {record_from:g} s is not valid: it must be from 0 to {last:.6g} s, ten points before "
+            "the end."
+        )
+    points = (duration - record_from) / (step * record_every)
+    if points > MOST_POINTS:
+        raise ParameterError(
+            f"duration = {duration:g} s records {points:.3g} points; at most {MOST_POINTS:.0e} fit in memory. Shorten "
+            "it, or record less: record_from for its end, record_every for fewer points."
+        )

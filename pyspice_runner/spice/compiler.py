@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compile C sources to a shared library by the system's compiler."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shutil
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+from pyspice_runner.errors import SimulationError
+from pyspice_runner.spice.private_cache import kept_file
+from pyspice_runner.spice.process import answer
+
+FOR_WINDOWS = "x86_64-w64-mingw32-gcc"  # of mingw-w64
+COMPILERS = ("cc", "gcc", "clang")  # the first of them on the PATH is used
+_FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra")
+_TIMEOUT = 120.0  # s; a compiler takes about one
+
+
+def find_compiler() -> str:
+    """Return the path of a C compiler. Raise SimulationError if none is installed."""
+    compiler = next((found for found in map(shutil.which, COMPILERS) if found), None)
+    if compiler is None:
+        raise SimulationError(
+            f"No C compiler was found on the PATH ({', '.join(COMPILERS)}). Install one: `sudo apt-get install gcc "
+            "libc6-dev`."
+        )
+    return compiler
+
+
+def compile_library(folder: Path, sources: Sequence[str], target: Path) -> bool:
+    """Compile C sources to a shared library; return True. Raise SimulationError if it fails or none is there."""
+    _compile(find_compiler(), _FLAGS, folder, sources, target)
+    return True
+
+
+def compile_for_windows(folder: Path, sources: Sequence[str], target: Path) -> bool:
+    """Compile C sources to a library for Windows on x86-64; return whether mingw-w64 is installed.
+
+    Raise SimulationError if it fails.
+    """
+    compiler = shutil.which(FOR_WINDOWS)
+    if compiler:
+        flags = tuple(flag for flag in _FLAGS if flag != "-fPIC")
+        _compile(compiler, (*flags, "-D__USE_MINGW_ANSI_STDIO=1", "-static", "-s"), folder, sources, target)
+    return compiler is not None
+
+
+def _compile(compiler: str, flags: Sequence[str], folder: Path, sources: Sequence[str], target: Path) -> None:
+    command = [compiler, *flags, "-o", str(target.resolve()), *sources, "-lm"]
+    hint = f"Check it by `{compiler} --version`."
+    done = answer(command, timeout=_TIMEOUT, hint=hint, what=f"The C compiler {compiler}", folder=folder)
+    if done.returncode != 0:
+        last = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[-200:])
+        raise SimulationError(
+            f"The C compiler {compiler} failed: {last}. Install its headers: `sudo apt-get install libc6-dev`.",
+            log=done.stderr,
+        )
+
+
+@cache
+def _version(compiler: str) -> str:
+    return answer(
+        [compiler, "--version"], timeout=_TIMEOUT, hint="Install another.", what=f"The C compiler {compiler}"
+    ).stdout
+
+
+def kept_library(name: str, texts: Mapping[str, str], folder: Path) -> Path:
+    """Return the shared library ``NAME.so`` of C texts, file name → text; compile it if it is not in a folder yet.
+
+    Raise SimulationError if there is no compiler, if it fails, or if the folder cannot be written.
+    """
+    told = "\n".join((_version(find_compiler()), platform.platform(), *_FLAGS, *texts, *texts.values()))
+    place = folder / hashlib.sha256(told.encode()).hexdigest()[:32] / f"{name}.so"
+
+    def compile_in(work: Path) -> None:
+        for file, text in texts.items():
+            (work / file).write_text(text, encoding="utf-8")
+        compile_library(work, [file for file in texts if file.endswith(".c")], work / place.name)
+
+    return kept_file(place, compile_in)

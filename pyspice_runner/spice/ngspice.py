@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run a netlist in ngspice and verify its result.
+
+Each run is a separate process ``ngspice -b -n -r`` in a separate folder, so that concurrent runs do not interfere and
+the user's start-up file is not read. ngspice's exit status and the presence of a raw file do not mean success. A run is
+valid only if the netlist has none of the faults that ngspice ignores (:mod:`.silent`), the status is 0, the log has no
+complaint, every requested vector is present and finite, and the analysis reached its end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import IO
+
+from pyspice_runner.errors import Interrupted, SimulationError
+from pyspice_runner.interrupts import held
+from pyspice_runner.spice.deck_lint import silent_fault
+from pyspice_runner.spice.process import FREE_SPACE, answer, end, new_folder, start
+from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
+
+OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
+LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
+_VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
+_PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
+_LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
+_FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
+_INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
+
+# Words by which ngspice 36 to 46 reports a problem, on standard output or standard error.
+_TROUBLE = re.compile(
+    r"error|warning|singular|unknown|unrecogni[sz]ed|undefined|can't|cannot|could not|fail|abort|"
+    r"too (?:small|few|many)|no such|not found|no convergence|ignored|out of memory|iteration limit|interrupted|"
+    r"no \.measure possible",
+    re.I,
+)
+# Lines of every run. They name the netlist's title and nodes, which may hold any of the words above.
+_CHATTER = re.compile(
+    r"Circuit: |Note: |Doing analysis at|binary raw file|No\. of Data|Using transient initial|"
+    r"Using (?:SPARSE|KLU)|Operating point simulation skipped|now using transient initial|No\. of Data Columns|"
+    r"Initial Transient Solution|Node +Voltage|Reference value|or no active circuit available|-+ *-*$|"
+    r"\S+ +-?(?:\d[\d.]*(?:e[-+]\d+)?|nan|inf)$|Total (?:analysis|elapsed)|Total DRAM|DRAM currently|.* program size =|"
+    r"Shared ngspice pages|Text \(code\) pages|Stack =|Library pages|ngspice-\d+ done"
+)
+_STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # the outcome follows on the same line
+
+
+@dataclass(frozen=True)
+class Result:
+    """The result of a verified run."""
+
+    raw: RawFile  # the vectors
+    seconds: float  # wall time of the ngspice process
+    log: str  # the log of ngspice
+    ngspice_version: str  # version of ngspice
+
+
+def find_ngspice() -> str:
+    """Return the path of the ngspice executable. Raise SimulationError if there is none on the PATH."""
+    found = shutil.which("ngspice")
+    if found is None:
+        raise SimulationError(f"ngspice is not on the PATH. {_INSTALL_HINT}")
+    return str(Path(found).absolute())  # an entry of PATH may be relative, and a run has a working folder of its own
+
+
+def ngspice_version() -> str:
+    """Return ngspice's version, such as "39".
+
+    Raises:
+        SimulationError: if ngspice is missing, does not answer, or is older than version 36.
+    """
+    return version_of(find_ngspice())
+
+
+@cache
+def version_of(executable: str) -> str:
+    """Return the version of the ngspice at a path.
+
+    Raises:
+        SimulationError: if it does not answer, or is older than version 36.
+    """
+    said = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
+    match = re.search(r"ngspice-(\d+)([.\d+]*)", said)
+    if not match:
+        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=said)
+    if int(match.group(1)) < OLDEST_VERSION:
+        raise SimulationError(f"ngspice {match.group(1)} is too old; version {OLDEST_VERSION} or later is needed.")
+    return match.group(1) + match.group(2).rstrip("+.")
+
+
+def run_deck(
+    deck: str,
+    *,
+    vectors: Sequence[str],
+    stop_time: float | None = None,
+    stop_frequency: float | None = None,
+    timeout: float | None = None,
+    progress: Callable[[float], object] | None = None,
+    keep_partial: bool = False,
+    executable: str = "",
+    modules: Sequence[Path] = (),
+) -> Result:
+    """Run a netlist and return its vectors, or raise.
+
+    The netlist has ``.save`` and one analysis, which must reach ``stop_time`` in s or ``stop_frequency`` in Hz. The
+    ``vectors``, as ``.save`` takes them (``v(out)``, ``out``, ``i(v1)``, ``@r1[i]``), must be present and finite.
+    ``timeout`` is wall time in s. ``progress`` is called several times a second with the simulated time in s. The deck
+    loads the ``modules`` by their names.
+
+    Raises:
+        SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
+        Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`Result` that ended too early.
+    """
+    executable = executable or find_ngspice()
+    version = version_of(executable)
+    with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
+        folder = new_folder()
+        deck_path = folder / "deck.cir"
+        keep = False
+        try:
+            deck_path.write_text(deck, encoding="utf-8")
+            _link(modules, folder, deck)
+            fault = silent_fault(deck)
+            if fault:
+                raise SimulationError(fault)
+            started = time.perf_counter()
+            try:
+                status, log, seconds = _execute(executable, folder, deck_path, timeout, progress, listening)
+            except KeyboardInterrupt as interrupt:
+                if not keep_partial:
+                    raise
+                raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started, version) from interrupt
+            _check_status(status, log)
+            raw = verified_run(folder / "out.raw", log, vectors, stop_time, stop_frequency)
+        except SimulationError as error:
+            keep = True
+            full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {FREE_SPACE}"
+            for scrap in ("out.raw", "log"):
+                (folder / scrap).unlink(missing_ok=True)
+            raise SimulationError(
+                f"{error}{full} The netlist is kept as {deck_path}.", deck=deck_path, log=error.log
+            ) from None
+        except OSError as error:
+            if error.errno == errno.ENOMEM:  # a result is mapped, not read
+                raise MemoryError(error.strerror) from error
+            raise SimulationError(f"Cannot write to {folder}: {error.strerror}. {FREE_SPACE}") from error
+        finally:
+            if not keep:
+                shutil.rmtree(folder, ignore_errors=True)
+    return Result(raw, seconds, log, version)
+
+
+def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
+    """Put compiled modules beside a deck, with an empty start file unless the deck has devices of XSPICE.
+
+    The start file of ngspice 46 loads the code models of XSPICE, which takes 8 ms, a tenth of a short run.
+    """
+    for module in modules:
+        (folder / module.name).symlink_to(module)
+    if modules and not re.search(r"(?mi)^(?:a|\.inc|\.lib)", deck):
+        (folder / "spinit").touch()
+
+
+def _execute(
+    executable: str,
+    folder: Path,
+    deck: Path,
+    timeout: float | None,
+    progress: Callable[[float], object] | None,
+    listening: Callable[[], contextlib.AbstractContextManager[None]],
+) -> tuple[int, str, float]:
+    """Run ngspice to its end; an interrupt or a timeout ends the child first."""
+    started = time.perf_counter()
+    with (folder / "log").open("w+b") as log_file:
+        try:
+            process = start(
+                [executable, "-b", "-n", "-r", "out.raw", deck.name], folder,
+                stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+        except OSError as error:
+            raise SimulationError(f"{executable} does not run: {error.strerror}.") from None
+        try:
+            with listening():
+                status = _wait(process, timeout, progress, log_file)
+        except subprocess.TimeoutExpired:
+            raise SimulationError(
+                f"ngspice did not finish within {timeout:g} s and was stopped.", log=_read(log_file)
+            ) from None
+        finally:
+            end(process)
+        return status, _read(log_file), time.perf_counter() - started
+
+
+def _wait(
+    process: subprocess.Popen[bytes],
+    timeout: float | None,
+    progress: Callable[[float], object] | None,
+    log_file: IO[bytes],
+) -> int:
+    """Wait for the end of ngspice, and report the simulated time."""
+    if progress is None:
+        return process.wait(timeout=timeout)
+    ends, last = (None if timeout is None else time.monotonic() + timeout), b""
+    while True:
+        left = _PROGRESS_PERIOD if ends is None else max(min(_PROGRESS_PERIOD, ends - time.monotonic()), 0.0)
+        try:
+            return process.wait(timeout=left)
+        except subprocess.TimeoutExpired:
+            if ends is not None and time.monotonic() >= ends:
+                raise
+        told = os.pread(log_file.fileno(), 200, max(os.fstat(log_file.fileno()).st_size - 200, 0))
+        reached = re.findall(rb"Reference value : +(\d\S*e\S+)", told)
+        if reached and reached[-1] != last:
+            last = reached[-1]
+            progress(float(last))
+
+
+def _interrupted(path: Path, vectors: Sequence[str], seconds: float, version: str) -> KeyboardInterrupt:
+    """Return the interrupt to raise, with the complete points of the run, if any."""
+    try:
+        raw = read_rawfile(path, partial=True)
+    except RawFileError:
+        return KeyboardInterrupt()
+    if any(raw.find(name) is None for name in vectors) or raw.beyond(LARGEST, vectors):
+        return KeyboardInterrupt()
+    return Interrupted("The run was interrupted.", Result(raw, seconds, "", version))
+
+
+def _read(log_file: IO[bytes]) -> str:
+    log_file.seek(0)
+    text = log_file.read(_LONGEST_LOG + 1)
+    if len(text) > _LONGEST_LOG:
+        raise SimulationError(f"ngspice wrote a log of more than {_LONGEST_LOG >> 20} MiB, too long to be checked.")
+    return text.decode("utf-8", errors="replace")
+
+
+def _check_status(status: int, log: str) -> None:
+    if status != 0:
+        how = f"ended with status {status}"
+        if status < 0:
+            how = f"was killed by signal {-status} ({signal.strsignal(-status)})"
+            how += ", as the system does when memory runs out" if -status == signal.SIGKILL else ""
+        raise SimulationError(f"ngspice {how}{_quoted(_spoken(log))}.", log=log)
+
+
+def verified_run(
+    path: Path, log: str, vectors: Sequence[str], stop_time: float | None = None, stop_frequency: float | None = None
+) -> RawFile:
+    """Return the vectors of a raw file; the arguments are those of :func:`run_deck`.
+
+    Raises:
+        SimulationError: if the log has a complaint, a vector is missing or not finite, or the end was not reached.
+    """
+    complaint = _complaint(log)
+    if complaint:
+        raise SimulationError(f"ngspice finished but complained{_quoted(complaint)}.", log=log)
+    try:
+        raw = read_rawfile(path)
+    except RawFileError as error:
+        raise SimulationError(f"ngspice gave no usable result: {error}.", log=log) from None
+    for name in vectors:
+        if raw.find(name) is None:
+            raise SimulationError(f"ngspice left out the vector {name}; check that the netlist has it.", log=log)
+    spoiled = raw.beyond(LARGEST, vectors)
+    if spoiled:
+        raise SimulationError(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log=log)
+    _check_end(raw, "time", stop_time, "s", log)
+    _check_end(raw, "frequency", stop_frequency, "Hz", log)
+    return raw
+
+
+def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: str) -> None:
+    """Raise if an analysis ended before the requested time or frequency."""
+    if stop is None:
+        return
+    if abscissa not in raw.vectors:
+        raise SimulationError(f"ngspice gave no {abscissa}; its result is {raw.plot!r}.", log=log)
+    axis = raw.vectors[abscissa].real
+    reached = float(axis[-1])
+    if abscissa == "frequency" and len(axis) > 1 and axis[-1] - axis[-2] < 1e-9 * len(axis) * stop:
+        # ngspice adds up the steps of a sweep. The rounding error of many steps exceeds its tolerance for the end, 1e-6
+        # of a step, and the last step may be dropped
+        stop -= 1.01 * float(axis[-1] - axis[-2])
+    if not reached >= stop * (1.0 - 1e-9):
+        raise SimulationError(f"ngspice stopped at {reached:g} {unit}, before the end at {stop:g} {unit}.", log=log)
+
+
+def _spoken(log: str) -> list[str]:
+    """Return the lines of a log that not every run has."""
+    lines = [_STEPPING.sub("", line.strip()) for line in log.splitlines()]
+    return [line for line in lines if line and not _CHATTER.match(line)]
+
+
+def _complaint(log: str) -> list[str]:
+    """Return the lines of a log from the first complaint on, if any."""
+    lines = _spoken(log)
+    first = next((index for index, line in enumerate(lines) if _TROUBLE.search(line)), len(lines))
+    return lines[first:]
+
+
+def _quoted(lines: Sequence[str]) -> str:
+    """Return the first few lines, to append to a sentence."""
+    few = [line[:200] for line in list(dict.fromkeys(lines))[:3]]
+    return f': "{" / ".join(few)}"' if few else ""

@@ -1,0 +1,496 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The steady state of a motor behind a driver circuit, whose inductances and capacitances are states like the motor's.
+
+The edges of the control are at fixed phases of the drive; a run starts far from them, and has a point at each. In
+between ngspice chooses its steps, and a small change of the state may change them. The derivative of the map is
+therefore measured in decks whose copies have their steps in common, one of them undisturbed.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from itertools import chain, pairwise
+from math import ceil, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.motor import require_linear
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.circuit.state import Discretisation
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.drivers.networks import CABLE
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
+from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
+from pyspice_runner.run.kernel import run_bench, transient_timing
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.steady.copies import Copy, Plant, copy_name
+from pyspice_runner.steady.driven_copies import (
+    LEAD,
+    PRIMARY,
+    DrivenPlant,
+    driven_bench,
+    driven_states,
+    driven_vectors,
+)
+from pyspice_runner.steady.period_map import CONTACT, COPIES_PER_DECK, PeriodMap, Trace, cores
+from pyspice_runner.steady.period_means import current, loads
+from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
+from pyspice_runner.steady.threads import in_threads
+
+Array = NDArray[np.float64]
+# part of the largest singular value below which a state at the start has faded before the period begins: more than the
+# noise of the derivative, which behind bridges has that of ngspice's own steps
+FADED, FADED_SWITCHED = 1e-6, 1e-2
+ROUGH = 5e-3  # accuracy from which on steps twice as long may do
+SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
+FEWEST_PERIODS = 10  # of the transient from which a curve starts
+SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
+_MORE = 4.5  # steps beyond the period: ngspice 46 shortens the last two of a run
+_EVEN = 20  # a number of steps that has LEAD of a period in it
+
+
+@dataclass
+class DrivenMap(PeriodMap):
+    """The map over one period of a driver."""
+
+    uniform: bool = False  # whether ngspice's steps are uniform; otherwise it shortens them at edges
+
+    @property
+    def discretisation(self) -> Discretisation:
+        """How motors are adapted to the step."""
+        return Discretisation(self.step, self.uniform)
+
+    def _write(self, copies: Sequence[Copy]) -> None:
+        """Leave the subcircuits to :func:`driven_bench`."""
+
+    @property
+    def copies_per_deck(self) -> int:
+        """Greatest number of copies in a deck: behind bridges one, whose steps do not depend on other points."""
+        return COPIES_PER_DECK if self.uniform else 1
+
+    @property
+    def duration(self) -> float:
+        """Length in s of a run over a period."""
+        return (1.0 + LEAD) * self.period + (_MORE * self.step if self.uniform else 0.0)
+
+    def _bench(self, copies: Sequence[Copy]) -> Bench:
+        return driven_bench(copies, self.discretisation)
+
+    def _single(self, copy: Copy) -> Bench:
+        return self._bench([copy])
+
+    def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
+        instance = copy_name(number)
+        assert isinstance(plant, DrivenPlant)
+        names = driven_vectors(plant, instance)
+        names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
+        return names + [name for name in pin_vectors(instance).values() if whole]
+
+    def _traces(
+        self,
+        copies: Sequence[Copy],
+        names: Sequence[Sequence[str]],  # noqa: ARG002
+        raw: Mapping[str, Array],
+        *,
+        whole: bool,
+    ) -> list[Trace | None]:
+        time = raw["time"]
+        first, last = self.ends(time) if whole else (len(time) - 1, len(time) - 1)
+        even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
+        traces: list[Trace | None] = []
+        for number, copy in enumerate(copies):
+            assert isinstance(copy.plant, DrivenPlant)
+            states = driven_states(copy.plant, raw, copy_name(number), self.discretisation)
+            contact = (
+                [raw[f"v({copy_name(number)}.xmotor.{name})"] for name in CONTACT] if whole else [time] * len(CONTACT)
+            )
+            rows = [np.interp(even, time, row) for row in (*states, *contact)]
+            named = pin_vectors(copy_name(number)).items() if whole else ()
+            pins = {name: np.interp(even, time, raw[vector]) for name, vector in named}
+            begun = even + copy.plant.begins * self.period  # since the control of group A had the phase 0
+            trace = Trace(begun, np.array(rows[: len(states)]), *rows[len(states) :])
+            traces.append(replace(trace, pins=pins))
+        return traces
+
+    def ends(self, time: Array) -> tuple[int, int]:
+        """Return the first and the last point of the period."""
+        first = int(np.abs(time - LEAD * self.period).argmin())
+        return first, first + self.steps if self.uniform else len(time) - 1
+
+    def together(self, decks: Sequence[Sequence[Copy]]) -> list[list[tuple[Trace | None, Trace | None]]]:
+        """Return for each deck the pairs of its first copy, the undisturbed one, and of each other.
+
+        Those of a pair have their steps in common. Where ngspice fails, the deck is divided.
+        """
+
+        def evaluated(copies: Sequence[Copy]) -> list[tuple[Trace | None, Trace | None]]:
+            first, *others = copies
+            try:
+                base, *near = self._run(copies, self.duration, whole=True)
+            except SimulationError as error:
+                if error.deck is None:
+                    raise  # ngspice did not run at all
+                shutil.rmtree(error.deck.parent, ignore_errors=True)
+                half = len(others) // 2
+                parts = (others[:half], others[half:]) if half else ()
+                return [pair for part in parts for pair in evaluated([first, *part])] or [(None, None)]
+            return [(base, one) for one in near]
+
+        return in_threads(evaluated, decks, self.workers)
+
+
+def pin_vectors(copy: str) -> dict[str, str]:
+    """Return the vectors of voltages and currents of the pins of a copy, by their names in a run of one motor."""
+    found: dict[str, str] = {}
+    for group in GROUPS:
+        found |= {f"v({group})": f"v({copy}.{group})", f"i(vpin_{group})": f"i(v.{copy}.vpin_{group})"}
+    return found
+
+
+class DrivenShooting(Shooting):
+    """Newton's method with the derivative by copies that share the steps of the undisturbed one."""
+
+    map: DrivenMap
+    decks = 2  # of a derivative
+
+    def _evaluate(self, points: Sequence[Point]) -> None:
+        for point, trace in zip(
+            points, self.map.traces([Copy(point.plant, point.state) for point in points]), strict=True
+        ):
+            point.trace = trace
+            point.failed = trace is None
+        self.measure([point for point in points if point.at_end is None and not point.failed])
+        for point in points:
+            if not point.failed:
+                point.step = point.newton_step()
+                point.judge()
+
+    def _renew(self, points: Sequence[Point]) -> None:
+        self.measure(points)
+
+    def measure(self, points: Sequence[Point]) -> None:
+        """Measure the derivatives of points that have a trace."""
+        decks = [
+            [Copy(point.plant, state) for state in (point.state, *(point.state + part))]
+            for point in points
+            for part in np.array_split(PERTURBATION * np.diag(point.scale), self.decks)
+        ]
+        found = iter(self.map.together(decks))
+        for point in points:
+            point.differentiate([pair for _ in range(self.decks) for pair in next(found)])
+
+
+class DrivenPoint(Point):
+    """A point with states, as the plates behind a bridge, that fade between the start of the run and the period."""
+
+    @property
+    def felt(self) -> NDArray[np.bool_]:
+        """All states: those that fade are told by their derivatives."""
+        return np.ones(self.plant.order, dtype=bool)
+
+    def newton_step(self) -> Array:
+        """Return the step of the scaled state that closes the gap, as far as it lasts until the period begins.
+
+        A slider that is not free goes to where it is a period later.
+        """
+        assert isinstance(self.plant, DrivenPlant)
+        assert self.trace is not None
+        free = self.free
+        begun, back, monodromy = self._lasting()
+        left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
+        kept = np.arange(len(sizes)) < len(sizes) - self._still
+        moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
+        step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
+        step[free] = back @ moved
+        return step
+
+    def _lasting(self) -> tuple[Array, Array, Array]:
+        """Return orthogonal directions of the free state at the beginning of the period, in columns, and the rest.
+
+        They are those that the start of the run reaches. The rest is the state at the start that leads to each, and the
+        derivative of the state at the end of the period along them.
+        """
+        assert self.at_start is not None
+        assert self.at_end is not None
+        assert isinstance(self.plant, DrivenPlant)
+        free = np.ix_(self.free, self.free)
+        left, sizes, right = np.linalg.svd(self.at_start[free])
+        kept = sizes > (FADED if self.plant.driver.uniform else FADED_SWITCHED) * sizes[0]
+        begun, back = left[:, kept], right[kept].T / sizes[kept]
+        return begun, back, begun.T @ self.at_end[free] @ back
+
+    @property
+    def _still(self) -> int:
+        """Number of directions in which the state stays where it is."""
+        assert isinstance(self.plant, DrivenPlant)
+        return self.sticks + self.plant.isolated
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers, the largest first, without the 1 of sliders that stick and of isolated charges.
+
+        The charge between a capacitor in series and a group has no path away.
+        """
+        values = np.linalg.eigvals(self._lasting()[2]).astype(complex)
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self._still])
+        return np.asarray(values[np.argsort(-np.abs(values))])
+
+    def _update(self, step: Array, gap: Array) -> None:
+        """Keep the derivative: what it neglects would mix with the noise of the steps at the edges."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer to one operating point."""
+
+    point: Point  # the point at the finest step
+    map: PeriodMap | None = None  # the map at that step; ``None`` if only the coarse step has been tried
+    # the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
+    found: Mapping[str, float] = field(default_factory=dict)
+    error: float = float("nan")  # estimated error of the torque, N·m
+    speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
+
+
+def check_driven(setup: OperatingPoint) -> None:
+    """Raise a ParameterError for a source that shooting cannot handle."""
+    source = setup.source
+    settle = "Take mode = 'settle', or simulate it until it settles."
+    if not isinstance(source, Driver):
+        raise ParameterError(f"A tracker ({source.label}) has feedback: its voltages have no fixed period. {settle}")
+    if source.own:
+        raise ParameterError(
+            f"The driver {source.name} is a subcircuit of your own, whose states are not known. {settle}"
+        )
+    if setup.law is None:
+        raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
+    if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
+        raise ParameterError(
+            f"The steady state of a free shaft on a bearing with dry friction is not found by shooting. {settle}"
+        )
+    _check_ringing(source, settle)
+    require_linear(setup.motor, "A steady state behind a driver")
+
+
+def _check_ringing(driver: Driver, settle: str) -> None:
+    """Raise a ParameterError for a bridge whose edges let a winding ring with the inductance of the cable after it.
+
+    At some ten megahertz the ring takes some thousand steps of ngspice; what they miss is 1e-3 of the states, and
+    Newton's method does not get nearer.
+    """
+    chains = [driver.parts(group) for group in GROUPS] if driver.switched else []
+    for before, last in chain.from_iterable(map(pairwise, chains)):
+        if last.label == CABLE and (winding := before.values.get("winding_capacitance")):
+            inductance = last.values["inductance"]
+            hertz = 1.0 / (2.0 * pi * sqrt(inductance * winding))
+            raise ParameterError(
+                f"{before.label}.winding_capacitance = {winding:g} F rings with cable.inductance = {inductance:g} H of "
+                f"group {last.group.upper()} at {1e-6 * hertz:.4g} MHz after each edge of the bridge, too fast for a "
+                f"steady state by shooting. Set winding_capacitance = 0, or leave the cable out. {settle}"
+            )
+
+
+def driven_answers(
+    setups: Sequence[OperatingPoint],
+    starts: Sequence[Point | None],
+    near: Sequence[Point | None],
+    accuracy: float,
+    processes: KeptProcesses,
+) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
+    """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
+
+    ``starts`` are solutions with ideal voltages at the pins, near those behind the driver, from which Newton's method
+    is tried alone. Without them the first point of each curve starts from a short transient, from rest or
+    with the motor as in ``near``; the others from that point's solution, and where this fails after a longer transient.
+
+    The step is that of the operating points, for a rough ``accuracy`` twice as long, and half of it to compare. Where
+    uniform steps have a larger error of the torque, it is halved once more. Floquet multipliers are those of the
+    longest step.
+    """
+    points: list[DrivenPoint] = []
+    for setup, start, moving in zip(setups, starts, near, strict=True):
+        driver = setup.source
+        assert isinstance(driver, Driver)
+        stage = TwoPhaseDrive(**two_phases(driver))
+        plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
+        state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
+        if start is None and moving is not None:
+            state[: plant.inner] = moving.moved(plant.begins * plant.period).state[: plant.inner]
+        tolerance = max(TOLERANCE, SOLVED * accuracy)
+        points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None, tolerance=tolerance))
+    first = setups[0]
+    rough = accuracy >= ROUGH and first.source.uniform
+    steps = (0.5, 1.0, 2.0) if rough else (1.0, 2.0)
+    maps = [
+        DrivenMap(
+            first.source.period, _EVEN * ceil(finer * first.source.period / first.step / _EVEN), first.solver.timeout,
+            uniform=first.source.uniform, processes=processes,
+        )
+        for finer in steps
+    ]  # fmt: skip
+    _search([point for point in points if not point.guessed], maps[0])
+    _place([point for point in points if point.guessed], maps[0])
+    answers = [Answer(point, maps[1]) for point in points]
+    before = _metered(setups, points, maps[0])
+    stability = DrivenShooting(points, maps[0])
+    pending = list(range(len(points)))
+    for period_map in maps[1:]:
+        some = [points[place] for place in pending]
+        DrivenShooting(some, period_map).solve([point for point in some if point.done])
+        stability.measure([point for point in some if point.done and point.far])
+        found = _metered([setups[place] for place in pending], some, period_map)
+        for place, fine in zip(pending, found, strict=True):
+            answers[place] = _answer(points[place], period_map, fine, before[place])
+            before[place] = fine
+        pending = [place for place in pending if answers[place].error > accuracy * _friction(points[place])]
+        if not pending:
+            break
+    return answers, tuple(maps)
+
+
+def _answer(
+    point: DrivenPoint, period_map: DrivenMap, fine: Mapping[str, float], coarse: Mapping[str, float]
+) -> Answer:
+    """Return the answer for the quantities at a step and at one twice as long; both are empty without a solution."""
+    if not (fine and coarse):
+        return Answer(point, period_map)
+    assert isinstance(point.plant, DrivenPlant)
+    assert point.trace is not None
+    speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
+    return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
+
+
+def _friction(point: Point) -> float:
+    """Return the friction torque under the preload, N·m."""
+    motor = point.plant.motor
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+
+
+def _behind_network(plant: DrivenPlant, start: Point) -> Array:
+    """Return the state with the motor as it moves with ideal voltages at its pins, and the network to suit."""
+    assert start.trace is not None
+    drive, time = start.plant.drive, start.trace.time
+    omega, begun = 2.0 * pi / drive.period, plant.begins * drive.period
+    turns = np.exp(-1j * omega * time)
+    pins, currents = {}, {}
+    for group in GROUPS:
+        (tone,) = getattr(drive, f"tones_{group}")
+        pins[group] = tone.amplitude * np.exp(1j * tone.phase)
+        currents[group] = complex(
+            2j * np.trapezoid(current(start.plant, group, start.trace) * turns, time) / drive.period
+        )
+    turned = np.exp(1j * omega * begun)
+    plates = [float((pins[state.field[len("plates_")]] * turned).imag) for state in plant.states[plant.inner :]]
+    stores = [float((phasor * turned).imag) for phasor in plant.store_phasors(pins, currents)]
+    return np.array([*start.moved(begun).state[: plant.inner], *plates, *stores])  # a held shaft has no state
+
+
+def _scale(plant: DrivenPlant) -> Array:
+    """Return the size of each state: voltages by the stage's, currents by those of the clamped capacitance.
+
+    They are those at the drive's frequency or, if larger, those of its ringing with the inductance in series.
+    """
+    driver, motor = plant.driver, plant.motor
+    volts = max(driver.amplitude(group) for group in GROUPS)
+    amperes = {}
+    for group in GROUPS:
+        charged = max(getattr(motor.piezo, f"capacitance_{group}_f"), 1e-12)
+        amperes[group] = 2.0 * pi * driver.frequency * charged * driver.amplitude(group)
+        if rings := driver.ringing(motor, group):
+            amperes[group] = max(amperes[group], driver.amplitude(group) * sqrt(rings.capacitance / rings.inductance))
+    stores = []
+    for store in plant.stores:
+        group = store.instance[-1]
+        of_primary = driver.ratio(group) if store.start in PRIMARY else 1.0
+        stores.append(amperes[group] * of_primary if store.coil else volts)
+    plates = len(plant.states) - plant.inner
+    return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
+
+
+def _place(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
+    """Solve points from where they are."""
+    DrivenShooting(points, period_map).solve()
+    for point in points:
+        point.method = "newton" if point.done else ""
+
+
+def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
+    shooting = DrivenShooting(points, period_map)
+    curves: dict[tuple[str, bool], list[DrivenPoint]] = {}
+    for point in points:  # a free shaft has a state more
+        curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
+    seeds = [curve[len(curve) // 2] for curve in curves.values()]
+    for decays in (0.0, *SETTLING):
+        _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)
+    for seed, curve in zip(seeds, curves.values(), strict=True):
+        for point in curve:
+            if point is not seed and seed.done:
+                point.guess(seed)
+    near = [point for point in points if point.guessed]
+    shooting.solve(near)
+    for point in near:
+        point.method = "neighbour" if point.done else ""
+    for decays in SETTLING:
+        _retry([point for point in points if not point.done], shooting, period_map, decays)
+
+
+def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: DrivenMap, decays: float) -> None:
+    """Solve points after some decay times of the slowest mode from rest, or a short transient from where they are."""
+    if not points:
+        return
+    times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
+    periods = max(FEWEST_PERIODS, ceil(decays * max(times) / period_map.period))
+    copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
+    for point, end in zip(points, period_map.settled(copies, periods), strict=True):
+        point.restart(point.state if end is None else end)
+    shooting.solve(points)
+    for point in points:
+        point.method = ("settled" if decays else "newton") if point.done else ""
+
+
+def _metered(
+    setups: Sequence[OperatingPoint], points: Sequence[Point], period_map: DrivenMap
+) -> list[dict[str, float]]:
+    """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
+    places = [place for place, point in enumerate(points) if point.done]
+
+    def measured(place: int) -> dict[str, float]:
+        return _quantities(setups[place], points[place], period_map)
+
+    with ThreadPoolExecutor(cores()) as pool:
+        found = dict(zip(places, pool.map(measured, places), strict=True))
+    return [found.get(place, {}) for place in range(len(points))]
+
+
+class _Period(Dynamometer):
+    """A dynamometer that runs for one period."""
+
+    @property
+    def periods(self) -> int:
+        return 1
+
+
+def _quantities(setup: OperatingPoint, point: Point, period_map: DrivenMap) -> dict[str, float]:
+    bench = _Period(setup.with_step(period_map.step))
+    vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
+    inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}
+    found = run_bench(
+        driven_bench([Copy(point.plant, point.state)], period_map.discretisation, meters=True), list(inside.values()),
+        period_map.timeout, "transient", transient_timing(period_map.step, period_map.duration),
+        processes=period_map.processes,
+    ).vectors()  # fmt: skip
+    first, last = period_map.ends(found["time"])
+    start, end = ({name: float(found[own][at]) for name, own in inside.items()} for at in (first, last))
+    means = bench.means({name: end[name] - start[name] for name in end})
+    peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}
+    block = Block(bench, means, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
+    result = quantities([block])
+    assert point.trace is not None
+    return result | loads(point.plant, point.trace, period_map.discretisation, result["friction_loss_w"])

@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The derivative of the map over a period, from the equations linearised along the trace that ngspice computed.
+
+ngspice integrates ẋ = f(x, t) by the trapezoidal rule. A small change δ of the state at one point changes that at the
+next one, a step h later, to
+
+.. math::
+    \delta_{n+1} = \left(1 - \tfrac h2 A_{n+1}\right)^{-1}\left(1 + \tfrac h2 A_n\right)\delta_n, \qquad
+    A_n = \partial f/\partial x\,(x_n, t_n)
+
+so the product over a period is the derivative of the discretised map itself, without perturbed copies. The contact's
+share of A is the difference quotient of the library's own equations (:mod:`.evaluated`). Between events these are
+smooth, and a small change moves no event to another step. T. J. Aprille, T. N. Trick, Proc. IEEE 60 (1972).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
+from pyspice_runner.circuit.law import LIBRARIES, contact_library, unplotted
+from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
+from pyspice_runner.circuit.state import MICRO, Discretisation, static_sway, stems, written, written_recoils
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.parameters import Mode, Mount
+from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.spice.library import read_library
+from pyspice_runner.steady.copies import Plant
+
+Array = NDArray[np.float64]
+FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """Derivatives with respect to the state at the start of a run, in SI units."""
+
+    at_start: Array  # of the state at the beginning of the period, shape (order, order)
+    at_end: Array  # of the state at its end
+    forces: Array  # of the mean normal and the mean friction force, N, shape (2, order)
+    monodromy: Array  # of the state at the end with respect to that at the beginning
+
+
+@dataclass(frozen=True)
+class Course:
+    """The points of one run, from its first to the end of the period, as :class:`.Trace` has them."""
+
+    plant: Plant
+    time: Array  # s
+    states: Array  # shape (order, points)
+    normal: Array  # N
+    friction: Array  # N
+    penetration_um: Array
+    first: int  # the point at which the period begins
+
+
+def differentiable(plant: Plant) -> bool:
+    """Return whether the equations of a plant are known here: no law of the user's own, no mode that softens."""
+    soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in plant.motor.modes)
+    return plant.law is not None and plant.law.name in LIBRARIES and not soft
+
+
+def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
+    """Return the derivatives of runs whose plants are differentiable."""
+    found: list[Derivative | None] = [None] * len(courses)
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for place, course in enumerate(courses):
+        plant = course.plant
+        library = contact_library(plant.law, plant.motor.contact) if plant.law else None
+        kinds = tuple((state.kind, state.part) for state in plant.states)
+        groups.setdefault((library, kinds, course.first, course.time.tobytes()), []).append(place)
+    for places in groups.values():
+        group = _Group([courses[place] for place in places], discretisation)
+        for place, derivative in zip(places, group.derivatives(), strict=True):
+            found[place] = derivative
+    return [derivative for derivative in found if derivative is not None]
+
+
+class _Group:
+    """Runs of similar plants with the same points in time. The axes of arrays are runs, points, and others."""
+
+    def __init__(self, courses: Sequence[Course], discretisation: Discretisation) -> None:
+        self.courses, self.discretisation = courses, discretisation
+        self.plant = courses[0].plant
+        assert self.plant.law is not None
+        self.law = self.plant.law
+        self.library = unplotted(contact_library(self.law, self.plant.motor.contact))
+        self.function = library_function(self.library)
+        self.stems = list(stems(self.plant.motor, self.law))
+        self.row = slice(5, 5 + self.law.sliders) if self.law.sliders else None  # place of the sliders among the inputs
+        inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
+        self.inner = np.array(inner, dtype=int)  # states of contact and stem
+        self.units = np.array([self.plant.states[place].unit for place in inner])
+        self.states = np.array([course.states.T for course in courses])
+        # runs of the same motor share what depends on it alone
+        self.plants = list({course.plant.motor_name: course.plant for course in courses}.values())
+        names = [plant.motor_name for plant in self.plants]
+        self.which = np.array([names.index(course.plant.motor_name) for course in courses])  # motor of each run
+
+    @cached_property
+    def tip(self) -> Array:
+        """What each state moves the contact's x, y (µm), vx, vy (m/s) and the shaft (rad/s), shape (runs, 5, order)."""
+        found = np.zeros((len(self.plants), 5, self.plant.order))
+        modes, carrier = self.plant.modes, self.plant.carrier.start
+        for one, plant in enumerate(self.plants):
+            along = [mode.tip_x for mode in plant.motor.modes]
+            towards = [mode.tip_y for mode in plant.motor.modes]
+            for shift, scale, place in ((0, 1.0 / MICRO, 0), (2, 1.0, modes)):
+                found[one, shift, place : place + modes] = scale * np.array(along)
+                found[one, shift + 1, place : place + modes] = scale * np.array(towards)
+        for number in range(len(carriers(self.plant.mount))):  # along y, then along x
+            found[:, 1 - number, carrier + 2 * number] = 1.0 / MICRO
+            found[:, 3 - number, carrier + 2 * number + 1] = 1.0
+        if self.plant.turns:
+            found[:, 4, -1] = 1.0
+        return np.asarray(found[self.which])
+
+    def _contact(self) -> Array:
+        """Return the derivatives of the contact's outputs: forces on the tip and rates of its states.
+
+        The outputs are fx, fy, friction, normal force in N, and the rates of the inner states in SI units, shape (runs,
+        points, outputs, order).
+        """
+        plant, own = self.plant, len(self.function.states)
+        held = np.zeros((len(self.courses), 1, 5))
+        sways = np.array([static_sway(one.motor, plant.law, self.discretisation) for one in self.plants])
+        held[:, 0, 0] = -sways[self.which] / MICRO
+        held[:, 0, 4] = 0.0 if plant.turns else [course.plant.load.speed or 0.0 for course in self.courses]
+        pins = self.states @ self.tip.swapaxes(1, 2) + held
+        inner = self.states[..., self.inner] / self.units
+        forces = np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2)
+        moved = self._through_stems(np.concatenate([pins, inner[..., own:], forces], axis=2))
+        slopes = self._slopes(np.concatenate([moved[..., :5], inner[..., :own]], axis=2))
+        # what is in series with the contact is linear, and its forces depend on how far they compress it
+        lags = inner.shape[2] - own
+        unit = np.eye(5 + lags + 2)
+        linear = np.swapaxes(self._through_stems(unit) - self._through_stems(np.zeros_like(unit)), 1, 2)[:, np.newaxis]
+        at_pins = np.zeros((*linear.shape[:3], 5 + own + lags))
+        at_pins[..., :5], at_pins[..., 5 + own :] = linear[..., :5], linear[..., 5 : 5 + lags]
+        by_force = linear[..., 5 + lags :]
+        direct = slopes[..., 2:4, :5] @ at_pins[..., :5, :]
+        direct[..., 5 : 5 + own] += slopes[..., 2:4, 5:]
+        back = slopes[..., 2:4, :5] @ by_force[..., :5, :]
+        total = at_pins + by_force @ np.linalg.solve(np.eye(2) - back, direct)
+        outputs = slopes[..., :5] @ total[..., :5, :]  # a sum of products with the slopes would amplify their errors
+        outputs[..., 5 : 5 + own] += slopes[..., 5:]
+        every = np.concatenate([outputs, self.units[own:, np.newaxis] * total[..., 5:, :]], axis=2)
+        found = every[..., :5] @ self.tip[:, np.newaxis]
+        found[..., self.inner] += every[..., 5:] / self.units
+        return found
+
+    def _slopes(self, values: Array) -> Array:
+        """Return the derivatives of the outputs of :meth:`_outputs`, shape (runs, points, outputs, inputs)."""
+        scales = np.abs(values).max(axis=(0, 1))
+        damping = max(contact_law.normal_damping(plant.motor.contact) for plant in self.plants)
+        scales[3] = min(scales[3], 1.0 / damping) if damping else scales[3]  # vy, which damping multiplies
+        steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
+        changes = np.diag(steps)
+        if self.row:  # its sliders change together
+            steps[self.row] = steps[self.row].max()
+            changes[self.row.start, self.row] = steps[self.row]
+            changes = np.delete(changes, range(self.row.start + 1, self.row.stop), axis=0)
+        outputs = self._outputs(values[:, :, np.newaxis] + np.vstack([np.zeros_like(steps), changes]))
+        found = outputs[:, :, 1:] - outputs[:, :, :1]
+        if self.row:
+            found = self._separated(found, self.row, steps[self.row.start])
+        return np.asarray(np.moveaxis(found / steps[:, np.newaxis], 2, 3))
+
+    def _separated(self, found: Array, row: slice, step: float) -> Array:
+        """Divide the changes of the outputs between the sliders that change by a step in um together.
+
+        The rate of each follows from itself alone, and each has the share of the force that its held displacement has.
+        """
+        together, count = found[:, :, row.start], row.stop - row.start
+        rates = together[..., 4 : 4 + count]
+        held = step + self.discretisation.slider_time * rates / self.units[:count]  # um, of what charges the slider
+        total = held.sum(axis=-1, keepdims=True)
+        share = np.divide(held, total, out=np.zeros_like(held), where=np.abs(total) > 0.5 * step)
+        own = np.zeros((*rates.shape, together.shape[-1]))
+        own[..., :4] = share[..., np.newaxis] * together[..., np.newaxis, :4]
+        own[..., np.arange(count), 4 + np.arange(count)] = rates
+        return np.concatenate([found[:, :, : row.start], own, found[:, :, row.start + 1 :]], axis=2)
+
+    def _column(self, values: Sequence[float] | Array) -> Array:
+        return np.asarray(values)[self.which, np.newaxis, np.newaxis]
+
+    def _through_stems(self, inputs: Array) -> Array:
+        """Return x, y, vx, vy, shaft as the contact has them, and the rates of the lags of what is in series with it.
+
+        The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force.
+        """
+        motors, step = [plant.motor for plant in self.plants], self.discretisation
+        x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(np.broadcast_to(inputs, self._runs(inputs)), -1, 0)
+        pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, []
+        stem = read_library("piezomotor_stem")
+        function, at = library_function(stem), 0
+        for name in self.stems:
+            axis, force = ("x", friction) if name == "stem_x" else ("y", normal)
+            # rounded as in the netlist: the rate is a small difference of two forces, over half a step
+            preload = [rounded(motor.contact.preload_n) if axis == "y" else 0.0 for motor in motors]
+            compliance = [rounded(stems(motor, self.law)[name]) for motor in motors]
+            given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
+            given |= {SLIDER_TIME: rounded(step.slider_time)}  # a law may have no slider
+            given |= {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
+            given |= {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
+            moved = function(given | dict(zip(function.states, lags[at : at + len(function.states)], strict=True)))
+            pins |= {"vx": moved["stem_vy"]} if axis == "x" else {"y": moved["stem_y"], "vy": moved["stem_vy"]}
+            rates += [moved[f"rate_{lag}"] for lag in function.states]
+            at += len(function.states)
+        return np.stack(np.broadcast_arrays(*pins.values(), *rates), axis=-1)
+
+    def _runs(self, inputs: Array) -> tuple[int, ...]:
+        """Return the shape of inputs that are the same in all runs with an axis for the runs."""
+        return inputs.shape if inputs.ndim > 2 else (len(self.courses), *inputs.shape)
+
+    def _outputs(self, inputs: Array) -> Array:
+        """Return forces on the tip, friction, normal force and rates of the contact's states, in SI units.
+
+        The inputs are x, y, vx, vy, shaft and the contact's states.
+        """
+        motors = [plant.motor for plant in self.plants]
+        law, step = self.law, self.discretisation
+        bent = [
+            motor.contact.preload_n
+            * (
+                sum(mode.tip_y**2 / written(mode, step)[1] for mode in motor.modes)
+                + motor.contact.series_compliance_m_per_n
+            )
+            for motor in motors
+        ]
+        columns = parameter_columns(law, motors, bent, step.slider_time)
+        values: dict[str, Any] = {name: self._column(numbers) for name, numbers in columns.items()}
+        x, y, vx, vy, shaft, *states = np.moveaxis(inputs, -1, 0)
+        names = self.function.states
+        values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft} | dict(zip(names, states, strict=True))
+        depth = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
+        found = self.function.of([*FORCES, *(f"rate_{name}" for name in names)], values, {"delta": depth})
+        parts = [found.pop(name) for name in FORCES]
+        rates = [unit * rate for unit, rate in zip(self.units, found.values(), strict=False)]
+        return np.stack(np.broadcast_arrays(*parts, *rates), axis=-1)
+
+    def _structure(self) -> tuple[Array, Array]:
+        """Return A without the contact, and what its outputs add.
+
+        The shapes are (runs, order, order) and (runs, order, outputs).
+        """
+        plant, modes, runs = self.plant, self.plant.modes, len(self.plants)
+        carrier = plant.carrier.start
+        moving = len(carriers(plant.mount))
+        rates = np.zeros((runs, plant.order, plant.order))
+        inputs = np.zeros((runs, plant.order, 4 + len(self.inner)))
+        places = np.array([*range(modes), *range(carrier, carrier + 2 * moving, 2)])
+        speeds = np.array([*range(modes, 2 * modes), *range(carrier + 1, carrier + 1 + 2 * moving, 2)])
+        rates[:, places, speeds] = 1.0
+        for run, one in enumerate(self.plants):
+            motor, mount = one.motor, one.mount
+            springs: list[Mode | Mount] = [*motor.modes, *carriers(mount)]
+            values = np.array([written(spring, self.discretisation) for spring in springs])
+            mass = np.diag(values[:, 0])
+            for number, mode in enumerate(motor.modes):
+                recoil = written_recoils(mode, mount, self.discretisation)[:moving]
+                mass[modes:, number] = mass[number, modes:] = recoil
+            inverse = np.linalg.inv(mass)
+            damping = np.array([spring.damping_n_s_per_m for spring in springs])
+            rates[run][np.ix_(speeds, places)] = -inverse * values[:, 1]
+            rates[run][np.ix_(speeds, speeds)] = -inverse * damping
+            pushed = np.zeros((len(springs), 2))
+            pushed[:modes] = [(mode.tip_x, mode.tip_y) for mode in motor.modes]
+            for number in range(moving):
+                pushed[modes + number, 1 - number] = 1.0
+            inputs[run][np.ix_(speeds, np.arange(2))] = inverse @ pushed
+            if plant.turns:
+                rotor = motor.rotor
+                rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
+                inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
+        inputs[:, self.inner, 4:] = np.eye(len(self.inner))
+        return rates[self.which], inputs[self.which]
+
+    def derivatives(self) -> list[Derivative]:
+        """Return the derivatives of the runs."""
+        contact = self._contact()
+        rates, inputs = self._structure()
+        slopes = rates[:, np.newaxis] + inputs[:, np.newaxis] @ contact
+        time, first, unit = self.courses[0].time, self.courses[0].first, np.eye(self.plant.order)
+        half = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis]
+        forward = np.linalg.solve(unit - half * slopes[:, 1:], unit + half * slopes[:, :-1])
+        # the first point comes after a short step of first order
+        at_start = np.linalg.inv(unit - time[0] * slopes[:, 0])
+        for place in range(first):
+            at_start = forward[:, place] @ at_start
+        since = np.empty((forward.shape[1] - first, *at_start.shape))  # the beginning of the period
+        now: Array = np.broadcast_to(unit, at_start.shape)
+        for place in range(len(since)):
+            now = np.matmul(forward[:, first + place], now, out=since[place])
+        forces = np.moveaxis(contact[:, first + 1 :, 3:1:-1], 1, 0) @ since
+        return list(map(Derivative, at_start, now @ at_start, forces.mean(axis=0) @ at_start, now))

@@ -1,0 +1,629 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Newton's method on the map of a motor's state over a drive period, for many operating points together.
+
+Let x be the state and Φ its map over one period. The steady state is the fixed point Φ(x) = x; its stability follows
+from the eigenvalues of dΦ/dx, the Floquet multipliers. ngspice evaluates Φ for many states in one run, so that the
+derivative is a matter of perturbed copies. T. J. Aprille and T. N. Trick, "Steady-state analysis of nonlinear circuits
+with periodic inputs", Proc. IEEE 60 (1972); P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer 2004, for
+the damping. ``docs/steady_state.md`` has the derivation and what was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from math import ceil, log, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.state import stems
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.parameters import Mode, Mount
+from pyspice_runner.motor.recoil import carriers, mass_matrix
+from pyspice_runner.run.sequences import interpolated
+from pyspice_runner.steady.copies import Copy, Plant, phasor_at
+from pyspice_runner.steady.harmonic_balance import harmonic_starts
+from pyspice_runner.steady.monodromy import Derivative, derivatives, differentiable
+from pyspice_runner.steady.period_map import PeriodMap, Trace
+from pyspice_runner.steady.threads import in_threads
+
+Array = NDArray[np.float64]
+
+PERTURBATION = 3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
+TOLERANCE = 1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
+MOST_ITERATIONS = 12
+LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
+SPACING = 3  # of the points that are solved first
+LEAST_DAMPING = 1.0 / 64.0
+GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
+CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
+LIKELY = 0.2  # of the tolerance, below which a step by an old derivative must be likely to end, to keep it
+NEAR_RATE = 0.1  # contraction by the derivative of the same orbit at other steps; 0.02 to 0.1 was measured
+NEAR = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
+NEAR_EXACT = 1e-3  # the same of a derivative along the trace, which costs less: it differs there by some 1e-3
+# of a slider's displacement at the start of a run, what must be left of it at the beginning of the period: as copies
+# tell it, and as the equations do. Some 1e-3 is left where the tip touches in the uneven steps between.
+FELT, LEFT = 0.1, 2e-4
+GROSS = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
+BEYOND = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
+SLOWEST = 50.0  # s, time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
+SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
+
+
+@dataclass(eq=False)
+class Point:
+    """One operating point on its way to the steady state."""
+
+    plant: Plant  # motor, drive, load and law
+    state: Array  # at the start of a run
+    scale: Array  # size of each state
+    begun: float = 0.0  # time in s at which a run begins, since the drive's phase was that of t = 0
+    tolerance: float = TOLERANCE  # of what remains to the solution
+    trace: Trace | None = None  # the last period
+    # derivative of the state at the beginning of the period with respect to that at the start of the run.
+    at_start: Array | None = None
+    at_end: Array | None = None  # the same of the state at the end of the period; both in scaled states
+    measured_end: Array | None = None  # ``at_end`` as it was last measured, without later corrections
+    measured_at: Array | None = None  # the state at which it was measured
+    monodromy: Array | None = None  # scaled derivative of the state at the end to that at the beginning, if it is known
+    force_slope: Array | None = None  # derivative of the mean forces with respect to the scaled state
+    step: Array | None = None
+    damping: float = 1.0
+    damped: bool = False
+    stale: bool = False
+    done: bool = False
+    failed: bool = False
+    informed: bool = False  # whether it starts from harmonic balance and has its derivative without the help of others
+    guessed: bool = False  # whether it starts from a guess by solved neighbours; if that fails, from a start of its own
+    method: str = ""  # ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution
+    iterations: int = 0  # Newton steps taken
+    residual: float = float("inf")
+    reach: int | None = None  # number of sliders of a brush that touched something in the last run, if it is known
+    seen: tuple[Trace | None, NDArray[np.bool_]] | None = field(default=None, repr=False)  # ``felt`` of that trace
+
+    @property
+    def gap(self) -> Array:
+        """State at the end of the period less that at its beginning, scaled."""
+        assert self.trace is not None
+        return np.asarray((self.trace.states[:, -1] - self.trace.states[:, 0]) / self.scale)
+
+    def newton_step(self) -> Array:
+        """Return the step of the scaled state that closes the gap.
+
+        Where the contact sticks, the step is the shortest one: sliders that stick keep their distances. A slider that
+        is not free goes to where it is a period later.
+        """
+        assert self.at_start is not None
+        assert self.at_end is not None
+        free = self.free
+        left, sizes, right = np.linalg.svd((self.at_end - self.at_start)[np.ix_(free, free)])
+        # A heavy rotor is slow, and has its steady speed. A shaft that is held at a speed drags the sliders until they
+        # slip, however little it does in a period.
+        slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
+        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.lasting)
+        dragged = self.dragged > self.tolerance
+        kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - dragged
+        assert self.trace is not None
+        step = np.asarray((self.trace.later(self.begun) - self.state) / self.scale)
+        step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
+        if dragged:  # in the end the sliders slip; the first step takes them back to their limit
+            sliders = self.plant.where("contact")
+            ahead = -1.0 if (self.plant.load.speed or 0.0) > 0.0 else 1.0  # of the tip, relative to the shaft
+            slipping = self.state / self.scale
+            slipping[sliders] = BEYOND * ahead
+            along = [place for place, state in enumerate(self.plant.states) if state.part == "stem_x"]
+            if along:  # the friction compresses what is in series along the rotor, and its rate is 0
+                contact = self.plant.motor.contact
+                compressed = contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
+                slipping[along] = ahead * compressed / self.scale[along[0]], 0.0
+            places = [*range(sliders.start, sliders.stop), *along]
+            step[places] = (slipping - self.state / self.scale)[places]
+        return step
+
+    @property
+    def felt(self) -> NDArray[np.bool_]:
+        """Whether the period depends on each state at the start of the run.
+
+        A uniform step takes a slider that slips, or touches nothing, to its limit, wherever it was before. So the
+        period does not depend on where the slider starts if it slips there a period later. Of a brush all sliders slip
+        then; one that slips beside others that stick is told by its derivative.
+        """
+        if self.seen is not None and self.seen[0] is self.trace:
+            return self.seen[1]
+        felt = np.ones(self.plant.order, dtype=bool)
+        if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
+            time = self.trace.time
+            later = int(np.searchsorted(time, self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0]), "right"))
+            felt[self.plant.where("contact")] = bool(np.any(np.abs(self.trace.contact_state[later:] - 1.0) < GROSS))
+        felt[self.plant.where("stem")] = False  # its lags forget their start in two steps
+        self.seen = (self.trace, felt)
+        return felt
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Whether each state is one of Newton's unknowns: all but sliders whose start has no influence."""
+        if self.at_start is None:
+            return self.felt
+        free, sliders = self.felt.copy(), self.plant.where("contact")
+        left = self.at_start.diagonal()[sliders]
+        free[sliders] = self.carried[sliders] & (left > LEFT) if self.exact else free[sliders] & (left > FELT)
+        return free
+
+    @property
+    def carried(self) -> NDArray[np.bool_]:
+        """Whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does.
+
+        The first step of the period takes it to its limit. The lags of the stem forget their start in two steps.
+        """
+        carried = np.ones(self.plant.order, dtype=bool)
+        carried[self.plant.where("stem")] = False
+        if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
+            ends = self.trace.contact_state[[0, -1]]
+            carried[self.plant.where("contact")] = bool(np.any(np.abs(ends - 1.0) < GROSS))
+        return carried
+
+    @property
+    def sticks(self) -> int:
+        """Number of directions in which a contact that sticks for the whole period keeps its state.
+
+        Sliders that stick keep their distances from the innermost one. On a shaft that is held still, all together also
+        keep any torque.
+        """
+        sliders = self.plant.where("contact")
+        if self.trace is None or not self.stuck:
+            return 0
+        apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
+        together = (np.ptp(apart, axis=1) < TOLERANCE) & self.free[sliders]
+        return int(np.count_nonzero(together)) - int(self.plant.load.speed != 0.0)
+
+    @property
+    def stuck(self) -> bool:
+        """Whether a contact with sliders sticks for the whole period."""
+        law, trace = self.plant.law, self.trace
+        if law is None or not law.sliding or trace is None:
+            return False
+        return not np.any(np.abs(trace.contact_state - 1.0) > GROSS)
+
+    @property
+    def dragged(self) -> float:
+        """Distance by which a shaft that is held at a speed drags a slider in a period, scaled; 0 unless it is stuck.
+
+        Such a motion repeats itself only if the tip comes back to its place, and then the slider does not.
+        """
+        if not (self.plant.load.speed and self.stuck):
+            return 0.0
+        dragged = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
+        return abs(dragged) / float(self.scale[self.plant.where("contact")].max())
+
+    @property
+    def lasting(self) -> float:
+        """Part of a disturbance below whose loss in a period it stays, as that of a slider that sticks."""
+        return self.plant.period / SLOWEST
+
+    def remaining(self, step: Array) -> float:
+        """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
+        assert self.at_start is not None
+        assert self.at_end is not None
+        assert self.force_slope is not None
+        motor = self.plant.motor
+        step = np.where(self.free, step, 0.0)
+        left = np.where(self.carried, self.gap + (self.at_end - self.at_start) @ step, 0.0)
+        size = max(float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2))), self.dragged)
+        if self.plant.law is None:
+            return size
+        force = max(motor.contact.preload_n, abs(float(self.trace.forces[0])) if self.trace else 0.0)
+        changes = np.abs(self.force_slope @ step) / np.array([force, motor.contact.friction * force])
+        return max(size, float(changes.max()))
+
+    def moved(self, begun: float, step: float | None = None) -> Point:
+        """Return the point with its period begun at another time in s, at the state that its orbit has there.
+
+        Args:
+            begun: time in s at which a run begins.
+            step: time step in s on the map to which the point moves, if it is another one. Where the contact slips, the
+                slider is beyond its limit by a distance that is proportional to the step.
+        """
+        assert self.trace is not None
+        time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
+        at = time[0] + (begun - time[0]) % period
+        state = interpolated(time, self.trace.states, at)
+        if step is not None and self.plant.slider is not None:
+            depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
+            normal = float(np.interp(at, time, self.trace.normal))
+            limit = contact_law.stick_limit(self.plant.motor.contact, depth, normal)
+            slider = state[self.plant.slider]
+            held = np.clip(slider, -limit, limit)
+            state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])
+        return replace(self, state=state, begun=begun, trace=None, step=None)
+
+    def copy(self, state: Array) -> Copy:
+        """Return a copy for the map that starts at a state."""
+        return Copy(self.plant, state, self.begun, reach=self.reach)
+
+    def guess(self, other: Point) -> None:
+        """Start from the state and the derivative of another point."""
+        self.restart(other.state)
+        self.at_start, self.at_end, self.force_slope = other.at_start, other.at_end, other.force_slope
+        self.guessed, self.reach = True, other.reach
+
+    def restart(self, state: Array) -> None:
+        """Restart from a state, without a derivative."""
+        self.state, self.trace, self.at_start, self.at_end, self.measured_end = state.copy(), None, None, None, None
+        self.reach = None
+
+    def judge(self) -> None:
+        """Mark the point as solved if the next step is small enough."""
+        assert self.step is not None
+        self._judged(self.remaining(self.step))
+
+    def _judged(self, remaining: float) -> None:
+        self.residual, self.done = remaining, remaining <= self.tolerance
+
+    def accepts(self, trial: Array, trace: Trace | None) -> bool:
+        """Accept the trial state if the next step by the old derivative is shorter than the last one."""
+        assert self.step is not None
+        if trace is None:
+            return False
+        before, old, gap = float(np.linalg.norm(self.step[self.free])), self.trace, self.gap
+        self.trace = trace
+        step, free = self.newton_step(), self.free
+        after = float(np.linalg.norm(step[free]))
+        moved = bool(np.any(np.abs(self.step[~free]) > NEAR))  # the slider, which Newton's step does not know
+        allowed = GROWTH if self.iterations <= FREE_STEPS else 1.0
+        remaining = self.remaining(step)
+        if remaining > self.tolerance and after > allowed * before and not moved:
+            self.trace = old
+            return False
+        self.stale = self.damping < 1.0 or after > CHORD * before
+        if not (self.stale or self.exact):
+            self._update(np.where(self.free, self.damping * self.step, 0.0), gap)
+            step = self.newton_step()
+            remaining = self.remaining(step)
+        self.state, self.step = trial, step
+        self.damping = min(1.0, 2.0 * self.damping)
+        self._judged(remaining)
+        if self.exact:  # a step is as dear as some derivatives, so that another one by the old derivative must do
+            self.stale |= remaining * after > LIKELY * self.tolerance * before
+        elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
+            self.stale = log(self.residual / self.tolerance) > self.plant.order * log(before / after)
+        return True
+
+    @property
+    def exact(self) -> bool:
+        """Whether the derivative follows from the trace."""
+        return self.trace is not None and self.trace.course is not None
+
+    @property
+    def far(self) -> bool:
+        """Whether the derivative was measured too far from the state to tell the multipliers."""
+        if self.measured_at is None:
+            return True
+        free = self.free
+        away = float(np.abs(((self.state - self.measured_at) / self.scale)[free]).max(initial=0.0))
+        return away > (NEAR_EXACT if self.exact else NEAR)
+
+    def _update(self, step: Array, gap: Array) -> None:
+        """Update the derivative from the last step and the gap before it (Broyden 1965)."""
+        assert self.at_start is not None
+        assert self.at_end is not None
+        missed = self.gap - gap - (self.at_end - self.at_start) @ step
+        self.at_end = self.at_end + np.outer(missed, step) / float(step @ step)
+
+    def differentiate(self, pairs: Sequence[tuple[Trace | None, Trace | None]]) -> None:
+        """Take the derivatives from the traces of the undisturbed and of each perturbed state; then the next step.
+
+        For a state that is not felt both are the same.
+        """
+        both = [(base, trace) for base, trace in pairs if base is not None and trace is not None]
+        self.failed = len(both) < self.plant.order
+        if self.failed:
+            return
+        starts = np.array([(trace.states[:, 0] - base.states[:, 0]) / self.scale for base, trace in both]).T
+        ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for base, trace in both]).T
+        self.at_start, self.at_end = starts / PERTURBATION, ends / PERTURBATION
+        self.measured_end, self.measured_at = self.at_end, self.state
+        self.force_slope = np.array([trace.forces - base.forces for base, trace in both]).T / PERTURBATION
+        self.stale = False
+        self.step = self.newton_step()
+
+    def linearise(self, derivative: Derivative) -> None:
+        """Take the derivatives of the equations along the trace; then the next step."""
+        assert self.trace is not None
+        assert self.trace.course is not None
+        inner, across = self.trace.course.plant, self.scale / self.scale[:, np.newaxis]
+        every = (derivative.at_start, derivative.at_end, derivative.monodromy)
+        self.at_start, self.at_end, self.monodromy = (self.plant.widened(one, inner, 0, 1) * across for one in every)
+        self.measured_end, self.measured_at = self.at_end, self.state
+        self.force_slope = self.plant.widened(derivative.forces, inner, 1) * self.scale
+        self.stale = False
+        self.step = self.newton_step()
+        self.judge()
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers, the largest first, without the 1 of sliders that stick and stay where they are.
+
+        They are those of the derivative as it was last measured. The corrections of :meth:`_update` serve Newton's step
+        along one direction and would mix the modes.
+        """
+        assert self.at_start is not None
+        assert self.measured_end is not None
+        free = np.ix_(self.free, self.free)
+        # a slider that slips at the beginning of the period depends on nothing of the start: its multiplier is 0
+        monodromy = np.zeros_like(self.at_start)
+        if self.monodromy is None:
+            monodromy[free] = self.measured_end[free] @ np.linalg.pinv(self.at_start[free], rcond=1e-8)
+        else:
+            monodromy = self.monodromy
+        values = np.linalg.eigvals(monodromy).astype(complex)
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
+        values = values[np.abs(values - 1.0) > self.lasting]
+        return np.asarray(values[np.argsort(-np.abs(values))])
+
+
+def between(points: Sequence[Point]) -> Point:
+    """Return a point in the middle of solved ones, with the mean of their derivatives, as a guess for another."""
+    names = ("state", "at_start", "at_end", "force_slope")
+    means: dict[str, Any] = {name: np.mean([getattr(point, name) for point in points], axis=0) for name in names}
+    return replace(points[0], **means, measured_end=None, measured_at=None, guessed=True)
+
+
+def balance(points: Sequence[Point]) -> None:
+    """Let points start from harmonic balance, where that finds a start. Their drives have the same period."""
+    for point, state in zip(points, harmonic_starts([point.plant for point in points]), strict=True):
+        if state is not None:
+            point.restart(state)
+            point.informed = differentiable(point.plant)
+
+
+def start_point(plant: Plant) -> Point:
+    """Return a point that starts from the response of the free stator, bent by the preload."""
+    motor, n = plant.motor, plant.modes
+    preload = motor.contact.preload_n if plant.law else 0.0
+    state = np.zeros(plant.order)
+    amplitudes = np.zeros(n)
+    springs: list[Mode | Mount] = [*motor.modes, *carriers(plant.mount)]
+    places = [*range(n), *range(plant.carrier.start, plant.carrier.stop, 2)]
+    elastic, damping = (
+        np.diag([getattr(spring, name) for spring in springs]) for name in ("stiffness_n_per_m", "damping_n_s_per_m")
+    )
+    couplings = np.zeros((len(springs), 2))
+    couplings[:n] = [(mode.coupling_a_n_per_v, mode.coupling_b_n_per_v) for mode in motor.modes]
+    for tones in zip(plant.drive.tones_a, plant.drive.tones_b, strict=True):
+        omega = 2.0 * pi * tones[0].frequency
+        dynamic = elastic - omega**2 * mass_matrix(motor.modes, plant.mount) + 1j * omega * damping
+        gains = np.linalg.solve(dynamic, couplings)
+        for place, gain in zip(places, gains, strict=True):
+            for tone, one in zip(tones, gain, strict=True):
+                displacement, velocity = phasor_at(tone, one, 0.0)
+                state[place] += displacement
+                state[place + (n if place < n else 1)] += velocity
+        amplitudes += abs(gains[:n] @ [tone.amplitude * np.exp(1j * tone.phase) for tone in tones])
+    for index, mode in enumerate(motor.modes):
+        state[index] -= mode.tip_y * preload / mode.stiffness_n_per_m
+    masses = np.array([mode.mass_kg for mode in motor.modes])
+    stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])
+    energy = 0.5 * float(stiffnesses @ amplitudes**2)
+    if plant.law:
+        energy += 0.4 * preload * contact_law.static_penetration(motor.contact)
+    energy = max(energy, np.finfo(float).tiny * 1e100)
+    fastest = np.sqrt(2.0 * energy / masses)
+    slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
+    if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip since rest
+        followed = sum(mode.tip_x * (r - rest) for mode, r, rest in zip(motor.modes, state, _rest(plant), strict=False))
+        state[plant.where("contact")] = np.clip(followed, -slide, slide) * plant.law.touching
+    along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
+    towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
+    carrier = []
+    for _, name in zip(carriers(plant.mount), ("tip_y", "tip_x"), strict=False):
+        lift = contact_law.static_penetration(motor.contact) + max(
+            abs(getattr(mode, name)) * a for mode, a in zip(motor.modes, amplitudes, strict=True)
+        )
+        carrier += [lift, lift / plant.drive.period]
+    turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
+    sliders = plant.where("contact")
+    softness = stems(motor, plant.law).values()
+    stem = [size for compliance in softness for size in (compliance * preload, max(along, towards))]
+    scale = np.array([
+        *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem, *carrier,
+        *turning,
+    ])  # fmt: skip
+    return Point(plant, state, scale)
+
+
+class Shooting:
+    """Newton's method for many operating points together, on one map. The points are changed in place.
+
+    With ``near`` the derivatives that points have are those of the same orbits at the same step.
+    """
+
+    def __init__(self, points: Sequence[Point], period_map: PeriodMap, *, near: bool = False) -> None:
+        self.points = list(points)
+        self.map = period_map
+        self.near = near
+
+    def solve(self, points: Sequence[Point] | None = None) -> None:
+        """Iterate until every point is solved or has failed. A point keeps its derivative while that is good.
+
+        Each worker has its own points, so that none waits for the others after a step.
+        """
+        every = list(self.points if points is None else points)
+        for point in every:
+            point.done = point.failed = point.damped = False
+            point.damping, point.iterations = 1.0, 0
+        threads = max(min(self.map.workers, len(every)), 1)
+        part = copy(self)
+        part.map = self.map.shared_by(threads)
+        in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
+
+    def _iterate(self, active: list[Point]) -> None:
+        self._evaluate(active)
+        for _ in range(2 * MOST_ITERATIONS):
+            active = [point for point in active if not (point.done or point.failed)]
+            if not active:
+                break
+            self._advance(active)
+        for point in active:
+            point.failed = not point.done
+
+    def _evaluate(self, points: Sequence[Point]) -> None:
+        """Evaluate the points where they start, with the derivative of those that have none."""
+        new = [(point, point.felt) for point in points if point.at_end is None and not differentiable(point.plant)]
+        copies = [point.copy(point.state) for point in points]
+        copies += [copy for point, _ in new for copy in _perturbed(point)]
+        traces = self.map.traces(copies)
+        for point, trace in zip(points, traces, strict=False):
+            point.trace = trace
+            point.reach = trace.reach if trace else None
+            point.failed = trace is None
+        found = iter(traces[len(points) :])
+        for point, felt in new:
+            point.differentiate([(point.trace, next(found) if one else point.trace) for one in felt])
+        mapped = [point for point in points if not point.failed]
+        kept = []
+        for point in mapped:
+            if point.at_end is not None:
+                point.step = point.newton_step()
+                point.judge()
+                kept += [point] if self.near and point.residual * NEAR_RATE < LIKELY * point.tolerance else []
+        self._renew([point for point in mapped if point.exact and not (point.done or point in kept)])
+
+    def _advance(self, points: list[Point]) -> None:
+        """Try the next step of every point; evaluate the derivative anew where it is too old."""
+        trials = [point.state + point.damping * point.step * point.scale for point in points if point.step is not None]
+        traces = self.map.traces([point.copy(trial) for point, trial in zip(points, trials, strict=True)])
+        accepted = []
+        for point, trial, trace in zip(points, trials, traces, strict=True):
+            point.iterations += 1
+            point.reach = trace.reach if trace else None
+            if point.accepts(trial, trace):
+                accepted.append(point)
+            else:
+                point.damping *= 0.5
+                point.damped = True
+                point.failed = point.damping < LEAST_DAMPING
+        for point in points:
+            point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
+        self._renew([point for point in accepted if point.stale and not (point.done or point.failed)])
+
+    def _renew(self, points: Sequence[Point]) -> None:
+        """Take new derivatives of points that have a trace: along it where the equations are known, else by copies."""
+        courses = [(point, point.trace.course) for point in points if point.trace and point.trace.course]
+        with np.errstate(over="ignore", invalid="ignore"):
+            exact = derivatives([course for _, course in courses], self.map.discretisation)
+        for (point, _), derivative in zip(courses, exact, strict=True):
+            point.failed = not np.isfinite(derivative.at_end).all()  # a step far from the contact
+            if not point.failed:
+                point.linearise(derivative)
+        others = [point for point in points if not point.exact]
+        found = iter(self.map.traces([copy for point in others for copy in _perturbed(point)]))
+        for point in others:
+            point.differentiate([(point.trace, next(found) if felt else point.trace) for felt in point.felt])
+
+    def search(self) -> None:
+        """Solve all points: from a given guess or harmonic balance, then from others, then after a transient.
+
+        Where there is no harmonic balance, a point starts from the free stator, or from solved neighbours. The
+        derivatives of the solved points are then measured again where they were measured too far away.
+        """
+        balance([point for point in self.points if not point.guessed])
+        seeds = _seeds(self.points)
+        self.solve(seeds)
+        others = [point for point in self.points if point not in seeds]
+        for point in others:
+            beside = _nearest(point, seeds)[:2]
+            if beside:
+                point.guess(between(beside))
+        if others:
+            self.solve(others)
+        for point in self.points:
+            way = "damped" if point.damped else "newton"
+            point.method = ("neighbour" if point.guessed else way) if point.done else ""
+        lost = [point for point in self.points if point.failed and point.guessed]
+        for point in lost:
+            point.restart(start_point(point.plant).state)
+        balance(lost)
+        self._retry(lost, "newton")
+        lost = [point for point in self.points if point.failed]
+        near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
+        for point, other in near:
+            point.restart(other.state)
+        self._retry([point for point, _ in near], "neighbour")
+        for decays in SETTLING:
+            lost = [point for point in self.points if point.failed]
+            self._settle(lost, decays)
+            self._retry(lost, "settled")
+        self.measure_anew()
+
+    def measure_anew(self) -> None:
+        """Measure the derivatives of solved points anew if they were measured too far away to tell the multipliers."""
+        far = [point for point in self.points if point.done and point.far]
+        self._renew(far)
+        doubtful = [point for point in far if not point.done]  # by the new derivative
+        if doubtful:
+            self.solve(doubtful)
+            self._renew([point for point in doubtful if point.done and point.far])
+
+    def _retry(self, points: Sequence[Point], method: str) -> None:
+        if points:
+            self.solve(points)
+        for point in points:
+            point.method = method if point.done else ""
+
+    def _settle(self, points: Sequence[Point], decays: float) -> None:
+        """Run points from preloaded rest for a number of decay times of their slowest mode."""
+        longest = 0.0
+        for point in points:
+            springs: list[Mode | Mount] = [*point.plant.motor.modes, *carriers(point.plant.mount)]
+            longest = max(longest, decays * max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+            point.restart(_rest(point.plant))
+        periods = max(10, ceil(longest / self.map.period))
+        ends = self.map.settled([Copy(point.plant, point.state, point.begun) for point in points], periods)
+        for point, end in zip(points, ends, strict=True):
+            if end is not None:
+                point.state = end
+
+
+def _seeds(points: Sequence[Point]) -> list[Point]:
+    """Return the points to solve first: of a long curve at held speeds every third, otherwise all."""
+    curves: dict[str, list[Point]] = {}
+    for point in points:
+        curves.setdefault(point.plant.curve, []).append(point)
+    seeds = []
+    for curve in curves.values():
+        alone = (point.plant.load.speed is None or point.guessed or point.informed for point in curve)
+        if len(curve) < LONG_CURVE or any(alone):
+            seeds += curve
+        else:
+            seeds += sorted(curve, key=lambda point: point.plant.load.speed or 0.0)[::SPACING]
+    return seeds
+
+
+def _nearest(point: Point, points: Sequence[Point]) -> list[Point]:
+    """Return the solved points of the same curve at held speeds, that with the nearest speed first."""
+    speed = point.plant.load.speed
+    if speed is None:
+        return []
+    others = [
+        (abs(other.plant.load.speed - speed), other)
+        for other in points
+        if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
+    ]
+    return [other for _, other in sorted(others, key=lambda one: one[0])]
+
+
+def _rest(plant: Plant) -> Array:
+    state = np.zeros(plant.order)
+    if plant.law:
+        for index, mode in enumerate(plant.motor.modes):
+            state[index] = -mode.tip_y * plant.motor.contact.preload_n / mode.stiffness_n_per_m
+    return state
+
+
+def _perturbed(point: Point) -> list[Copy]:
+    """Return copies of a point, each with one of the felt states changed by :data:`PERTURBATION` of its scale."""
+    states = point.state + PERTURBATION * np.diag(point.scale)[point.felt]
+    return [Copy(point.plant, state, point.begun) for state in states]

@@ -1,0 +1,422 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speed–torque curves: steady states found by shooting (:mod:`.steady`), after settling or in ramps (:mod:`.settling`).
+
+The torque is that of the contact on the rotor, R·F_T; the bearing takes its share of it, and what remains is the load
+torque. Both are positive where they drive the rotor, or the load, in the positive direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import SkipValidation
+
+from pyspice_runner.circuit.law import ContactLaw, touching_law
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
+from pyspice_runner.motor.drive import Drive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked, quoted
+from pyspice_runner.motor.strength import COMPARED, exceeded
+from pyspice_runner.result import Audit
+from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
+from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
+from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
+from pyspice_runner.run.paths import canonical
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.spice import Engine
+from pyspice_runner.steady.branch import dataset_of, followed_branch
+from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, outcomes_of, run_tasks, tasks_of
+from pyspice_runner.steady.steady import steady_states
+from pyspice_runner.units import with_linear
+
+if TYPE_CHECKING:
+    import xarray
+
+Method = Literal["steady", "settle", "ramp", "hold"]  # the last is the former name of settle
+
+SPEED = "speed_rad_s"
+_MOST_POINTS = 100_000
+_NO_TORQUE = "A free tip exerts no torque."
+
+OUTCOME = {
+    **UNITS,
+    "settled": ("1", "whether the means stayed the same from block to block"),
+    "audit_passed": ("1", "whether the means passed the physical audit"),
+    "torque_error_n_m": ("N·m", "estimated error of the mean torque by the time step; NaN where it was not estimated"),
+    "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
+    "torque_drift_n_m": ("N·m", "change of the mean torque from block to block; of a ramp, half of fall less rise"),
+    "simulated_s": ("s", "time that was simulated"),
+}
+_MISSING = dict.fromkeys(OUTCOME, float("nan")) | {
+    "settled": False, "audit_passed": False, "findings": (), "deck_sha256": "", "method": "",
+}  # fmt: skip
+
+
+@checked
+def speed_torque(
+    motor: Motor,
+    drive: Drive | Driver,
+    *,
+    speeds: SkipValidation[ArrayLike | None] = None,
+    over: Mapping[str, SkipValidation[Sequence[float] | Array]] | None = None,
+    mode: Method = "steady",
+    follow: str | None = None,
+    contact: ContactLaw | None = "spring-slider",
+    step: float | None = None,
+    tolerance: float = TOLERANCE,
+    patience: int = PATIENCE,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    timeout: float | None = None,
+    audit: bool = True,
+    engine: Engine = "spice",
+) -> xarray.Dataset:
+    """Measure torque, power and losses over speed, in all four quadrants.
+
+    The steady states of all points are found together by shooting (:func:`.steady_state`); where there is none, or an
+    unstable one, the point is left to settle.
+
+    A point that settles starts from preloaded rest, on a rotor that turns at its speed, and runs in blocks of whole
+    drive periods, each as long as the slowest mode takes to decay. It is settled when the means do not change from
+    block to block; the means over the last one are returned. A point that never settles, because the motion is chaotic
+    or the tones of the drive beat, says so by ``settled`` and gives the means over the last half of its blocks.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups, or a driver circuit; its inductances and capacitances are states of the
+            periodic solution. A full bridge and a driver of the user's own are powered up from rest and settle.
+        speeds: at which the shaft is held, rad/s; by default the values of ``load.speed`` in ``over``.
+        over: further axes: dotted path → values; the motor's as in :meth:`Motor.updated`, the drive's as
+            ``drive.voltage``, those of a driver's parts as ``drive.bridge.dead_time``.
+        mode: ``"steady"``, which takes drivers and voltages with a common period; ``"settle"``, which takes any; or
+            ``"ramp"``: the speed rises slowly through the whole range, and in a second run it falls. The mean of both
+            is returned; half their difference is ``torque_drift_n_m``.
+        follow: axis along which points go on from the one before: ``"load.speed"`` or one of ``over``. With
+            ``"settle"`` each begins where the one before it ended, which shows hysteresis if the axis goes up and down
+            again. With ``"steady"`` the branch of steady states from the first to the last value of the axis is
+            followed through its folds, stable or not; the result is that of :func:`.steady_branch`, and every other
+            axis has one value.
+        contact: law of the contact, as in ``simulate``.
+        step: longest time step in s; by default that of ``simulate``.
+        tolerance: change from block to block that still counts as settled: of the normal force relative to itself, of
+            the torque relative to itself plus a fiftieth of the friction torque that the normal force allows; the
+            energy stored in the modes may change by four times as much. What is left of the start is at most 0.6 of
+            the tolerance, or about twice the tolerance where the carrier vibrates on the contact longer than a block.
+        patience: number of blocks after which a point counts as not settled.
+        executor: executor that runs the points; by default one thread per core, each with its own ngspice process.
+        progress: called with the number of finished points and of all points.
+        timeout: wall time in s after which ngspice is stopped, per block.
+        audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit_passed`` is false
+            at such a point, and the attribute ``audit`` has them.
+        engine: of the steady states, as in ``simulate``. A point that settles, and one behind a driver, runs with the
+            B-sources; the attribute ``method`` has which points settled.
+
+    Returns:
+        The quantities over the axes, the speed last, with units and provenance.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has the finished points.
+        Interrupted: when interrupted; ``partial`` has those points, and NaN for the others.
+    """
+    law = touching_law(contact, _NO_TORQUE)
+    axes = _axes(speeds, over or {})
+    mode = _way(mode, drive)
+    if follow is not None and canonical(follow) == "load.speed":
+        follow = SPEED
+    _check(axes, drive, mode, follow)
+    base = OperatingPoint.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
+    if mode == "steady" and follow is not None:
+        return _branch(on_engine(base, engine, "A branch is followed with the B-sources."), axes, follow)
+    base = on_engine(base, engine, _without_form(mode, drive))
+    *further, _ = axes
+    points: list[Dynamometer] = []
+    for values in product(*(axes[path].tolist() for path in further)):
+        there = base.updated(dict(zip(further, values, strict=True)))
+        points += [_dynamometer(there.updated({"load.speed": speed})) for speed in axes[SPEED].tolist()]
+    found, fault = _measured(points, axes, mode, follow, Settling(tolerance, patience), executor, progress)
+    if fault is not None and not found:
+        raise fault
+    outcomes = [found.get(place, _MISSING) for place in range(len(points))]
+    findings = dict.fromkeys(finding for outcome in outcomes for finding in outcome["findings"])
+    greatest = {
+        name: max((outcome[name] for outcome in outcomes if outcome[name] == outcome[name]), default=float("nan"))
+        for name in COMPARED
+    }
+    label = [] if any(path.startswith("drive.") for path in axes) else [base.source.label]
+    dataset = dataset_of(
+        base, ", ".join(["speed and torque", *label]), OUTCOME, outcomes, coordinates(base, axes),
+        (outcome["deck_sha256"] for outcome in outcomes),
+        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, greatest), *_cautions(points, outcomes)],
+        method=[outcome["method"] for outcome in outcomes],
+        run={
+            "mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance,
+            "patience": patience, "engine": "compiled" if base.solver.compiled else "spice",
+        },
+    )  # fmt: skip
+    if fault is None:
+        return dataset
+    dataset.attrs["incomplete"] = f"{len(found)} of {len(points)} points are finished."
+    if isinstance(fault, KeyboardInterrupt):
+        raise Interrupted("The curve was interrupted.", dataset) from None
+    fault.partial = dataset
+    raise fault
+
+
+def _without_form(mode: str, drive: Drive | Driver) -> str:
+    """Return why the points have no compiled form, as a sentence; empty if they have one."""
+    if isinstance(drive, Driver):
+        return BEHIND_DRIVER
+    return "" if mode == "steady" else f"The meters of mode = {mode!r} need the B-sources."
+
+
+def _branch(base: OperatingPoint, axes: Mapping[str, Array], follow: str) -> xarray.Dataset:
+    """Follow the branch of steady states along one axis."""
+    along, others = axes[follow], {path: values for path, values in axes.items() if path != follow}
+    for path, values in others.items():
+        if len(values) > 1:
+            raise ParameterError(
+                f"{path} has {len(values)} values: a branch along {follow} is followed at one value. Give one, or take "
+                "mode = 'settle'."
+            )
+    point = base.updated({path: float(values[0]) for path, values in others.items()})
+    return followed_branch(point, "speed" if follow == SPEED else follow, float(along[0]), float(along[-1]))
+
+
+def _way(mode: Method, drive: Drive | Driver) -> Method:
+    """Return how the points are measured: a driver whose states are not known settles."""
+    unknown = isinstance(drive, Driver) and drive.own
+    return "settle" if mode == "hold" or (mode == "steady" and unknown) else mode
+
+
+@checked
+def operating_point(
+    motor: Motor,
+    drive: Drive | Driver,
+    *,
+    speed: float = 0.0,
+    mode: Literal["steady", "settle", "hold"] = "steady",
+    contact: ContactLaw | None = "spring-slider",
+    step: float | None = None,
+    tolerance: float = TOLERANCE,
+    patience: int = PATIENCE,
+    timeout: float | None = None,
+    audit: bool = True,
+    engine: Engine = "spice",
+) -> dict[str, Any]:
+    """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
+
+    The arguments are those of :func:`speed_torque`, without ``"ramp"``. ``audit`` of the result has its findings.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    mode = _way(mode, drive)  # type: ignore[assignment]
+    bench = _held(
+        motor, drive, mode=mode, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit, engine=engine
+    )
+    axes = {SPEED: np.array([speed])}
+    found, fault = _measured([bench], axes, mode, None, Settling(tolerance, patience), None, None)
+    if fault is not None:
+        raise fault
+    return _reported(bench, found[0])
+
+
+def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
+    """Return the results of :func:`operating_point` for many motors, drives and settings that share runs of ngspice.
+
+    ``None`` stands for a point that is to be run alone: invalid, failed, or without a stable steady state.
+    """
+    benches: dict[int, Dynamometer] = {}
+    for place, (motor, drive, settings) in enumerate(points):
+        with suppress(ParameterError, SimulationError, TypeError, ValueError):
+            benches[place] = _held(motor, drive, **settings)
+    try:
+        found = _steady(list(benches.values()), None)
+    except (ParameterError, SimulationError):
+        return [None] * len(points)
+    answers: list[dict[str, Any] | None] = [None] * len(points)
+    for number, (place, bench) in enumerate(benches.items()):
+        if number in found and not found[number]["findings"]:
+            answers[place] = _reported(bench, found[number])
+    return answers
+
+
+def _held(
+    motor: Motor,
+    drive: Drive | Driver,
+    *,
+    mode: str = "steady",
+    speed: float = 0.0,
+    contact: ContactLaw | None = "spring-slider",
+    engine: Engine = "spice",
+    **settings: Any,
+) -> Dynamometer:
+    """Return the dynamometer at one speed; the arguments are those of :func:`operating_point`."""
+    axis("speed", [speed])
+    solver = {name: value for name, value in settings.items() if name in ("step", "timeout", "audit")}
+    base = OperatingPoint.of(motor, drive, speed=speed, contact=touching_law(contact, _NO_TORQUE), **solver)
+    return _dynamometer(on_engine(base, engine, _without_form(mode, drive)))
+
+
+def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
+    """Return the outcome of a point as :func:`operating_point` reports it."""
+    motor = bench.motor
+    compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
+    kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
+    cautions = [*exceeded(motor, outcome), *_cautions([bench], [outcome])]
+    engine = "compiled" if compiled else "spice"
+    found = {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
+    return with_linear(found) if motor.slider else found
+
+
+def _cautions(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
+    laws = (bench.setup.law for bench in benches)
+    found = any(law and law.sliding and stuck(outcome) for law, outcome in zip(laws, outcomes, strict=True))
+    return [*([STUCK] if found else []), *delivering(outcomes)]
+
+
+# --- points ---
+
+
+def _measured(
+    points: Sequence[Dynamometer],
+    axes: Mapping[str, Array],
+    mode: str,
+    follow: str | None,
+    settling: Settling,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> tuple[dict[int, dict[str, Any]], KeyboardInterrupt | SimulationError | None]:
+    """Return the outcomes by place, and the error or interrupt if some are missing."""
+    tell = progress or (lambda *_: None)
+    tasks = tasks_of(points, axes, mode, follow, settling)
+    answers: dict[int, list[dict[str, Any]]] = {}
+    found: dict[int, dict[str, Any]] = {}
+    fault: KeyboardInterrupt | SimulationError | None = None
+    try:
+        if mode == "steady":
+            tell(0, len(points))
+            found = _steady(points, executor)
+            tasks = [task for task in tasks if task.places[0] not in found]
+        finished = len(found)
+        if tasks:
+            run_tasks(tasks, executor, lambda done, total: tell(finished + done, finished + total), answers)
+        else:
+            tell(len(points), len(points))
+    except (KeyboardInterrupt, SimulationError) as error:
+        fault = error
+    found |= outcomes_of(tasks, answers)
+    for place in sorted(found):
+        bench = points[place]
+        if bench.setup.solver.audit and found[place]["findings"]:
+            try:
+                Audit(found.pop(place)["findings"]).withhold(f"point at {bench.speed:.4g} rad/s")
+            except SimulationError as error:
+                fault = fault or error
+    return found, fault
+
+
+def _steady(points: Sequence[Dynamometer], executor: Executor | None) -> dict[int, dict[str, Any]]:
+    """Return by place the outcomes of the points that have a stable steady state."""
+    setups = [replace(bench.setup, solver=replace(bench.setup.solver, audit=False)) for bench in points]
+    states = steady_states(setups) if executor is None else executor.submit(steady_states, setups).result()
+    return {
+        place: {
+            **state.quantities, "settled": True, "audit_passed": bool(state.audit.passed),
+            "findings": state.audit.findings, "torque_error_n_m": state.torque_error_n_m,
+            "largest_multiplier": float(np.abs(state.floquet_multipliers).max(initial=0.0)), "torque_drift_n_m": 0.0,
+            "simulated_s": state.provenance["simulated_s"], "deck_sha256": state.provenance["deck_sha256"],
+            "method": state.method,
+        }
+        for place, state in enumerate(states)
+        if state.stable
+    }  # fmt: skip
+
+
+# --- axes ---
+
+
+def axis(name: str, values: Any) -> Array:
+    """Return the values of an axis as an array. Raise ParameterError for what is not numbers, or no speeds."""
+    try:
+        given = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError, OverflowError):
+        given = np.array([])
+    if given.ndim != 1 or not given.size or not np.all(np.isfinite(given)):
+        raise ParameterError(f"{name} = {quoted(values)} is not valid: it must be one or more numbers.")
+    if (name == "speeds" or canonical(name) == "load.speed") and np.abs(given).max() > 1e6:
+        worst = given[np.abs(given).argmax()]
+        raise ParameterError(f"{name} has {worst:g} rad/s, which is not valid: it must be from -1e6 to 1e6 rad/s.")
+    return given
+
+
+def check_distinct(axes: Mapping[str, Array]) -> None:
+    """Raise ParameterError for a value that an axis has twice: its points would be solved twice."""
+    for path, values in axes.items():
+        kept, counts = np.unique(values, return_counts=True)
+        if counts.max() > 1:
+            name = "speeds" if path == SPEED else path
+            raise ParameterError(f"{name} has the value {kept[counts.argmax()]:g} more than once. Give it once.")
+
+
+def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the axes of a curve, that of the speed last."""
+    given = {path: values for path, values in over.items() if canonical(path) == "load.speed"}
+    if speeds is not None:
+        given["speeds"] = speeds
+    if len(given) != 1:
+        raise ParameterError("The speeds of the curve must be given once: as speeds, or as over['load.speed'].")
+    axes = {path: axis(path, values) for path, values in over.items() if path not in given}
+    ((name, values),) = given.items()
+    return {**axes, SPEED: axis(name, values)}
+
+
+def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: str | None) -> None:
+    if isinstance(drive, Driver) and (mode == "ramp" or follow):
+        raise ParameterError(
+            "A driver circuit does not go on from another point: mode must be 'steady' or 'settle', and follow must be "
+            "left out."
+        )
+    if follow is not None and follow not in axes:
+        raise ParameterError(f"follow = {quoted(follow)} is not valid: it must be one of {', '.join(axes)}.")
+    if mode == "ramp" and follow is not None:
+        raise ParameterError("A ramp goes on from speed to speed by itself; leave out follow, or take mode = 'settle'.")
+    if mode == "ramp" and np.ptp(axes[SPEED]) == 0.0:
+        raise ParameterError("A ramp needs two different speeds at least; give them, or take another mode.")
+    count = int(np.prod([len(axis) for axis in axes.values()]))
+    if count > _MOST_POINTS:
+        raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
+    check_distinct({path: values for path, values in axes.items() if path != follow})  # it may go up and down again
+
+
+def _dynamometer(point: OperatingPoint) -> Dynamometer:
+    """Return the dynamometer of a point. Raise ParameterError for a step with which a block has too many points."""
+    block = Dynamometer(point).duration
+    finest = block / MOST_POINTS
+    if point.step < finest:
+        if point.solver.step is None:
+            raise ParameterError(
+                f"The motor is too stiff for a curve: a block of {block:.3g} s, in which the slowest mode decays, "
+                f"takes {block / point.step:.3g} steps for the motion of {1.0 / point.shortest_period:.4g} Hz; at most "
+                f"{MOST_POINTS:g} are allowed. Use steady_state at each speed."
+            )
+        raise ParameterError(
+            f"step = {point.step:g} s is not valid for a motion of {1.0 / point.shortest_period:.4g} Hz: it must be "
+            f">= {finest:.3g} s."
+        )
+    return Dynamometer(off_beat(point))
+
+
+def coordinates(base: OperatingPoint, axes: Mapping[str, Array]) -> dict[str, tuple[str, Array, dict[str, str]]]:
+    """Return the coordinates of axes, with units."""
+    return {path: (path, values, {"units": base.parameter(path).unit}) for path, values in axes.items()}

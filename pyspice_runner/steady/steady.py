@@ -1,0 +1,618 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The periodic steady state of a motor, without a transient that settles.
+
+Newton's method (:mod:`.shooting`) finds it at a coarse step. The result is then corrected at two steps, in copies whose
+steps lie between each other's, and extrapolated to a vanishing step: a change of state is seen at the end of its step,
+which biases the small mean of a large alternating torque.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import ceil
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.state import motor_states
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.strength import exceeded
+from pyspice_runner.result import Audit, Result, contact_row, json_ready
+from pyspice_runner.run.audit import audit_point
+from pyspice_runner.run.dynamometer import STUCK, Quantities, delivering, stuck
+from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.recording import Recording
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
+from pyspice_runner.spice import Engine
+from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
+from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
+from pyspice_runner.steady.period_map import PeriodMap, cores
+from pyspice_runner.steady.period_means import current, extrapolated, means, phases, quantities, speed, tip
+from pyspice_runner.steady.second_motion import caution, second_motion
+from pyspice_runner.steady.shooting import Point, Shooting, start_point
+from pyspice_runner.steady.threads import in_threads
+from pyspice_runner.units import engineering
+
+Place = TypeVar("Place")
+
+OFFSETS = 2  # copies of each point, whose steps lie between each other's
+MOST_REFINEMENTS = 2  # halvings of the step beyond the default
+ACCURACY = 2e-3  # of the friction torque under the preload, μ F₀ R
+FROM_SPREAD = 4.0  # bound of the error of the mean of two copies over their distance, where the contact stays closed
+LONGEST_PERIOD = 1000  # periods of the fastest motion in one of the drive; beyond, settling is cheaper
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class SteadyState(Quantities, Result):
+    """A periodic steady state, with the quantities of ``speed_torque``; they are NaN without a solution.
+
+    Attributes:
+        motor: the motor.
+        drive: the voltages of both groups, or the driver.
+        speed_rad_s: mean speed of the rotor.
+        current_a_phase_deg, current_b_phase_deg: phase of a group's current ahead of its voltage, both at the drive's
+            frequency: 90° of a capacitance; NaN without a voltage, with tones at two frequencies, and behind a driver.
+        torque_error_n_m: estimated error of the torque by the time step.
+        floquet_multipliers: eigenvalues of the map over one period, the largest first.
+        converged: whether there is a solution at every step that was used.
+        residual: the last Newton step, relative to the size of the motion and to the mean forces that it would change.
+        iterations: Newton steps at the coarse step.
+        method: how it was found: ``newton`` from a start of its own, ``damped`` with shortened steps, ``neighbour``
+            from another point of a curve or a map, ``settled`` after a transient; empty without a solution.
+        step_s: finest time step, s.
+        audit: outcome of the physical audit.
+        waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
+        provenance: settings, numbers of runs and hashes, JSON-ready.
+        solution: the solved point at the coarse step; ``None`` without a solution.
+        second: another stable motion at the coarse step, which :func:`steady_state` seeks; ``None`` if it finds none.
+    """
+
+    motor: Motor = field(repr=False)
+    drive: Drive | Driver
+    speed_rad_s: float
+    torque_error_n_m: float
+    floquet_multipliers: NDArray[np.complex128]
+    converged: bool
+    residual: float
+    iterations: int
+    method: str
+    step_s: float
+    audit: Audit = field(default=Audit(done=False))
+    waveforms: Waveforms | None = field(default=None, repr=False)
+    provenance: dict[str, Any] = field(default_factory=dict, repr=False)
+    solution: Point | None = field(default=None, repr=False)
+    second: Point | None = field(default=None, repr=False)
+    current_a_phase_deg: float = float("nan")
+    current_b_phase_deg: float = float("nan")
+
+    @property
+    def stable(self) -> bool:
+        """Whether the motion returns to it after a small disturbance: all multipliers are inside the unit circle."""
+        return self.converged and bool(np.all(np.abs(self.floquet_multipliers) < 1.0))
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return self.motor.slider is not None
+
+    @property
+    def speed_m_s(self) -> float:
+        """Mean speed of the slider, or of the rotor's rim, m/s."""
+        return self.motor.rotor.radius_m * self.speed_rad_s
+
+    @property
+    def force_n(self) -> float:
+        """Mean force of the contact on the slider, or on the rotor's rim, N."""
+        return self.torque_n_m / self.motor.rotor.radius_m
+
+    @property
+    def held_by_friction(self) -> bool:
+        """Whether the contact of a held shaft sticks throughout: only regularised friction has a unique torque then."""
+        run = self.provenance["run"]
+        return run["speed_rad_s"] is not None and run["contact"] != "coulomb" and stuck(self.quantities)
+
+    @property
+    def determined(self) -> bool:
+        """Whether the motor stays at this state, and it is the only one: friction holds a stuck shaft at any torque."""
+        return self.stable and not self.held_by_friction
+
+    @property
+    def instability(self) -> str:
+        """How a small disturbance grows, empty if it decays.
+
+        ``jump``: a multiplier beyond 1, the motion leaves for another one; ``period doubling``: a multiplier beyond -1,
+        the motion alternates from period to period; ``irrational``: a complex pair, a second frequency appears.
+        """
+        if self.stable or not self.converged:
+            return ""
+        largest = complex(self.floquet_multipliers[0])
+        if abs(largest.imag) > 1e-6 * abs(largest):
+            return "irrational"
+        return "jump" if largest.real > 0.0 else "period doubling"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result without its waveforms, JSON-ready."""
+        return self._keyed({
+            "speed_rad_s": self.speed_rad_s,
+            **json_ready(self.quantities),
+            **self._entries("current_a_phase_deg", "current_b_phase_deg", "torque_error_n_m"),
+            **self._entries("floquet_multipliers", "stable", "instability", "converged"),
+            **self._entries("residual", "iterations", "method", "step_s", "audit", "cautions"),
+            **self.provenance,
+        })  # fmt: skip
+
+    @property
+    def deck(self) -> str | None:  # type: ignore[override]
+        """The netlist that runs the period of the waveforms."""
+        return self.waveforms.deck if self.waveforms else None
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Findings of the audit, failed convergence, instability, a second motion, and exceeded limits."""
+        found = list(self.audit.findings)
+        if not self.converged:
+            found.append("No steady state was found. Run simulate to see how the motor moves.")
+        elif not self.stable:
+            found.append(f"The steady state is not stable: {self.instability}.")
+        elif self.held_by_friction:
+            found.append(STUCK)
+        if self.second is not None:
+            found.append(caution(self.second))
+        limits = exceeded(self.motor, self.quantities)
+        fast = too_fast(self.motor.to_dict(), self.speed_rad_s)
+        return self._told((*found, *delivering([self.quantities]), *limits, *fast))
+
+    def summary(self) -> dict[str, str]:
+        """Return speed, torque, forces, powers, stability and how the state was found."""
+        electrical = self.power_a_w + self.power_b_w
+        largest = max(np.abs(self.floquet_multipliers), default=float("nan"))
+        return self._worded({
+            "speed": engineering(self.speed_rad_s, "rad/s"),
+            "torque": engineering(self.torque_n_m, "N·m"),
+            "load torque": engineering(self.load_torque_n_m, "N·m"),
+            "normal force": engineering(self.normal_force_n, "N"),
+            "shaft power": engineering(self.shaft_power_w, "W"),
+            "electrical power": engineering(electrical, "W"),
+            "stress of the ceramic": engineering(self.ceramic_stress_pa, "Pa"),
+            "peak pressure of the contact": engineering(self.peak_pressure_pa, "Pa"),
+            "temperature rise": engineering(self.temperature_rise_k, "K"),
+            "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
+            "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
+            "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
+            **contact_row(self.provenance["run"]),
+        })  # fmt: skip
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return one period of the waveforms, if they are there."""
+        return self.waveforms.columns() if self.waveforms else {}
+
+
+@checked
+def steady_state(
+    motor: Motor,
+    drive: Drive | Driver,
+    *,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    contact: ContactLaw | None = "spring-slider",
+    step: float | None = None,
+    accuracy: float = ACCURACY,
+    timeout: float | None = None,
+    audit: bool = True,
+    engine: Engine = "spice",
+) -> SteadyState:
+    """Find the periodic steady state of a motor by shooting.
+
+    Args:
+        motor: the motor.
+        drive: the voltages of both groups, or a built-in driver with any network. The tones of a two-tone drive must
+            have a common period.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free but for its bearing and the load.
+        load_torque: torque in N·m that a load draws from the free shaft.
+        contact: law of the contact, as in ``simulate``; ``None`` for a free tip.
+        step: longest time step in s of the result; by default that of ``simulate``.
+        accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
+            halved, twice at most.
+        timeout: wall time in s after which a run of ngspice is ended.
+        audit: whether a result that fails the physical audit is an error. If not, the result carries the finding.
+        engine: as in ``simulate``; a motor behind a driver has no compiled form here.
+
+    Returns:
+        The steady state. ``converged`` is false if none was found; then its quantities are NaN.
+
+    Raises:
+        ParameterError: for an invalid value, or for tones without a common period.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    point = OperatingPoint.of(
+        motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
+    )
+    point = on_engine(point, engine, BEHIND_DRIVER if isinstance(drive, Driver) else "")
+    state = steady_states([point], accuracy=accuracy, waveforms=True)[0]
+    solved = state.solution
+    if not state.stable or solved is None or solved.trace is None:
+        return state
+    steps = len(solved.trace.time) - 1
+    coarse = PeriodMap(solved.plant.drive.period, steps, timeout, compiled=point.solver.compiled)
+    return replace(state, second=second_motion(solved, coarse))
+
+
+def steady_states(
+    setups: Sequence[OperatingPoint],
+    *,
+    accuracy: float | None = ACCURACY,
+    waveforms: bool = False,
+    starts: Sequence[Point | None] | None = None,
+) -> list[SteadyState]:
+    """Find the steady states of many operating points together; see :func:`steady_state`.
+
+    Points whose drives have the same period share runs of ngspice.
+
+    ``starts`` are guesses to start from; ``None`` stands for a start of the point's own. Behind a driver they are
+    solutions with ideal voltages near those at its pins. Without ``accuracy`` the quantities are those at the coarse
+    step, for differences between points that are close to each other.
+
+    Raises:
+        ParameterError: for a drive that has no steady state to be found.
+        SimulationError: if ngspice fails.
+    """
+    check_accuracy(accuracy)
+    behind: dict[tuple[Any, ...], list[int]] = {}
+    for place, setup in enumerate(setups):
+        if not isinstance(setup.source, DriveSource):
+            check_driven(setup)
+            behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
+    starts = starts or [None] * len(setups)
+    driven = {place for places in behind.values() for place in places}
+    parts = divided({place: setup for place, setup in enumerate(setups) if place not in driven})
+
+    found: dict[int, SteadyState] = {}
+    with KeptProcesses() as processes:
+
+        def solved(part: Part[int]) -> list[SteadyState]:
+            own = [starts[place] for place in part.setups]
+            return solve_part(part, accuracy, own, processes, waveforms=waveforms)
+
+        for part, states in zip(parts, in_threads(solved, parts, cores()), strict=True):
+            found |= zip(part.setups, states, strict=True)
+        for places in behind.values():
+            some, begun = [setups[place] for place in places], [starts[place] for place in places]
+            answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
+            for place, answer in zip(places, answers, strict=True):
+                state = _result(setups[place], answer.point, answer, maps)
+                if state.converged and waveforms:
+                    state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
+                found[place] = state
+    return [found[place] for place in range(len(setups))]
+
+
+def _free_shafts(setups: Sequence[OperatingPoint], starts: Sequence[Point | None]) -> list[Point | None]:
+    """Return for each free shaft without a start the solution with the stage's ideal voltages, else ``None``.
+
+    A short transient from rest leaves rotor and carrier far from where they stay.
+    """
+    free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
+    ideal = []
+    for place in free:
+        driver = setups[place].source
+        assert isinstance(driver, Driver)
+        ideal.append(replace(setups[place], source=DriveSource(TwoPhaseDrive(**two_phases(driver)))))
+    found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
+    return [found.get(place) for place in range(len(setups))]
+
+
+def check_accuracy(accuracy: float | None) -> None:
+    """Check an accuracy, relative to the friction torque. Raise ParameterError for one that is not valid."""
+    if accuracy is not None and not 1e-6 <= accuracy <= 0.1:
+        raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
+
+
+@dataclass(frozen=True)
+class Part(Generic[Place]):
+    """Operating points that share runs of ngspice: their drives have the same period, their contacts the same law."""
+
+    setups: Mapping[Place, OperatingPoint]  # by their places in the whole
+    steps: tuple[int, int]  # numbers of fine and of coarse steps in the period
+    workers: int  # number of runs at a time, where the parts run side by side
+
+
+def divided(setups: Mapping[Place, OperatingPoint]) -> list[Part[Place]]:
+    """Divide operating points with ideal voltages into parts, the largest first. The points of a curve stay together.
+
+    Raises:
+        ParameterError: for a drive that has no steady state to be found.
+    """
+    groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
+    for place, setup in setups.items():
+        law = setup.law.to_dict().values() if setup.law else ()
+        curves = groups.setdefault((_drive(setup).period, setup.solver.compiled, *law), {})
+        curves.setdefault(_plant(setup).curve, []).append(place)
+    parts: list[tuple[list[Place], tuple[int, int]]] = []
+    for curves in groups.values():
+        each, most = list(curves.values()), ceil(cores() / len(groups))
+        steps = _steps([setups[place] for curve in each for place in curve])
+        several = [[place for curve in each[first::most] for place in curve] for first in range(most)]
+        parts += [(places, steps) for places in several if places]
+    parts.sort(key=lambda part: len(part[0]), reverse=True)  # so that none of the long ones is left alone at the end
+    workers = max(1, cores() // max(len(parts), 1))
+    return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
+
+
+def _plant(setup: OperatingPoint) -> Plant:
+    return Plant(setup.motor, _drive(setup), setup.load, setup.law)
+
+
+def _drive(setup: OperatingPoint) -> Drive:
+    """Return the drive of an operating point, after checking that shooting can find its steady state.
+
+    Raises:
+        ParameterError: if not.
+    """
+    source = setup.source
+    assert isinstance(source, DriveSource)
+    if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
+        raise ParameterError(
+            "{} = {:g} {}: the steady state of a free shaft on a bearing with dry friction is not found by shooting. "
+            "Hold the shaft, or take simulate.".format(*setup.motor.dry_friction)
+        )
+    drive = source.drive
+    source.check(setup.motor)
+    for frequency in drive.frequencies:
+        turns = frequency * drive.period
+        if abs(turns - round(turns)) > 1e-6:
+            raise ParameterError(
+                f"The drive ({drive.label}) has no short common period: {frequency:g} Hz makes {turns:.6g} periods in "
+                f"{drive.period:.4g} s. Choose frequencies in a ratio of small whole numbers, or take mode = 'settle'."
+            )
+    if drive.period > LONGEST_PERIOD * setup.shortest_period:
+        raise ParameterError(
+            f"The drive ({drive.label}) repeats after {drive.period:.4g} s only, {LONGEST_PERIOD} times the period of "
+            "the fastest motion; take mode = 'settle'."
+        )
+    return drive
+
+
+def _steps(setups: Sequence[OperatingPoint]) -> tuple[int, int]:
+    """Return the numbers of fine and of coarse steps in the period of points whose drives have the same period."""
+    period = _drive(setups[0]).period
+    steps = 2 * ceil(0.5 * period / min(setup.step for setup in setups) - 1e-9)
+    shortest = min(setup.shortest_period for setup in setups)
+    return steps, max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
+
+
+def solve_part(
+    part: Part[Any],
+    accuracy: float | None,
+    starts: Sequence[Point | None],
+    processes: KeptProcesses,
+    *,
+    waveforms: bool = False,
+) -> list[SteadyState]:
+    """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`."""
+    setups, (steps, coarse) = list(part.setups.values()), part.steps
+    solver, period = setups[0].solver, _drive(setups[0]).period
+    maps = [PeriodMap(period, coarse, solver.timeout, part.workers, solver.compiled, processes)]
+    points = [start_point(_plant(setup)) for setup in setups]
+    for point, start in zip(points, starts, strict=True):
+        if start is not None:
+            point.guess(start)
+    Shooting(points, maps[0]).search()
+    if accuracy is None:
+        answers = {place: _coarse(point, maps[0]) for place, point in enumerate(points) if point.done}
+    else:
+        answers = _answers(points, maps, steps, accuracy)
+    found = []
+    for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
+        answer = answers[place] if place in answers and point.done else Answer(point)
+        state = _result(setup, point, answer, maps, len(points))
+        if state.converged:
+            state = replace(state, solution=point)
+        if state.converged and waveforms:
+            state = replace(state, waveforms=_waveforms(setup, answer, state.provenance))
+        found.append(state)
+    return found
+
+
+def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
+    """Refine solved points at finer steps until their error is small enough, and extrapolate; append the maps.
+
+    A point that fails at a finer step keeps the answer of the step before; without one it is no longer solved.
+    """
+    answers: dict[int, Answer] = {}
+    pending = [place for place, point in enumerate(points) if point.done]
+    level = dict(enumerate(_between(points, maps[0], own=True)))
+    averages = {place: _averaged(level[place], maps[0]) for place in pending if _complete(level[place])}
+    if accuracy >= ROUGH:
+        enough = {
+            place: _rough(level[place][0], maps[0], averages[place], accuracy) for place in pending if place in averages
+        }
+        answers = {place: answer for place, answer in enough.items() if answer is not None}
+        pending = [place for place in pending if place not in answers]
+    for refinement in range(MOST_REFINEMENTS + 1):
+        if not pending:
+            break
+        before = averages
+        maps.append(maps[0].with_steps(steps * 2**refinement))
+        level = dict(zip(pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True))
+        averages = {place: _averaged(level[place], maps[-1]) for place in pending if _complete(level[place])}
+        still = []
+        for place in pending:
+            if not (place in averages and place in before):
+                points[place].done = place in answers
+                continue
+            (fine, spread), (rough, _) = averages[place], before[place]
+            ratio = maps[-1].steps / maps[-2].steps
+            limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
+            error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
+            answers[place] = _answer(level[place][0], maps[-1], limit, error)
+            if error > accuracy * _friction(points[place]) and points[place].plant.law:
+                still.append(place)
+        pending = still
+    return answers
+
+
+def _coarse(point: Point, period_map: PeriodMap) -> Answer:
+    """Return the answer of the coarse step, of which no error is known."""
+    assert point.trace is not None
+    return _answer(point, period_map, means(point.plant, point.trace, period_map.discretisation), float("nan"))
+
+
+def _complete(copies: Sequence[Point]) -> bool:
+    return len(copies) == OFFSETS and all(point.done for point in copies)
+
+
+def _friction(point: Point) -> float:
+    """Return the friction force under the preload, N."""
+    return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
+
+
+def _answer(point: Point, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
+    """Return the answer for means and the error of the friction force in N."""
+    torque_error = point.plant.motor.rotor.radius_m * error
+    return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
+
+
+def _rough(
+    point: Point, period_map: PeriodMap, averaged: tuple[Mapping[str, float], float], accuracy: float
+) -> Answer | None:
+    """Return the answer of the coarse step alone, if the contact stays closed and the error is allowed."""
+    found, spread = averaged
+    error = FROM_SPREAD * spread
+    if found["touching"] < 1.0 or error > accuracy * _friction(point):
+        return None
+    return _answer(point, period_map, found, error)
+
+
+def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:
+    """Return copies of solved points on a map, their steps between each other's; of unsolved ones none.
+
+    With ``own`` it is the map on which the points were solved; each is then its own first copy.
+    """
+    first: list[Point | None] = list(points)
+    if not own:
+        first = _corrected([point.moved(0.0, period_map.step) if point.done else None for point in points], period_map)
+    copies = [[point] if point is not None and point.done else [] for point in first]
+    for number in range(1, OFFSETS):
+        begun = number / OFFSETS * period_map.step
+        moved = [several[0].moved(begun, period_map.step) if several else None for several in copies]
+        for several, copy in zip(copies, _corrected(moved, period_map, near=True), strict=True):
+            several += [] if copy is None else [copy]
+    return copies
+
+
+def _corrected(copies: Sequence[Point | None], period_map: PeriodMap, *, near: bool = False) -> list[Point | None]:
+    """Solve copies on a map, first with the derivative that they have; ``near`` is that of :class:`.Shooting`."""
+    every = [copy for copy in copies if copy is not None]
+    shooting = Shooting(every, period_map, near=near)
+    shooting.solve()
+    lost = [copy for copy in every if not copy.done]
+    for copy in lost:  # the derivative of the coarse step did not serve
+        copy.restart(copy.state)
+    if lost:
+        shooting.solve(lost)
+    return list(copies)
+
+
+def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str, float], float]:
+    """Return the means over copies, and the largest difference (N) of their mean friction forces."""
+    several = []
+    for point in points:
+        assert point.trace is not None
+        several.append(means(point.plant, point.trace, period_map.discretisation))
+    found = {name: sum(one[name] for one in several) / len(several) for name in several[0]}
+    for group in "ab":
+        found[f"peak_{group}"] = max(one[f"peak_{group}"] for one in several)
+    found["greatest"] = max(one["greatest"] for one in several)
+    forces = [one["friction"] for one in several]
+    return found, max(forces) - min(forces)
+
+
+def _result(
+    setup: OperatingPoint, point: Point, answer: Answer, maps: Sequence[PeriodMap], points: int = 1
+) -> SteadyState:
+    """Return the steady state of a point at the coarse step, with audit and provenance; ``points`` share the maps."""
+    found, last = answer.found, answer.point
+    step = answer.map.step if answer.map else setup.step
+    speed_rad_s = setup.load.speed if answer.speed is None else answer.speed
+    audit = Audit(done=False)
+    if found and setup.law:
+        audit = Audit(audit_point(setup.motor, found, step))
+        if setup.solver.audit:
+            audit.withhold(f"steady state at {speed_rad_s:.4g} rad/s")
+    provenance: dict[str, Any] = {
+        "motor": setup.motor.to_dict(),
+        "drive": setup.source.to_dict(),
+        "run": setup.to_dict(),
+        "ngspice_version": maps[0].effort.ngspice_version,
+        "simulated_s": sum(period_map.effort.simulated_s for period_map in maps) / points,
+        "deck_sha256": hashlib.sha256("".join(period_map.effort.hashes() for period_map in maps).encode()).hexdigest(),
+        "period_maps": sum(period_map.effort.evaluations for period_map in maps),
+        "solver_seconds": sum(period_map.effort.seconds for period_map in maps),
+        "audit": audit.to_dict(),
+    }
+    return SteadyState(
+        **found, motor=setup.motor, drive=setup.source if isinstance(setup.source, Driver) else _drive(setup),
+        speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
+        floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
+        residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
+        audit=audit, waveforms=None, provenance=provenance, solution=None, second=None,
+    )  # fmt: skip
+
+
+def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]) -> Waveforms:
+    """Return one period of a solved point as a recording of ``simulate`` is."""
+    point, period_map = answer.point, answer.map
+    plant, trace = point.plant, point.trace
+    assert trace is not None
+    assert period_map is not None
+    x, y, _, _ = tip(plant, trace)
+    samples = {
+        "time": trace.time,
+        "v(xmotor.x)": 1e6 * x,
+        "v(xmotor.y)": 1e6 * y,
+        "v(shaft)": speed(plant, trace),
+    }
+    if plant.law:
+        samples |= {
+            "v(xmotor.normal)": trace.normal,
+            "v(xmotor.friction)": trace.friction,
+            "v(xmotor.slider)": trace.slider_um,
+            "v(xmotor.xcontact.delta)": trace.penetration_um,
+            "v(xmotor.state)": trace.contact_state,
+        }
+    for state, row in zip(plant.states, trace.states, strict=False):  # behind a driver its own states follow
+        samples[state.within("xmotor")] = row / state.scale(period_map.discretisation)
+    for state in motor_states(setup.motor, plant.law, ("bearing",)):
+        samples[state.within("xmotor")] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
+    samples |= trace.pins
+    for group in "ab" if not trace.pins else ():
+        name, sign = setup.source.current(group)
+        samples[f"v({group})"] = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)
+        samples[name] = sign * current(plant, group, trace)
+    recording = Recording(setup.motor, setup.source, setup.law, setup.load, period_map.discretisation, started=False)
+    waves = recording.columns(samples, COLUMNS)
+    arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
+    return Waveforms(
+        **arrays,
+        energy=recording.energy(waves, samples),
+        drive_period_s=period_map.period,
+        rotor_radius_m=setup.motor.rotor.radius_m,
+        decay_s=setup.motor.decay_s,
+        solver_seconds=period_map.effort.seconds,
+        ngspice_version=period_map.effort.ngspice_version,
+        provenance=provenance,
+        deck=period_map.deck(Copy(plant, point.state, point.begun)),
+        periodic=True,
+    )

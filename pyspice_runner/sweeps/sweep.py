@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many runs: any quantity over any parameters of motor, drive and run, on grids and within tolerances.
+
+A parameter is named by its dotted path (:mod:`~pyspice_runner.run.paths`): ``contact.friction``, ``drive.voltage``,
+``load.speed``, ``run.duration``. ``modes.*.tip_x`` names that of all modes, which then change together.
+
+A worker runs each point (:mod:`.task`), and its result is stored at once (:mod:`.store`). To continue a sweep after an
+interrupt, repeat the call.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import SkipValidation
+
+from pyspice_runner.circuit.bench import Excitation
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked, quoted
+from pyspice_runner.run.paths import LOADS, canonical, changed, unit_of_name, unknown
+from pyspice_runner.run.simulate import simulate
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.sweeps.answers import FLAGS, Quantity, answers_to, picked_from
+from pyspice_runner.sweeps.plan import Plan, Sampling, Tolerance, named, plan_of
+from pyspice_runner.sweeps.store import Store, fingerprint
+from pyspice_runner.sweeps.task import Analysis, Task, drive_document, identity, plain, versions_here
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@checked
+def sweep(
+    motor: Motor,
+    drive: Excitation,
+    *,
+    over: Mapping[str, SkipValidation[Sequence[float] | Array | Tolerance]],
+    quantities: Sequence[str] | Mapping[str, Quantity] = ("mean_rotor_speed_rad_s", "mean_torque_n_m"),
+    samples: int = 64,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    analysis: Analysis = simulate,
+    store: str | Path | None = None,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **run: Any,
+) -> xarray.Dataset:
+    """Run a motor at every point of a grid, within tolerances, or both.
+
+    Args:
+        motor: the motor at its nominal values.
+        drive: the drive at its nominal values.
+        over: dotted path → values, which become a dimension of the result, or → :class:`Tolerance`; all tolerances
+            together become the dimension ``sample``.
+        quantities: the numbers to keep of each point: dotted names in :meth:`Waveforms.to_dict`, or a mapping from new
+            names to such names or to functions of the result. Workers import such a function by its name.
+        samples: number of samples within the tolerances.
+        sampling: ``"sobol"``, a scrambled Sobol sequence, or ``"latin-hypercube"``.
+        seed: seed of the samples.
+        analysis: analysis of a point: a function of motor, drive and the settings of the run, such as
+            :func:`simulate`, :func:`operating_point`, or :func:`drive_report` with a driver; its result is a mapping,
+            or has a ``to_dict`` that gives one.
+        store: folder of the finished points; by default in the user's cache folder.
+        workers: number of processes; by default one a core.
+        executor: executor that runs the points instead of local processes, such as that of a Dask client.
+        progress: called with the number of finished points and of all points.
+        **run: settings of the run, as :func:`simulate` takes them.
+
+    Returns:
+        The quantities over the dimensions, with units and provenance. Where a point failed they are NaN, and the
+        variable ``failure`` says why; ``deck_sha256`` is the hash of each point's deck.
+
+    Raises:
+        ParameterError: for an invalid value.
+        KeyboardInterrupt: when interrupted; the message gives the number of finished points and their folder.
+    """
+    listed = [quantities] if isinstance(quantities, str) else quantities
+    wanted: dict[str, Quantity] = dict(listed) if isinstance(listed, Mapping) else {name: name for name in listed}
+    functions = {name: function for name, function in wanted.items() if not isinstance(function, str)}
+    origin = identity(analysis)
+    swept = {
+        LOADS[path][0] if path in LOADS else path[4:]: given
+        for given, path in zip(over, map(canonical, over), strict=True)
+        if path in LOADS or path[:4] == "run."
+    }
+    for name, path in swept.items():
+        if name in run and not isinstance(over[path], Tolerance):
+            raise ParameterError(f"{canonical(path)} is given twice, by {name} and as an axis. Give it once.")
+    _check_settings(swept.keys() | set(run), set(run), analysis)
+    for name, value in plain(run).items():
+        try:
+            fingerprint(value)
+        except (TypeError, ValueError, AttributeError, RecursionError):
+            raise ParameterError(
+                f"run.{name} = {quoted(value)} is not valid: it must be numbers, texts, and lists of them."
+            ) from None
+    plan = plan_of(over, {path: named(path, motor, drive, run) for path in over}, samples, sampling, seed)
+    versions = versions_here()
+    tasks = [Task(analysis, *changed(motor, drive, run, change), functions, versions) for change in plan.changes]
+    addresses = [task.address for task in tasks]
+    found, failed = answers_to(
+        dict(zip(addresses, tasks, strict=True)),
+        lambda result: picked_from(result, wanted),
+        Store(store), workers, executor, progress or (lambda *_: None),
+    )  # fmt: skip
+    refusals = [error for error in failed.values() if isinstance(error, ParameterError)]
+    if not found and len(refusals) == len(failed):
+        raise refusals[0]
+    dataset = _dataset(plan, addresses, list(wanted), found, failed)
+    dataset.attrs = {
+        "title": f"{motor.name}: {', '.join(wanted)} over {', '.join(over)}",
+        "parameter_set": motor.name,
+        "motor": json.dumps(motor.to_dict()),
+        "drive": json.dumps(drive_document(drive)),
+        "run": json.dumps(plain(run)),
+        "analysis": origin["function"],
+        **({"sampling": f"{sampling}, seed {seed}"} if "sample" in plan.shape else {}),
+        **versions,
+        "deck_sha256": fingerprint(dataset["deck_sha256"].values.tolist()),
+    }
+    return dataset
+
+
+def _check_settings(given: set[str], stated: set[str], analysis: Analysis) -> None:
+    """Check that the analysis has the settings that are given, some of them as arguments, and all that it needs."""
+    _, _, *settings = inspect.signature(analysis).parameters.values()
+    named = {setting.name: setting for setting in settings if setting.kind is not setting.VAR_KEYWORD}
+    for name in sorted(given):
+        if name not in named and len(named) == len(settings):
+            own = [argument for argument in inspect.signature(sweep).parameters if argument != "run"]
+            known = [f"run.{setting}" for setting in named]
+            raise unknown(name, [*own, *named], "argument") if name in stated else unknown(f"run.{name}", known)
+    for name, setting in named.items():
+        if setting.default is setting.empty and name not in given:
+            raise ParameterError(f"The setting {name} is missing. State it, or sweep over run.{name}.")
+
+
+def _dataset(
+    plan: Plan,
+    addresses: Sequence[str],
+    names: Sequence[str],
+    found: Mapping[str, Mapping[str, Any]],
+    failed: Mapping[str, BaseException],
+) -> xarray.Dataset:
+    from pyspice_runner.datasets import Dataset
+
+    def shaped(values: list[Any]) -> Any:
+        return np.array(values).reshape(tuple(plan.shape.values()))
+
+    empty = dict.fromkeys(names, float("nan")) | {"deck_sha256": ""}
+    rows = [found.get(address, empty) for address in addresses]
+    variables = {name: (shaped([row[name] for row in rows]), {"units": unit_of_name(name)}) for name in names}
+    for flag, meaning in FLAGS.items():
+        if flag not in names and any(flag in row for row in rows):
+            values = [row.get(flag, float("nan")) for row in rows]
+            variables[flag] = (shaped(values), {"units": "1", "long_name": meaning})
+    variables["failure"] = (
+        shaped([_reason(failed[address]) if address in failed else "" for address in addresses]),
+        {"long_name": "why the point failed"},
+    )
+    variables["deck_sha256"] = (shaped([row["deck_sha256"] for row in rows]), {"long_name": "hash of the deck"})
+    return Dataset(
+        {name: (tuple(plan.shape), values, attributes) for name, (values, attributes) in variables.items()},
+        plan.coordinates,
+        {},
+    )
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, BrokenExecutor | CancelledError):
+        return (
+            "The worker was lost: killed, out of memory, or cut off. Begin the sweep again for what is missing. If all "
+            "are lost, the script lacks `if __name__ == '__main__':`; each worker imports it."
+        )
+    return str(error) if isinstance(error, ParameterError | SimulationError) else f"{type(error).__name__}: {error}"

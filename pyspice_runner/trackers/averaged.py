@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs of the averaged motor with a phase-locked loop, by the compiled motor or in ngspice."""
+
+from __future__ import annotations
+
+from cmath import rect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import pi, radians
+from time import monotonic
+
+import numpy as np
+
+from pyspice_runner.averaged.columns import mode_amplitudes
+from pyspice_runner.averaged.core import AveragedMotor, Loop
+from pyspice_runner.averaged.library import HARMONICS, Course
+from pyspice_runner.averaged.run import damping_factor, model_cautions
+from pyspice_runner.averaged.simulate import averaged_ceramic, averaged_engine, deck_of
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.drive import Load
+from pyspice_runner.run.kernel import Outcome, transient, transient_timing
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.spice import Engine
+from pyspice_runner.trackers.averaged_library import (
+    averaged_front,
+    averaged_tracked_bench,
+    check_averaged_tracker,
+    tracker_values,
+)
+from pyspice_runner.trackers.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, averaged_loop, crossing
+from pyspice_runner.trackers.result import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
+from pyspice_runner.trackers.tracker import Disturbance, target_points
+
+LONGEST = 1e5  # s, of an averaged run
+LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of an averaged run
+NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
+_HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
+
+
+@dataclass(frozen=True)
+class AveragedTrack:
+    """A run of the averaged motor with a loop: over time, and at the end; by either engine.
+
+    Over time: ``time`` (s), ``frequency`` (Hz), ``phase`` (degrees, of the mode's velocity ahead of the force),
+    ``speed`` (rad/s), ``temperature`` (K), ``check``, ``separated`` (shares) and ``tip_y`` (m). At the end: phasors
+    of the voltages of the groups (V) and of the currents into them (A), amplitudes of the modes (m), mean normal force
+    (N), heat (W) and the loop.
+    """
+
+    curves: Mapping[str, Array]
+    voltages: Mapping[str, complex]
+    currents: Mapping[str, complex]
+    amplitudes: list[float]
+    normal_force: float
+    heat: float
+    find_loop: Callable[[], LoopDesign]
+    seconds: float
+    ngspice_version: str | None
+    deck: str = field(repr=False)
+    deck_sha256: str | None
+
+
+def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[str, complex], Mapping[str, complex]]:
+    """Track the averaged motor; return the result without its sensing.
+
+    Behind it are the phasors of the voltages of the groups in V, and of the currents into them in A, at the end.
+
+    Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
+    """
+    check_averaged_tracker(run.source, run.disturbance)
+    least = 2 * SMOOTHED_PERIODS / run.source.tracker.frequency
+    if not least <= run.duration <= LONGEST:
+        raise ParameterError(
+            f"duration = {run.duration:g} s is not valid: it must be from {least:.3g} to {LONGEST:g} s."
+        )
+    used = averaged_engine(engine)
+    done = _compiled(run) if used == "compiled" else _spice(run)
+    motor, curves = run.setup.motor, done.curves
+    time = curves["time"]
+    periods = Periods(time, curves["frequency"], curves["phase"], curves["speed"], np.gradient(time))
+    found = judged(run, periods, done)
+    kept = ("duration_s", "contact", "speed_rad_s", "mode")
+    found.settings["run"] = {name: found.settings["run"][name] for name in kept} | {"averaged": True, "engine": used}
+    if done.deck_sha256:
+        found.settings["run"]["deck_sha256"] = done.deck_sha256
+    cautions = model_cautions(
+        float(curves["check"].max()),
+        float(curves["separated"].max()),
+        damping_factor(motor.to_dict(), curves["frequency"], curves["tip_y"]),
+    )
+    stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
+    loop = done.find_loop() if run.margin and found.locked else None
+    told = replace(found, loop=loop, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
+    return told, done.voltages, done.currents
+
+
+def _bench(run: TrackedRun) -> Bench:
+    return averaged_tracked_bench(run.setup.motor, run.source, run.disturbance, run.setup.load)
+
+
+# --- the compiled motor ---
+
+
+def _compiled(run: TrackedRun) -> AveragedTrack:
+    setup, source, disturbance = run.setup, run.source, run.disturbance
+    tracker, motor, front = source.tracker, setup.motor, averaged_front(source)
+    stage = front.stage
+    longest = max(run.duration / LONGEST_STEPS["compiled"], source.period)
+    running = AveragedMotor(
+        motor, thermal=disturbance.drifting, speed=setup.load.speed, longest=longest,
+        loop=Loop(tracker_values(motor, source), source.mode), networks=front.networks,
+    )  # fmt: skip
+    courses: dict[str, Course] = {"target": target_points(tracker, disturbance)}
+    if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
+        running.set(heat_capacity=0.0)
+        courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)
+    if disturbance.kind == "load":
+        courses["load_torque"] = disturbance.ramp(disturbance.load_torque_n_m)
+    running.set(amplitude_a=stage.voltage, amplitude_b=stage.voltage_b, phase=stage.phase_deg)
+    begun = monotonic()
+    rows = running.record(courses, run.duration, timeout=setup.solver.timeout)
+    seconds = monotonic() - begun
+    names = {
+        "time": "time", "frequency": "frequency", "phase": "mode_phase", "speed": "speed", "check": "check",
+        "temperature": "temperature", "separated": "separated", "tip_y": "tip_y_amplitude",
+    }  # fmt: skip
+    ahead = {"a": 0.0, "b": stage.phase_deg}
+
+    def phasors(of: str) -> dict[str, complex]:
+        return {
+            group: rect(
+                running.get(f"{of}_amplitude_{group}"), radians(running.get(f"{of}_phase_{group}") + ahead[group])
+            )
+            for group in GROUPS
+        }
+
+    currents = phasors("current")
+    voltages = phasors("pin") if front.networks else front.phasors
+    amplitudes, normal_force, heat = running.mode_amplitudes(), running.get("normal_force"), running.get("heat")
+    timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
+    return AveragedTrack(
+        curves={ours: rows[theirs] for ours, theirs in names.items()},
+        voltages=voltages,
+        currents=currents,
+        amplitudes=amplitudes,
+        normal_force=normal_force,
+        heat=heat,
+        find_loop=partial(_compiled_loop, run, running),
+        seconds=seconds,
+        ngspice_version=None,
+        deck=deck_of(partial(_bench, run), ["all"], timing),
+        deck_sha256=None,
+    )
+
+
+def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
+    """Return the loop of the motor at the end of a run, at the speed and the temperature there.
+
+    The small signals about the state there are those of the closed loop. What the control voltage moves, less the
+    filter's own current, is what the oscillator's input moves when the loop is open there.
+    """
+    found, tracker, own = running.linearised(), run.source.tracker, run.source.loop_filter
+    place = found.place
+    free = [index for index in range(len(found.by_state)) if index not in {place[name] for name in _HELD}]
+    row, inner = free.index(place["control"]), free.index(place["filter"])
+    closed = found.by_state[np.ix_(free, free)]
+    filters = np.zeros_like(closed)
+    conductance = 1.0 / own.resistance_ohm
+    filters[row, [row, inner]] = -conductance / own.ripple_f, conductance / own.ripple_f
+    filters[inner, [row, inner]] = conductance / own.capacitance_f, -conductance / own.capacitance_f
+    by_tuning = closed[:, row] - filters[:, row]
+    opened = closed.copy()
+    opened[:, row] -= by_tuning
+    lowest, highest = tracker.bandwidth_hz / 10**SWEPT_DECADES, tracker.bandwidth_hz * 10**SWEPT_DECADES
+    frequency = np.geomspace(lowest, highest, 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1)
+    unit = np.eye(len(free))
+    gain = np.array([-np.linalg.solve(2j * pi * one * unit - opened, by_tuning)[row] for one in frequency])
+    return crossing(tracker, own, frequency, gain)
+
+
+# --- ngspice ---
+
+
+def _spice(run: TrackedRun) -> AveragedTrack:
+    setup, source, disturbance = run.setup, run.source, run.disturbance
+    motor = setup.motor
+    outcome = transient(
+        _bench(run), ["all"], step=source.period, duration=run.duration,
+        longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
+    )  # fmt: skip
+    vectors, last = outcome.vectors(), outcome.last()
+    own = motor.modes[source.mode]
+    volts = {group: vectors[f"v({group}_re)"] + 1j * vectors[f"v({group}_im)"] for group in GROUPS}
+    real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
+    force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
+    curves = {
+        "time": vectors["time"], "frequency": vectors["v(tuned)"], "speed": vectors["v(shaft)"],
+        "phase": np.degrees(np.angle((real + 1j * imaginary) * force.conjugate())),
+        "temperature": vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(vectors["time"])),
+        "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
+        "tip_y": 1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
+    }  # fmt: skip
+    currents = {
+        group: complex(*(last[f"i(v.xtracker.vline_{group}_{part})"] for part in ("re", "im"))) for group in GROUPS
+    }
+    return AveragedTrack(
+        curves=curves,
+        voltages={group: complex(values[-1]) for group, values in volts.items()},
+        currents=currents,
+        amplitudes=mode_amplitudes(motor, vectors, HARMONICS),
+        normal_force=last["v(xmotor.normal)"],
+        heat=last["v(heat)"],
+        find_loop=partial(_spice_loop, run, outcome),
+        seconds=outcome.seconds,
+        ngspice_version=outcome.ngspice_version,
+        deck=outcome.deck,
+        deck_sha256=outcome.deck_sha256,
+    )
+
+
+def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
+    """Return the loop of the averaged motor at the end of a run, at the speed and the temperature there."""
+    last, source = outcome.last(), run.source
+    held = averaged_tracked_bench(
+        run.setup.motor,
+        replace(source, tracker=source.tracker.model_copy(update={"target_deg": last["v(target)"]})),
+        Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
+        thermal=run.disturbance.drifting,
+    )  # fmt: skip
+    guess = {name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)}
+    return averaged_loop(source.tracker, source.loop_filter, held, guess)

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""Loop gain of a tracker in front of the running motor, with its driver and network.
+
+A small modulation of the oscillator's frequency gives the stage's voltages side bands above and below the drive's
+frequency. Network and motor answer to these. The motor is the full one about its steady state: a voltage at one side
+band draws a current at both, by the hot admittance and its image (:mod:`.small_signals`). The tracker subtracts the
+current of its copies of the clamped capacitances at both side bands. The phase of the difference against the force
+changes by
+
+.. math::
+    \delta\varphi = \frac{m_+}{M} + \frac{m_-}{M^*} - \frac{f_+}{F} - \frac{f_-}{F^*}
+
+with the phasors M and F of both, and the coefficients m, f of :math:`e^{j(\omega\pm\Omega)t}` that the modulation
+:math:`e^{j\omega t}` adds to the current and to the force.
+
+The detector compares rising edges. Behind a bridge the force has harmonics, which move its edge and change its slope
+there. They follow the oscillator: a phase shift ψ of the oscillator shifts the harmonic k by kψ. The
+response of the network to the fundamental has no effect on that.
+"""
+
+from __future__ import annotations
+
+from cmath import phase
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers.state import network_of
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, small_signals
+from pyspice_runner.trackers.loop import LoopDesign, crossing
+from pyspice_runner.trackers.tracker import TrackedSource, sensing
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# frequencies at which the running motor is modulated; of a free resonator splines between seven are within 0.7 %
+POINTS = 7
+REACH = 4.0  # from the bandwidth to the lowest and to the highest of them
+POINTS_PER_DECADE = 100  # of the loop gain
+EDGE_STEPS = 20  # of Newton's method
+
+
+@dataclass(frozen=True)
+class LockedPoint:
+    """The steady state at which a tracker keeps a motor."""
+
+    motor: Motor  # at its temperature and preload
+    drive: TwoPhaseDrive  # the fundamentals at the pins
+    speed: float | None  # rad/s, of a held shaft or of one that still accelerates
+    load_torque: float = 0.0  # N·m, of a free shaft that has settled
+    # phasors of the harmonics of the sensed force from the first on, V; where the pins have none only the first
+    force: Complex | None = None
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """Currents of a motor for small voltages beside its drive; the first index is the modulation."""
+
+    modulation: Array  # Hz
+    currents: Complex  # phasors of the drive's currents, A
+    own: tuple[Complex, Complex]  # at the side band above by voltages there, and below by conjugate ones there, S
+    image: tuple[Complex, Complex]  # above by conjugate voltages below, and below by voltages above, S
+    error: Array  # estimated error of the admittances, S
+
+    def at(self, frequency: Array) -> _Answer:
+        """Return the answer at other modulations; admittances are smooth, the phase behind a network is not."""
+        from scipy.interpolate import CubicSpline  # takes long to load
+
+        def between(values: NDArray[Any]) -> Any:
+            return CubicSpline(np.log(self.modulation), values)(np.log(frequency))
+
+        own, image = (tuple(map(between, pair)) for pair in (self.own, self.image))
+        return _Answer(frequency, self.currents, (own[0], own[1]), (image[0], image[1]), between(self.error))
+
+
+def running_loop(
+    setup: OperatingPoint, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
+) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop at a running motor.
+
+    Args:
+        setup: motor as the tracker knows it, and law of the contact.
+        source: the tracker at its pins, with its driver.
+        point: where the motor runs.
+        timeout: wall time in s after which a run of ngspice is ended.
+
+    Raises:
+        SimulationError: if there is no stable steady state, or the loop gain does not cross 1 near the bandwidth.
+    """
+    tracker, drive = source.tracker, point.drive
+    most = HIGHEST * drive.frequency
+    modulation = np.geomspace(tracker.bandwidth_hz / REACH, min(REACH * tracker.bandwidth_hz, most), POINTS)
+    answer = _free(point, modulation) if setup.law is None else _running(setup, point, modulation, timeout)
+    frequency = np.geomspace(
+        modulation[0], modulation[-1], round(POINTS_PER_DECADE * np.log10(modulation[-1] / modulation[0])) + 1
+    )
+    turns, errors, sensed = _turns(setup.motor, source, point, answer.at(frequency))
+    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
+    impedance = np.vectorize(source.loop_filter.impedance)(2j * pi * frequency)
+    gain = -pump * impedance * tracker.gain_hz_per_v * turns
+    # Within the dead time the current sets when the output of a bridge turns. The loop gain leaves out that an edge of
+    # the voltage at the pins, and of the current that answers, may move by its angle.
+    dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
+    return crossing(
+        tracker, source.loop_filter, frequency, gain,
+        margin_error_deg=degrees(float(np.max(errors / np.abs(turns)))) + dead_deg, sensed_phase_deg=sensed,
+    )  # fmt: skip
+
+
+def _free(point: LockedPoint, modulation: Array) -> _Answer:
+    """Return the currents of a stator without a rotor."""
+    frequency = point.drive.frequency
+    above, below = (
+        np.array([cold_admittance(point.motor, frequency + side * at) for at in modulation]) for side in (1.0, -1.0)
+    )
+    none = np.zeros_like(above)
+    currents = cold_admittance(point.motor, frequency) @ _volts(point.drive)
+    return _Answer(modulation, currents, (above, below.conj()), (none, none), np.zeros(len(modulation)))
+
+
+def _running(setup: OperatingPoint, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
+    """Return the currents of the full motor about its steady state."""
+    found = small_signals(
+        point.motor, point.drive, frequencies=modulation, speed=point.speed,
+        load_torque=0.0 if point.speed is not None else point.load_torque, contact=setup.law, timeout=timeout,
+    )  # fmt: skip
+    waves, frequency = found.state.waveforms, point.drive.frequency
+    assert waves is not None
+    wave = np.exp(-2j * pi * frequency * waves.time_s)
+    currents = [
+        2j * frequency * np.trapezoid(getattr(waves, f"current_{group}_a") * wave, waves.time_s) for group in GROUPS
+    ]
+    places = [[int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)]
+    above, below = places
+    hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s
+    worst = error[above].max(axis=(1, 2)) + error[below].max(axis=(1, 2))
+    return _Answer(
+        modulation, np.array(currents), (hot[above], hot[below].conj()), (image[below], image[above].conj()), worst
+    )
+
+
+def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Answer) -> tuple[Complex, Array, float]:
+    """Return the change of the sensed phase with the frequency in rad/Hz, its error, and the phase.
+
+    The sensed phase in degrees is that of the motional current ahead of the edges of the force.
+    """
+    frequency, weights = point.drive.frequency, sensing(known, source.tracker, source.mode)
+    currents, forces = (np.array([weights[f"{kind}_{group}"] for group in GROUPS]) for kind in ("current", "force"))
+    volts = _volts(point.drive)
+    motional = complex(currents @ (answer.currents - _copies(weights, frequency) @ volts))
+    harmonics = np.array([forces @ volts]) if point.force is None else point.force
+    orders = np.arange(1, len(harmonics) + 1)
+    wanted = harmonics * _reference(source, np.asarray(orders * frequency, dtype=float))
+    edge = _edge(wanted)
+    slopes = orders * wanted * np.exp(1j * orders * edge)
+    slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
+    stage = _stage(source, frequency, volts, answer.currents)
+    emf = 0.5 * np.concatenate([stage, stage.conj()])
+    turns, errors = [], []
+    for index, at in enumerate(answer.modulation.tolist()):
+        bands = (frequency + at, at - frequency)
+        series, across = (np.concatenate([_network(source, band, row) for band in bands]) for row in (0, 1))
+        # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
+        inner = np.block([
+            [answer.own[0][index], answer.image[0][index]], [answer.image[1][index], answer.own[1][index]],
+        ])  # fmt: skip
+        moved = np.linalg.solve(np.eye(4) + np.diag(series) @ (inner + np.diag(across)), emf)
+        drawn = inner @ moved
+        current, force = [], []
+        for band, part in zip(bands, (slice(2), slice(2, 4)), strict=True):
+            current.append(currents @ (drawn[part] - _copies(weights, band) @ moved[part]))
+            force.append(forces @ moved[part] * _reference(source, np.array([band]))[0])
+        ahead = current[0] / motional + current[1] / motional.conjugate()
+        ahead -= (force[0] * np.exp(1j * edge) + force[1] * np.exp(-1j * edge) + follows) / slope
+        turns.append(complex(ahead) / (1j * at))
+        errors.append(float(np.abs(currents).sum() * answer.error[index] * np.abs(moved).max() / abs(motional) / at))
+    sensed = degrees(phase(motional)) + degrees(edge) + source.tracker.target_deg
+    return np.array(turns), np.array(errors), (sensed + 180.0) % 360.0 - 180.0
+
+
+def _reference(source: TrackedSource, frequency: Array) -> Complex:
+    """Return the factors from the force to the signal with which the detector compares the current."""
+    tracker = source.tracker
+    target = np.radians(tracker.target_deg)
+    return np.asarray(np.cos(target) + 1j * frequency / tracker.frequency * np.sin(target))
+
+
+def _edge(harmonics: Complex) -> float:
+    """Return the phase at which a sum of sines, Im Σ S_k e^{jkθ}, rises through zero, near that of its fundamental."""
+    orders, edge = np.arange(1, len(harmonics) + 1), -float(np.angle(harmonics[0]))
+    for _ in range(EDGE_STEPS):
+        terms = harmonics * np.exp(1j * orders * edge)
+        edge -= float(terms.imag.sum() / (orders * terms).real.sum())
+    return edge
+
+
+def _volts(drive: TwoPhaseDrive) -> Complex:
+    return np.array([drive.voltage, drive.voltage_b * np.exp(1j * np.radians(drive.phase_deg))])
+
+
+def _copies(weights: Mapping[str, float], frequency: float) -> Complex:
+    """Return the admittances of the copies of the clamped capacitances, S."""
+    impedances = [
+        weights[f"resistance_{group}"] + 1.0 / (2j * pi * frequency * weights[f"capacitance_{group}"])
+        for group in GROUPS
+    ]
+    return np.diag(1.0 / np.array(impedances))
+
+
+def _network(source: TrackedSource, frequency: float, row: int) -> list[complex]:
+    """Return for both groups the series impedance (row 0) or the admittance across the pin (row 1)."""
+    driver = source.driver
+    return [network_of(driver, group, frequency)[row] if driver else 0j for group in GROUPS]
+
+
+def _stage(source: TrackedSource, frequency: float, volts: Complex, amperes: Complex) -> Complex:
+    """Return the phasors of the stage in front of the network."""
+    series, across = (np.array(_network(source, frequency, row)) for row in (0, 1))
+    return np.asarray(volts + series * (amperes + across * volts))

@@ -1,0 +1,464 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Resonance trackers as PySpice circuits: sensing, detector, filter and oscillator, in front of a motor.
+
+    oscillator --> two phases --> sense --> motor
+         ^                          |
+         +--- filter <-- detector <-+     or observer <-- power, or square of the motional current
+
+The parts are the libraries ``behavioral/tracker_*.lib``; docs/tracking.md explains them.
+"""
+
+from __future__ import annotations
+
+from cmath import rect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, pi, radians, tan
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
+from pyspice_runner.circuit.source import GROUPS, Pins, Source
+from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import quantity
+from pyspice_runner.motor.refusal import Stated
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.spice.library import read_library
+from pyspice_runner.trackers.loop_filter import (
+    DisturbanceKind,
+    LoopFilter,
+    StatorLag,
+    TrackerKind,
+    propose_filter,
+    stator_lag,
+)
+
+RAIL = 5.0  # V, range of the control voltage
+# Digital events shorten the steps; ngspice's error control is off, as with uniform steps. The nodes have some volts,
+# and frequencies of some ten thousand hertz.
+TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
+STEP_TIME = 0.2e-3  # s, rise time of a step of load or preload: short for the loop, long for the modes
+
+
+class Tracker(Stated):
+    """A two-phase drive whose frequency a tracker sets; with ``none`` the frequency is constant.
+
+    Raises:
+        ParameterError: by the constructor, for an invalid value.
+    """
+
+    kind: TrackerKind = Field(description="tracker")
+    voltage: float = quantity("amplitude of group A", "V", ge=0.01, le=1e4)
+    frequency: float = quantity("frequency in the middle of the oscillator's range", "Hz", ge=100.0, le=1e7)
+    phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
+    ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=0.01, le=100.0)
+    span: float = quantity("half the oscillator's range, relative", "1", default=0.07, ge=0.001, le=0.5)
+    offset: float = quantity("at the start, relative to the middle frequency", "1", default=0.0, ge=-0.5, le=0.5)
+    target_deg: float = quantity(
+        "phase at which a phase-locked loop holds the motional current, ahead of the force; below 0 is above resonance",
+        "°", default=0.0, ge=-60.0, le=60.0,
+    )  # fmt: skip
+    bandwidth_hz: float = quantity("unity-gain bandwidth of a phase-locked loop", "Hz", default=500.0, ge=1.0, le=1e5)
+    ripple_ratio: float = quantity("pole against ripple over the bandwidth", "1", default=6.0, ge=1.0, le=100.0)
+    pump_current_a: float = quantity("current of the charge pump", "A", default=20e-6, ge=1e-9, le=1.0)
+    period_s: float = quantity("time between two steps of an observer", "s", default=0.8e-3, ge=1e-5, le=1.0)
+    step_hz: float = quantity("size of an observer's steps", "Hz", default=80.0, ge=1e-3, le=1e6)
+    average_hz: float = quantity("bandwidth of an observer's averaging", "Hz", default=3e3, ge=1.0, le=1e6)
+    polarity: Literal[1, -1] = Field(default=1, description="-1: connected the wrong way round")
+    capacitance_error: float = quantity(
+        "error of the copies of the clamped capacitances, relative", "1", default=0.0, ge=-0.9, le=2.0
+    )
+    copies_drift_per_k: float = quantity(
+        "relative drift with which these copies follow the temperature of the stator", "1/K",
+        default=0.0, ge=-0.02, le=0.02,
+    )  # fmt: skip
+
+    def __init__(self, *values: Any, **named: Any) -> None:
+        super().__init__(*values, **named)
+        if abs(self.offset) > self.span:
+            raise ParameterError(
+                f"Tracker: offset = {self.offset:g} is not valid; the oscillator reaches {self.span:g} either way, so "
+                "widen its span."
+            )
+
+    @property
+    def gain_hz_per_v(self) -> float:
+        """Gain of the oscillator in Hz/V."""
+        return 2.0 * self.span * self.frequency / RAIL
+
+    @property
+    def tuned_hz(self) -> dict[str, float]:
+        """Least and greatest frequency of the oscillator."""
+        return {"least": self.frequency * (1.0 - self.span), "greatest": self.frequency * (1.0 + self.span)}
+
+    @property
+    def start_v(self) -> float:
+        """Control voltage at the start."""
+        return RAIL / 2.0 + self.offset * self.frequency / self.gain_hz_per_v
+
+    @property
+    def wanted_deg(self) -> float:
+        """Target phase of the motional current in degrees; that of an observer is 0, resonance."""
+        return self.target_deg if self.kind == "pll" else 0.0
+
+    def phasors(self) -> dict[str, complex]:
+        """Return the voltages' phasors in V, group A at phase 0."""
+        return {"a": complex(self.voltage), "b": rect(self.voltage * self.ratio_b, radians(self.phase_deg))}
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A disturbance of a tracked motor."""
+
+    # ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``; ``"warm-up"`` by the
+    # losses, of the averaged motor only.
+    kind: DisturbanceKind
+    begin_s: float = 0.0  # time in s at which it begins
+    load_torque_n_m: float = 0.0  # load torque after the step
+    preload_change: float = 0.0  # relative change of the static normal force
+    drift: float = 0.0  # relative drift of all resonance frequencies
+    drift_time_s: float = 50e-3  # duration of the drift
+    thermal: Thermal | None = None  # coefficients of the drift; by default only the frequencies drift
+    target_step_deg: float = 0.0  # step of the target phase of a phase-locked loop
+
+    def __post_init__(self) -> None:
+        for name, value, low, high, unit in (
+            ("load_torque", self.load_torque_n_m, -1e3, 1e3, " N·m"),
+            ("preload_change", self.preload_change, -0.9, 10.0, ""),
+            ("drift", self.drift, -0.2, 0.2, ""),
+            ("drift_time", self.drift_time_s, 1e-4, 100.0, " s"),
+            ("target_step", self.target_step_deg, -60.0, 60.0, "°"),
+        ):
+            if not low <= value <= high:
+                raise ParameterError(
+                    f"{name} = {value:g}{unit} is not valid: it must be a number from {low:g} to {high:g}{unit}."
+                )
+
+    @property
+    def coefficients(self) -> Thermal:
+        """Coefficients of the thermal motor."""
+        return self.thermal or Thermal(coupling_drift_per_k=0.0, capacitance_drift_per_k=0.0)
+
+    @property
+    def rise_k(self) -> float:
+        """Temperature rise in K that causes the drift."""
+        return self.drift / self.coefficients.frequency_drift_per_k
+
+    @property
+    def drifting(self) -> Thermal | None:
+        """Coefficients of the drift; ``None`` without one."""
+        return {"temperature": self.coefficients, "warm-up": self.thermal or Thermal()}.get(self.kind)
+
+    @property
+    def end_s(self) -> float:
+        """End of the disturbance in s."""
+        return self.begin_s + {"start": 0.0, "warm-up": 0.0, "target": 0.0, "temperature": self.drift_time_s}.get(
+            self.kind, STEP_TIME
+        )
+
+    def ramp(self, value: float) -> list[tuple[float, float]]:
+        """Return the course of what rises from 0 to a value while it lasts: times in s and values."""
+        return [(0.0, 0.0), (self.begin_s, 0.0), (self.end_s, value)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
+        own = {
+            "load": ("load_torque_n_m",), "preload": ("preload_change",), "target": ("target_step_deg",),
+            "temperature": ("drift", "drift_time_s"),
+        }  # fmt: skip
+        values = {
+            name: getattr(self, name) if name in own.get(self.kind, ()) else None
+            for name in ("load_torque_n_m", "preload_change", "drift", "target_step_deg", "drift_time_s")
+        }
+        return {"kind": self.kind, "begin_s": self.begin_s, **values}
+
+
+def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
+    """Return the amplitude in N of the force on a mode."""
+    own, volts = motor.modes[mode], tracker.phasors()
+    return abs(own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"])
+
+
+def tracked_lag(motor: Motor, tracker: Tracker, mode: int, *, contact: bool) -> StatorLag:
+    """Return resonance and lag of the mode to track."""
+    return stator_lag(motor, mode, mode_force(motor, tracker, mode), contact=contact)
+
+
+def tracker_filter(tracker: Tracker, lag: StatorLag) -> LoopFilter:
+    """Return the proposed filter for the bandwidth of a tracker."""
+    return propose_filter(
+        lag, tracker.bandwidth_hz, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a,
+        target_deg=tracker.target_deg, ripple_ratio=tracker.ripple_ratio,
+    )  # fmt: skip
+
+
+def weights(motor: Motor, mode: int) -> dict[str, float]:
+    """Return the weights of the groups' voltages and currents for one mode, for ``tracker_sense``.
+
+    The motional currents are Σ θ v of all modes; the pseudo-inverse of the couplings gives the velocity of one mode.
+    """
+    couplings = np.array([[own.coupling_a_n_per_v, own.coupling_b_n_per_v] for own in motor.modes])
+    forces = couplings[mode]
+    currents = np.linalg.pinv(couplings.T)[mode]
+    if not np.abs(forces).max() > 0.0:
+        raise ParameterError(f"Mode {mode + 1} of {motor.name} is not driven by any group; track another one.")
+    forces, currents = forces / np.abs(forces).max(), currents / np.abs(currents).max()
+    return {
+        "force_a": float(forces[0]), "force_b": float(forces[1]),
+        "current_a": float(currents[0]), "current_b": float(currents[1]),
+    }  # fmt: skip
+
+
+def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
+    """Return the copies of the clamped capacitances and the weights by which a tracker senses a mode."""
+    copies, weighted = {}, weights(motor, mode)
+    matrix = dielectric_matrix(motor, tracker.frequency)
+    for at, group in enumerate(GROUPS):
+        weight, cross = (weighted[f"current_{one}"] for one in (group, GROUPS[1 - at]))
+        # a copy also stands for the current that its voltage draws through the capacitance between the groups
+        drawn = matrix[at, at] + (matrix[1 - at, at] * cross / weight if weight else 0.0)
+        impedance = 1.0 / complex(drawn)
+        capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
+        copies[f"capacitance_{group}"] = capacitance * (1.0 + tracker.capacitance_error)
+        copies[f"resistance_{group}"] = impedance.real
+    return copies | weighted
+
+
+@dataclass(frozen=True)
+class TrackedSource(Source):
+    """An oscillator whose frequency a tracker sets, directly at the pins or in front of a driver circuit.
+
+    Nodes: ``sine``, ``cosine``, ``tuned`` (Hz) of the oscillator, ``control`` and ``tuning`` before it; ``motional``,
+    ``force``, ``ahead``, ``power`` of the sensing circuit at the pins; ``target`` (degrees).
+    """
+
+    tracker: Tracker  # the tracker, its drive and its oscillator
+    mode: int  # index of the mode to track, from 0
+    loop_filter: LoopFilter  # filter of a phase-locked loop
+    # driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
+    # frequency.
+    driver: Driver | None = None
+    disturbance: Disturbance | None = None  # change of the target phase
+    inject: str = ""  # source between ``control`` and ``tuning``, by default 0 V
+    vectors = ("v(tuned)",)
+    fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
+
+    @property
+    def label(self) -> str:
+        """Tracker, voltages and middle frequency."""
+        through = f" through {self.driver.label}" if self.driver else ""
+        return f"{self.tracker.kind} about {self.tracker.frequency / 1e3:.6g} kHz{through}"
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """The highest frequency of the oscillator in Hz."""
+        return (self.tracker.frequency * (1.0 + self.tracker.span),)
+
+    @property
+    def period(self) -> float:
+        """Period in s in the middle of the oscillator's range."""
+        return 1.0 / self.tracker.frequency
+
+    @property
+    def points_per_period(self) -> int:
+        """Default number of steps in a period of the fastest motion."""
+        return 250 if self.driver and self.driver.switched else 200
+
+    def ringing_step(self, motor: Motor) -> float:
+        """Return the longest default step in s by what rings in the driver."""
+        return self.driver.ringing_step(motor) if self.driver else inf
+
+    def measured_period(self, samples: Mapping[str, Any]) -> float:
+        """Return the period in s of the oscillator at the end of a run, from its mean frequency over 20 periods."""
+        time, tuned = (np.asarray(samples[name]) for name in ("time", "v(tuned)"))
+        late = time >= time[-1] - 20.0 * self.period
+        return float((time[late][-1] - time[late][0]) / np.trapezoid(tuned[late], time[late]))
+
+    def check(self, motor: Motor) -> None:
+        """Raise a ParameterError if no group drives the mode, or the driver has no control input."""
+        weights(motor, self.mode)
+        if self.driver and not self.driver.controlled:
+            raise ParameterError(
+                f"The driver {self.driver.name} has no pin in, so no tracker can set its frequency. Add the pin."
+            )
+
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
+        """Return ngspice's options: behind switching edges those of the driver."""
+        return self.driver.options(motor, law) if self.driver and self.driver.switched else TRACKER_OPTIONS
+
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+        """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
+        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance or Disturbance("start")
+        parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
+        parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
+        circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
+        instantiate(
+            circuit, "oscillator", "tracker_oscillator", ("tuning", "sine", "cosine", "tuned"),
+            **tracker.tuned_hz, rail=RAIL,
+        )  # fmt: skip
+        lines = tuple(f"sensed_{group}" if driver else f"line_{group}" for group in GROUPS)
+        controls = tuple(f"control_{group}" for group in GROUPS) if driver else lines
+        amplitudes = [control_amplitude(driver, group) for group in GROUPS] if driver else [
+            tracker.voltage, tracker.voltage * tracker.ratio_b
+        ]  # fmt: skip
+        instantiate(
+            circuit, "phases", "tracker_phases", ("sine", "cosine", *controls, circuit.gnd),
+            amplitude_a=amplitudes[0], amplitude_b=amplitudes[1],
+            phase_deg=driver.phase_deg if driver else tracker.phase_deg,
+        )  # fmt: skip
+        if driver:
+            add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False)
+        instantiate(
+            circuit, "sense", "tracker_sense",
+            (
+                lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power",
+                "temperature" if disturbance.kind == "temperature" else circuit.gnd,
+            ),
+            frequency=tracker.frequency, drift=tracker.copies_drift_per_k, **sensing(motor, tracker, self.mode),
+        )  # fmt: skip
+        circuit.V("inject", "tuning", "control", self.inject or "DC 0")
+        _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, disturbance)
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
+        if self.driver:
+            return self.driver.initial_voltages()
+        volts = self.tracker.phasors()
+        return volts["a"].imag, volts["b"].imag
+
+    def current(self, group: str) -> tuple[str, float]:
+        """Return the vector of the current into a pin, and its sign."""
+        return f"i(v.xsense.vline_{group})", 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return tracker, mode and driver, JSON-ready."""
+        return {
+            "kind": "tracker", "label": self.label, "tracker": self.tracker.model_dump(), "mode": self.mode,
+            "driver": self.driver.to_dict() if self.driver else None,
+        }  # fmt: skip
+
+
+def tracked_source(tracker: Tracker, motor: Motor, law: Law | None) -> TrackedSource:
+    """Return a tracker of the last mode, with the proposed filter for its bandwidth."""
+    mode = len(motor.modes) - 1
+    return TrackedSource(
+        tracker, mode, tracker_filter(tracker, tracked_lag(motor, tracker, mode, contact=law is not None))
+    )
+
+
+def averaged_bench(
+    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, closed: bool, target: str = "DC 0", title: str = ""
+) -> Circuit:
+    """Return the averaged loop: closed, or open at the oscillator's input and driven there by ``AC 1``.
+
+    The voltage at ``control`` of the open loop is minus the loop gain. In the closed loop ``phase`` follows ``target``,
+    both in rad.
+    """
+    circuit = Circuit(title or "averaged loop")
+    circuit.raw_spice += "\n".join(read_library(f"tracker_{part}").subcircuit for part in ("average", "filter")) + "\n"
+    circuit.V("target", "target", circuit.gnd, target)
+    add_average(circuit, tracker, lag, loop_filter, source=None if closed else "DC 0 AC 1")
+    return circuit
+
+
+def add_average(
+    circuit: Circuit,
+    tracker: Tracker,
+    lag: StatorLag,
+    loop_filter: LoopFilter,
+    *,
+    suffix: str = "",
+    source: str | None = None,
+) -> None:
+    """Add an averaged loop: closed, or open and driven by a source at the oscillator's input."""
+    control = f"control{suffix}"
+    if source:
+        circuit.V(f"tuning{suffix}", f"tuning{suffix}", circuit.gnd, source)
+    instantiate(
+        circuit, f"average{suffix}", "tracker_average",
+        (f"tuning{suffix}" if source else control, "target", f"phase{suffix}", control),
+        lag=lag.time_constant_s, detune=-tan(radians(tracker.target_deg)), gain=tracker.gain_hz_per_v,
+        current=tracker.pump_current_a, polarity=tracker.polarity,
+    )  # fmt: skip
+    add_filter(circuit, loop_filter, 0.0, suffix=suffix)
+    circuit.R(f"leak{suffix}", control, circuit.gnd, 1e15)  # a DC path for the operating point
+
+
+def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suffix: str = "") -> None:
+    """Add a loop filter at the node ``control``, charged to a voltage."""
+    instantiate(
+        circuit, f"filter{suffix}", "tracker_filter", (f"control{suffix}",), start=start_v,
+        resistance=loop_filter.resistance_ohm, capacitance=loop_filter.capacitance_f, ripple=loop_filter.ripple_f,
+    )  # fmt: skip
+
+
+def target_points(tracker: Tracker, disturbance: Disturbance) -> list[tuple[float, float]]:
+    """Return the target phase in degrees over time in s."""
+    before, begin = tracker.target_deg, disturbance.begin_s
+    after = before + disturbance.target_step_deg
+    return [(0.0, before), (begin, before), (begin + 1e-6, after)] if disturbance.kind == "target" else [(0.0, before)]
+
+
+def target_course(tracker: Tracker, disturbance: Disturbance) -> str:
+    """Return the value of a source for the target phase in degrees over time."""
+    points = target_points(tracker, disturbance)
+    if len(points) == 1:
+        return f"DC {points[0][1]!r}"
+    return f"PWL({' '.join(f'{time!r} {value!r}' for time, value in points)})"
+
+
+def _add_tracker(
+    circuit: Circuit, motor: Motor, tracker: Tracker, mode: int, loop_filter: LoopFilter, disturbance: Disturbance
+) -> None:
+    if tracker.kind == "none":
+        circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
+        return
+    if tracker.kind == "pll":
+        circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
+        instantiate(
+            circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
+            current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
+        )  # fmt: skip
+        add_filter(circuit, loop_filter, tracker.start_v)
+        return
+    # about 1 V at the free resonance: the weighted motional current, or the power
+    own, weight = motor.modes[mode], weights(motor, mode)
+    force = mode_force(motor, tracker, mode)
+    velocity = force / own.damping_n_s_per_m
+    if tracker.kind == "observe-power":
+        expression = f"{2.0 / (force * velocity):.10g}*V(power)"
+    else:
+        sensed = weight["current_a"] * own.coupling_a_n_per_v + weight["current_b"] * own.coupling_b_n_per_v
+        expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
+    circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
+    instantiate(
+        circuit, "observer", "tracker_observer", ("quantity", "control"),
+        bandwidth=tracker.average_hz, period=tracker.period_s, step=tracker.step_hz / tracker.gain_hz_per_v,
+        polarity=tracker.polarity, rail=RAIL, start=tracker.start_v,
+    )  # fmt: skip
+
+
+def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> tuple[str, ...]:
+    """Add the sources of a disturbance, and return the nodes of the motor's additional pins."""
+
+    def ramp(value: float) -> str:
+        return f"PWL(0 0 {disturbance.begin_s:.9g} 0 {disturbance.end_s:.9g} {value:.10g})"
+
+    if disturbance.kind == "load":
+        circuit.I("load", "shaft", circuit.gnd, ramp(disturbance.load_torque_n_m))
+    if disturbance.kind == "preload":
+        preload = (1.0 + disturbance.preload_change) * motor.contact.preload_n
+        moved = contact_law.approach(motor.contact, motor.modes, motor.mount, preload)
+        circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
+        return ("approach",)
+    if disturbance.kind == "temperature":
+        circuit.V("temperature", "temperature", circuit.gnd, ramp(disturbance.rise_k))
+        return ("temperature", "heat")
+    return ()

@@ -1,0 +1,386 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The decks that the live page runs: complete circuits whose ``.param`` lines the page fills in.
+
+``averaged`` gives speed, torque and powers by the averaged motor, ``curve`` and ``response`` its torque over speed and
+its speed over frequency. ``cycles`` gives the waveforms of the full motor, which starts from the amplitudes of the
+averaged one, ``driver`` the same behind a user's lines, and ``admittance`` the small-signal two-port. Each deck runs as
+it is written, with the values of the motor's parameter set, by ``ngspice -b``. A page changes the numbers on the
+``.param`` lines and the lines between the marks :data:`DRIVER` and :data:`END`; it contains no physics.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from functools import partial
+from math import pi, sqrt
+
+from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
+from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
+from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.fixtures import AC_OPTIONS, transient_options
+from pyspice_runner.circuit.law import LIBRARIES, PAPER_LAW, Law
+from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
+from pyspice_runner.circuit.state import Discretisation, motor_states
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.spice.library import slider_words
+
+# of the averaged motor: with fewer phases speeds of andersen2002 at 52 to 53 kHz are off by a third; with 48 by 4 %
+PHASES, CURVE_PHASES, HARMONICS = 48, 64, 2
+POINTS, DRIVER_POINTS = 100, 160  # steps in the shortest period; a driver's deck has no modes adapted to the step
+# the slider where the voltage of group A, a sine, is zero and rises: a quarter of a period before its peak
+SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
+DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
+_RADIANS = pi / 180.0
+_SPRUNG = "beam40"  # whose mount the page offers to a motor that has none
+
+LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
+
+Values = dict[str, tuple[float | str, str]]  # name → number or expression, and its unit and meaning
+
+
+def laws(motor: Motor) -> list[str]:
+    """Return the built-in contact laws that a motor can have."""
+    found = []
+    for law in LIBRARIES:
+        try:
+            MotorSubCircuit(motor, law=Law(law))
+        except ParameterError:
+            continue
+        found.append(law)
+    return found
+
+
+def fastest(motor: Motor) -> float:
+    """Return the highest frequency in Hz of the modes, free and under preload."""
+    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    return max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))
+
+
+def mounts(motor: Motor) -> dict[str, Motor]:
+    """Return the motor with its stator held and on springs; a motor without springs gets those of ``beam40``."""
+    held = motor.updated({"mount": None})
+    if motor.mount:
+        return {"held": held, "sprung": motor}
+    lent = load_motor(_SPRUNG).mount
+    assert lent is not None
+    return {"held": held, "sprung": motor.updated({"mount": lent.model_dump()})}
+
+
+def live_decks(motor: Motor) -> dict[str, str]:
+    """Return name → text of every deck of a motor.
+
+    The names are ``averaged MOUNT``, ``curve MOUNT``, ``response MOUNT``, ``cycles MOUNT LAW``, ``driver MOUNT LAW``
+    and ``admittance``, with a mount from :func:`mounts` and a law from :func:`laws`. A motor with a loss that the
+    averaged motor leaves out has only the last three.
+    """
+    decks = {"admittance": _admittance(motor)}
+    for mount, moved in mounts(motor).items():
+        with suppress(ParameterError):  # a motor with a loss that the averaged one leaves out
+            require_averaged(motor)
+            decks[f"averaged {mount}"] = _averaged(moved, "run")
+            decks[f"curve {mount}"] = _averaged(moved, "curve")
+            decks[f"response {mount}"] = _averaged(moved, "response")
+        for law in laws(motor):
+            decks[f"cycles {mount} {law}"] = _cycles(moved, law, driver=False)
+            decks[f"driver {mount} {law}"] = _cycles(moved, law, driver=True)
+    if motor.slider:  # comments on lines of their own, and behind a value
+        words = partial(re.sub, r"(?m)^\* .*|; .*$", lambda found: slider_words(found[0]))
+        decks = {name: words(text) for name, text in decks.items()}
+    return decks
+
+
+# --- parts of a deck ---
+
+
+def _deck(title: str, what: Iterable[str], values: Values, body: Iterable[str]) -> str:
+    head = [f".title {title}", *(f"* {line}" for line in what), "* Run: ngspice -b THIS_FILE", "*"]
+    lines = [f".param {name}={value} ; {meaning}" for name, (value, meaning) in values.items()]
+    return "\n".join([*head, *lines, *body, ".end"]) + "\n"
+
+
+def _number(value: float) -> str:
+    return f"{value:.10g}"
+
+
+def _options(options: Mapping[str, str]) -> str:
+    return ".options " + " ".join(f"{name}={value}" for name, value in options.items())
+
+
+def _settings(motor: Motor) -> Values:
+    """Return the parameters of every deck; a drive of two tones has its first tone here."""
+    drive = default_drive(motor)
+    tone = drive.tones_a[0]
+    values: Values = {
+        "voltage": (_number(tone.amplitude), "V, amplitude of both groups"),
+        "frequency": (_number(tone.frequency), "Hz"),
+        "phase": (
+            _number(drive.phase_deg if isinstance(drive, TwoPhaseDrive) else 0.0),
+            "degrees, group B ahead of group A",
+        ),
+        "preload": (_number(motor.contact.preload_n), "N"),
+        "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
+        "torque": ("0", "N.m, load"),
+        "grip": ("0", "N.m.s, of a brake that holds the shaft at a speed; 0 leaves it free"),
+        "held": ("0", "rad/s, speed of the brake"),
+        "inertia": (_number(motor.rotor.inertia_kg_m2), "kg.m2, of the rotor"),
+    }
+    if motor.mount:
+        values["mount_stiffness"] = (_number(motor.mount.stiffness_n_per_m), "N/m, springs that carry the stator")
+    return values
+
+
+def _opened(circuit: Assembly, motor: Motor) -> Assembly:
+    """Return a motor's subcircuit with the stiffness of its mount as a parameter of the X line."""
+    if motor.mount:
+        circuit.parameters["mount_stiffness"] = _number(motor.mount.stiffness_n_per_m)
+        circuit["Xmount"].parameters["stiffness"] = "{mount_stiffness}"
+    return circuit
+
+
+def _starts(motor: Motor, law: Law, discretisation: Discretisation) -> tuple[dict[str, str], Values]:
+    """Return the parameters of the X line for the motion with which a run starts, and the deck's in their expressions.
+
+    The page gives the displacement of a mode, which the parameter of the X line counts from rest under the preload.
+    """
+    passed: dict[str, str] = {}
+    values: Values = {}
+    for state in motor_states(motor, law):
+        if not state.part:
+            continue
+        name = state.name.replace("displacement_", "start_").replace("share", "bearing_share")
+        rest = state.at_rest(discretisation) / state.unit
+        bending = f"+{_number(-rest / motor.contact.preload_n)}*preload" if rest else ""
+        passed[state.parameter] = f"{{{name}{bending}}}"
+        values[name] = (_number(rest) if rest else "0", _meaning(name))
+    return passed, values
+
+
+def _quick_damping(motor: Motor) -> float:
+    """Return a damping of the carrier in N·s/m with which it settles on the contact within some periods.
+
+    0.7 of the critical damping of its mass on the contact's stiffness, 3/2 F₀/δ₀. It changes no mean value.
+    """
+    assert motor.mount is not None
+    stiffness = 1.5 * motor.contact.preload_n / contact_law.static_penetration(motor.contact)
+    return max(motor.mount.damping_n_s_per_m, 1.4 * sqrt(stiffness * motor.mount.mass_kg))
+
+
+def _text(circuit: Assembly) -> str:
+    return f"{circuit.parts}\n{str(circuit).strip()}"
+
+
+def _instance(circuit: Assembly, nodes: str, names: Iterable[str]) -> str:
+    passed = [f"{name}={{{name}}}" for name in names if name in circuit.parameters]
+    return f"Xmotor {nodes} {circuit.name} {' '.join(passed)}"
+
+
+# --- averaged motor ---
+
+
+def _averaged(motor: Motor, kind: str) -> str:
+    """Return a deck of the averaged motor: a spin-up, the curve over speed, or the response over frequency."""
+    phases = PHASES if kind == "run" else CURVE_PHASES
+    circuit = _opened(AveragedSubCircuit(motor, phases=phases, harmonics=HARMONICS), motor)
+    values = _settings(motor)
+    what = {"run": "spin-up of the averaged motor to its steady state", "curve": "torque over speed, averaged motor",
+            "response": "speed and currents over frequency, averaged motor"}[kind]  # fmt: skip
+    drive = "DC {frequency}"
+    load, analysis, extra = LOAD, ".tran {stop/2000} {stop} 0 {stop/20} uic", Values()
+    sources = [
+        f".param radians={{phase*{_RADIANS!r}}}",
+        "Va_re a_re 0 DC {voltage}",
+        "Va_im a_im 0 DC 0",
+        "Vb_re b_re 0 DC {voltage*cos(radians)}",
+        "Vb_im b_im 0 DC {voltage*sin(radians)}",
+    ]
+    start = [
+        ".ic v(a_re)={voltage} v(b_re)={voltage*cos(radians)} v(b_im)={voltage*sin(radians)}",
+    ]
+    measures: list[str] = []
+    if kind == "run":
+        extra = {"stop": ("0.05", "s, end of the run")}
+        means = {"speed_rad_s": "v(shaft)", "friction_n": "v(xmotor.friction)", "heat_w": "v(heat)"}
+        measures = [f".measure tran {name} FIND {vector} AT={{stop}}" for name, vector in means.items()]
+    elif kind == "curve":
+        extra = {"slowest": ("-5", "rad/s, first speed"), "fastest": ("50", "rad/s, last speed"),
+                 "stop": ("0.1", "s, end of the ramp")}  # fmt: skip
+        load = "Vshaft shaft 0 PWL(0 {slowest} {0.2*stop} {slowest} {stop} {fastest})"
+        analysis = ".tran {stop/1000} {stop} 0 {stop/60} uic"
+        start[0] += " v(shaft)={slowest}"
+    else:
+        frequency = default_drive(motor).frequencies[-1]
+        extra = {
+            "first_frequency": (_number(1.04 * frequency), "Hz, at which the ramp begins"),
+            "last_frequency": (_number(0.97 * frequency), "Hz, at which it ends"),
+            "stop": ("1", "s, end of the ramp"),
+        }
+        drive = "PWL(0 {first_frequency} {0.1*stop} {first_frequency} {stop} {last_frequency})"
+        analysis = ".tran {stop/1000} {stop} 0 {stop/240} uic"
+    vectors = [
+        *(f"v({node})" for node in ("a_re", "a_im", "b_re", "b_im", "f", "shaft", "heat")),
+        *(f"i(v{node})" for node in ("a_re", "a_im", "b_re", "b_im")),
+        *(["i(vshaft)"] if kind == "curve" else []),
+        *(f"v(xmotor.{node})" for node in ("normal", "friction", "open", "slip", "check")),
+    ]
+    if kind == "run":
+        numbers = range(1, len(motor.modes) + 1)
+        vectors += [f"v(xmotor.xbending{index}.r)" for index in numbers]
+        vectors += [
+            f"v(xmotor.xmode{index}_{order}.{node}_{part})"
+            for index in numbers for order in range(1, HARMONICS + 1) for node in "rv" for part in ("re", "im")
+        ]  # fmt: skip
+        vectors += [f"v({SLIDER_AT_START})", *(f"v(xmotor.{axis}_{part}1)" for axis in "xy" for part in ("re", "im"))]
+        vectors += ["v(xmotor.xmount.elastic)"] if motor.mount else []
+    passed = ("preload", "friction", "inertia", "mount_stiffness")
+    return _deck(
+        f"{motor.name}: {what}",
+        ["Complex amplitudes instead of waveforms; v(shaft) is the speed in rad/s."],
+        values | extra,
+        [
+            *sources, f"Vfrequency f 0 {drive}", load, _text(circuit),
+            _instance(circuit, "a_re a_im b_re b_im f shaft 0 heat", passed),
+            _options(AVERAGED_OPTIONS), *start, f".save {' '.join(vectors)}",
+            *measures, analysis,
+        ],
+    )  # fmt: skip
+
+
+# --- full motor ---
+
+
+def live_step(motor: Motor, *, driver: bool = False) -> float:
+    """Return the time step in s of the decks with waveforms."""
+    return float(f"{1.0 / (fastest(motor) * (DRIVER_POINTS if driver else POINTS)):.4g}")
+
+
+def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
+    """Return the deck of the full motor, two sources and a load torque; with ``driver`` a user's lines between them."""
+    step = live_step(motor, driver=driver)
+    discretisation = Discretisation(step, exact_resonance=not driver)
+    circuit = _opened(MotorSubCircuit(motor, law=Law(law), discretisation=discretisation, startable=True), motor)
+    starts, start_values = _starts(motor, Law(law), discretisation)
+    frequencies = default_drive(motor).frequencies
+    second = frequencies[-1] if len(frequencies) > 1 else 2.0 * frequencies[0]  # of the drive, or its octave
+    values = _settings(motor) | {
+        "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
+        "frequency_2": (_number(second), "Hz, of the second tone"),
+        "phase_2": ("0", "degrees, of the second tone"),
+        "stop": (_number(60.0 / frequencies[-1]), "s, end of the run"),
+        "window": (_number(20.0 / frequencies[-1]), "s, at the end of the run, for the means"),
+        "step": (_number(step), "s, time step; the modes are written for it" if not driver else "s, time step"),
+    }
+    values |= start_values
+    if motor.mount:
+        circuit.parameters["damping"] = _number(_quick_damping(motor))
+        circuit["Xmount"].parameters["damping"] = "{damping}"
+        values["damping"] = (circuit.parameters["damping"], _meaning("damping"))
+    pins = ("source_a", "source_b") if driver else ("a", "b")
+    body = [f".param radians={{phase*{_RADIANS!r}}}", f".param radians_2={{phase_2*{_RADIANS!r}}}"]
+    for group, pin, sign, phase in (("a", pins[0], "", "0"), ("b", pins[1], "-", "{phase}")):
+        body += [
+            f"V{group} {pin} tone_{group} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})",
+            f"V{group}2 tone_{group} 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase_2}})",
+        ]
+    if driver:
+        body += [DRIVER, "Rwire_a source_a a 1m", "Rwire_b source_b b 1m", END]
+    body += [LOAD, _text(circuit)]
+    nodes = "pin_a pin_b 0 shaft" if driver else "a b 0 shaft"
+    if driver:
+        body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
+    passed = ("preload", "friction", "inertia", "mount_stiffness", "damping")
+    body.append(" ".join([_instance(circuit, nodes, passed), *(f"{name}={value}" for name, value in starts.items())]))
+    options = dict(transient_options(motor, Law(law)))
+    if driver:
+        options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
+    means = {
+        "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
+        "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",
+    }  # fmt: skip
+    body += [_options(options), *([] if driver else _plates(motor))]
+    body += [f".save {' '.join(live_vectors(motor, driver=driver))}"]
+    body += [f".measure tran {name} {how} FROM={{stop-window}} TO={{stop}}" for name, how in means.items()]
+    return _deck(
+        f"{motor.name}: {law}, cycle by cycle",
+        [
+            "The full motor. x, y, slider in um, forces in N, state 0 separated 1 stick 2 slip, v(shaft) in rad/s.",
+            "The run starts from a motion near the steady state; from rest, with a smaller inertia.",
+        ],
+        values,
+        [*body, ".tran {step} {stop} 0 {step} uic"],
+    )
+
+
+def _meaning(name: str) -> str:
+    return {
+        "slider": "um, displacement of the contact's slider at the start",
+        "carrier": "um, displacement of the carrier at the start",
+        "carrier_x": "um, displacement of the carrier along the rotor at the start",
+        "carrier_x_velocity": "m/s, of the carrier along the rotor at the start",
+        "carrier_velocity": "m/s, of the carrier at the start",
+        "damping": "N.s/m, of the carrier; more than the motor's, so that it settles within the run",
+        "bearing_share": "1, share of its torque that the dry bearing takes at the start",
+        "stem": "um, compression in series with the contact at the start, less that at rest",
+        "stem_rate": "m/s, its rate at the start",
+        "stem_x": "um, the same along the rotor",
+        "stem_x_rate": "m/s, its rate at the start",
+        "speed": "rad/s, of the rotor at the start",
+    }.get(
+        name,
+        f"{'um, displacement' if 'start' in name else 'm/s, velocity'} of mode {name.rpartition('_')[2]} at the start",
+    )
+
+
+def _plates(motor: Motor) -> list[str]:
+    """Return the initial voltages of the plates: those of the sources at t = 0."""
+    drive = TwoPhaseDrive(voltage=1.0, frequency=motor.modes[-1].frequency_hz, phase_deg=45.0)
+    start = {"a": "{voltage_2*sin(radians_2)}", "b": "{voltage*sin(radians)-voltage_2*sin(radians_2)}"}
+    nodes = motor_bench(motor, DriveSource(drive)).start
+    found = dict.fromkeys(nodes, start["b"])
+    found |= {node.replace("xgroup_b", "xgroup_a"): start["a"] for node in nodes}
+    return [".ic " + " ".join(f"v({node})={value}" for node, value in found.items())]
+
+
+def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
+    """Return the vectors of the decks with waveforms."""
+    names = ["v(a)", "v(b)", *(("i(vpin_a)", "i(vpin_b)") if driver else ("i(va)", "i(vb)")), "v(shaft)"]
+    names += [f"v(xmotor.{node})" for node in ("x", "y", "normal", "friction", "slider", "state")]
+    names += [state.within("xmotor") for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing"))]
+    return names
+
+
+# --- small signals ---
+
+
+def _admittance(motor: Motor) -> str:
+    """Return the deck of the electrical two-port: free, and pressed against a rotor at rest."""
+    lowest = min(mode.frequency_hz for mode in motor.modes)
+    values: Values = {
+        "preload": (_number(motor.contact.preload_n), "N"),
+        "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
+        "lowest": (_number(0.7 * lowest), "Hz, first frequency"),
+        "highest": (_number(1.2 * fastest(motor)), "Hz, last frequency"),
+        "points": ("2000", "number of frequencies"),
+    }
+    pressed = MotorSubCircuit(motor)
+    free = MotorSubCircuit(motor, law=None, name=f"{pressed.name}_free")
+    body = [_text(pressed), _text(free)]
+    vectors = []
+    for state, circuit in (("free", free), ("pressed", pressed)):
+        for driven in "ab":
+            copy = f"{state}_{driven}"
+            body += [f"V{group}_{copy} {group}_{copy} 0 DC 0 AC {int(group == driven)}" for group in "ab"]
+            vectors += [f"i(v{group}_{copy})" for group in "ab"]
+            passed = "preload={preload} friction={friction}" if state == "pressed" else ""
+            body.append(f"X{copy} a_{copy} b_{copy} 0 shaft_{copy} {circuit.name} {passed}")
+    return _deck(
+        f"{motor.name}: admittance, free and preloaded",
+        ["Currents of the sources are minus the admittances in S: free or pressed, with group a or b driven."],
+        values,
+        [*body, _options(AC_OPTIONS), f".save {' '.join(vectors)}", ".ac lin {points} {lowest} {highest}"],
+    )

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A calibration that is interrupted, and goes on from its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.calibration.checkpoint import Checkpoint
+from pyspice_runner.calibration.points import read_points
+from pyspice_runner.calibration.prediction import Predictor
+from pyspice_runner.calibration.unknowns import unknowns_of
+from pyspice_runner.circuit.law import Law, contact_library
+from pyspice_runner.cli import run
+from pyspice_runner.run.operating_point import OperatingPoint
+from tests.calibration.test_calibrate import SET, truth_and_points
+
+FREE = ["contact.friction"]
+
+
+def calibrated(points: Any, **settings: Any) -> Any:
+    return pr.calibrate(pr.load_motor(SET), points, **{"free": FREE} | settings)
+
+
+def test_an_interrupted_calibration_goes_on_and_computes_fewer_steady_states(tmp_path: Path) -> None:
+    points = truth_and_points({"contact.friction": 0.26}, [4.0, 12.0])
+    counts: list[int] = []
+    whole = calibrated(points, progress=counts.append)
+    file = tmp_path / "unfinished.json"
+
+    def stop(solved: int) -> None:
+        if solved == whole.steady_states:  # in the intervals
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="start the same calibration again"):
+        calibrated(points, progress=stop, checkpoint=file)
+    with pytest.raises(pr.ParameterError, match="belongs to another calibration"):
+        calibrated(points, checkpoint=file, priors={"contact.friction": 0.3})
+    resumed = calibrated(points, checkpoint=file)
+    assert not file.exists()
+    assert resumed.steady_states < whole.steady_states
+    for found, other in zip(resumed.estimates, whole.estimates, strict=True):
+        # both searches end within 0.3 standard errors of the least sum of squares
+        assert abs(found.value - other.value) < 0.6 * other.standard_error
+        assert found.standard_error == pytest.approx(other.standard_error, rel=0.1)
+
+
+POINTS = {"speed_rad_s": [4.0], "torque_n_m": [0.008]}
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"problem": 1, "places": {"0": [0.1, 0.2]}, "seal": "0"}', "[" * 10_000])
+def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, text: str, capfd: pytest.CaptureFixture[str]) -> None:
+    table, file = tmp_path / "points.csv", tmp_path / "unfinished.json"
+    table.write_text("speed_rad_s,torque_n_m\n4,0.008\n", encoding="utf-8")
+    file.write_text(text, encoding="utf-8")
+    command = ["calibrate", SET, "--points", str(table), "--free", "contact.friction", "--resume", str(file)]
+    assert run(command) == 2
+    assert "is damaged. Remove it" in capfd.readouterr().err
+    assert file.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("name", ["unfinished.txt", "missing/unfinished.json"])
+def test_a_place_that_cannot_be_written_is_told_before_the_work_begins(tmp_path: Path, name: str) -> None:
+    def never(_: int) -> None:
+        raise AssertionError
+
+    with pytest.raises(pr.ParameterError, match=r"Cannot (tell a format|write)"):
+        calibrated(POINTS, checkpoint=tmp_path / name, progress=never)
+
+
+def test_a_law_of_ones_own_whose_file_changed_is_another_problem(tmp_path: Path) -> None:
+    text = f"* NEEDS piezomotor_normal\n{contact_library(Law('coulomb')).subcircuit}"
+    own, file = tmp_path / "own.lib", tmp_path / "unfinished.json"
+    own.write_text(text, encoding="utf-8")
+    motor = pr.load_motor(SET)
+    base = OperatingPoint.of(motor, pr.default_drive(motor), contact=str(own))
+    predictor = Predictor(base, unknowns_of(motor, base.drive, FREE), read_points(POINTS))
+    Checkpoint(file, [predictor]).keep(0, np.array([0.1]))
+    (kept,) = Checkpoint(file, [predictor]).place(0)
+    assert kept == 0.1
+    own.write_text(f"{text}\n* friction as measured in May\n", encoding="utf-8")
+    assert Checkpoint(file, [predictor]).place(0) == kept  # a comment changes nothing
+    own.write_text(text.replace("creep=10m", "creep=20m"), encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match="belongs to another calibration"):
+        Checkpoint(file, [predictor])
+
+
+def test_an_interruption_before_the_first_refinement_leaves_no_file(tmp_path: Path) -> None:
+    def stop(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as interrupt:
+        calibrated(POINTS, checkpoint=tmp_path / "unfinished.json", progress=stop)
+    assert str(interrupt.value) == ""
+    assert list(tmp_path.iterdir()) == []

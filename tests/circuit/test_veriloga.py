@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Verilog-A motor against the subcircuits and the motor; ``make verilog-a`` compiles and runs it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.circuit.law import ContactLaw, contact_values
+from pyspice_runner.circuit.veriloga import WRITTEN, motor_module
+from pyspice_runner.spice.library import data_path, read_library
+
+PARAMETER = re.compile(
+    r'^ *\(\* desc="(?P<meaning>[^"]+)"(?:, units="(?P<unit>[^"]+)")? \*\) parameter (?:real|integer) '
+    r"(?P<name>\w+) = (?P<value>\S+) from \[(?P<least>[^:]+):(?P<greatest>[^\]]+)\];$",
+    re.M,
+)
+# parameter of the module: library and its parameter
+SAME = {
+    "preload": ("contact", "preload"), "friction": ("contact", "mu"), "radius": ("contact", "radius"),
+    "normal_stiffness": ("contact", "normal_stiffness"), "compliance": ("contact", "compliance"),
+    "normal_damping": ("contact", "damping"), "slider_time": ("contact", "slider_time"),
+    "sliding": ("contact", "sliding"), "stribeck": ("contact", "stribeck"), "creep": ("coulomb", "creep"),
+    "inertia": ("rotor", "inertia"), "bearing": ("rotor", "bearing"),
+    "bearing_torque": ("bearing", "torque"), "bearing_angle": ("bearing", "angle"),
+    "mount_stiffness": ("mount", "stiffness"), "mount_mass": ("mount", "mass"), "mount_damping": ("mount", "damping"),
+    "mount_x_stiffness": ("mount", "stiffness"), "mount_x_mass": ("mount", "mass"),
+    "mount_x_damping": ("mount", "damping"),
+    "capacitance_a": ("group", "capacitance"), "capacitance_b": ("group", "capacitance"), "loss": ("group", "loss"),
+    "drift_f": ("mode_thermal", "frequency_drift"), "drift_k": ("mode_thermal", "coupling_drift"),
+    "drift_c": ("group_thermal", "capacitance_drift"),
+    "mass_1": ("mode", "mass"), "damping_1": ("mode", "damping"), "stiffness_1": ("mode", "stiffness"),
+    "coupling_a_1": ("mode", "coupling_a"), "coupling_b_1": ("mode", "coupling_b"),
+    "tip_x_1": ("mode", "tip_x"), "tip_y_1": ("mode", "tip_y"),
+    "softening_1": ("mode_soft", "softening"), "growth_1": ("mode_soft", "growth"),
+}  # fmt: skip
+
+
+def parameters(text: str) -> dict[str, re.Match[str]]:
+    return {found["name"]: found for found in PARAMETER.finditer(text)}
+
+
+def test_the_file_has_the_values_of_beam40() -> None:
+    text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
+    assert set(text.splitlines()) <= set(motor_module(pr.load_motor("beam40")).splitlines())
+
+
+def test_constants_stand_inside_the_time_derivative() -> None:
+    """A constant before ddt has been seen to compile to wrong dynamics in OpenVAF, without a message."""
+    for law in WRITTEN:
+        text = motor_module(pr.load_motor("beam40"), contact=law)
+        assert "ddt(" in text
+        assert not re.search(r"\* *ddt\(", text)
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_a_parameter_has_the_unit_and_range_of_the_subcircuit(name: str) -> None:
+    law = "coulomb" if name == "creep" else "spring-slider"
+    found = parameters(motor_module(pr.load_motor("beam40"), contact=law))[name]
+    library, inner = SAME[name]
+    (declared,) = (item for item in read_library(f"piezomotor_{library}").parameters if item.name == inner)
+    assert (float(found["least"]), float(found["greatest"])) == (declared.least, declared.greatest)
+    assert (found["unit"] or "1") == declared.unit
+
+
+def test_every_mode_has_its_states_equations_and_values() -> None:
+    motor = pr.load_motor("andersen2002-unintended-mode")
+    text = motor_module(motor)
+    found = parameters(text)
+    for number, mode in enumerate(motor.modes, start=1):
+        assert float(found[f"stiffness_{number}"]["value"]) == pytest.approx(mode.stiffness_n_per_m, rel=1e-9)
+        assert float(found[f"tip_x_{number}"]["value"]) == pytest.approx(mode.tip_x, rel=1e-9)
+        assert text.count(f"I(velocity_{number}) <+") == 1
+        assert text.count(f"electrical displacement_{number}, velocity_{number};") == 1
+    assert "mass_4" not in text
+    assert "andersen2002-unintended-mode" in text.splitlines()[1]
+
+
+@pytest.mark.parametrize("law", WRITTEN)
+def test_a_rotational_shaft_has_the_access_functions_of_its_discipline(law: ContactLaw) -> None:
+    motor = pr.load_motor("beam40")
+    electrical, rotational = (motor_module(motor, contact=law, rotational=option) for option in (False, True))
+    assert re.findall(r"^ +rotational_omega (.+);$", rotational, re.M) == ["shaft"]
+    assert not re.search(r"electrical [^;]*\bshaft\b|\b[VI]\(shaft\)", rotational)
+    assert rotational.count("Omega(shaft)") == electrical.count("V(shaft)") > 0
+    assert rotational.count("Tau(shaft)") == electrical.count("I(shaft)") > 0
+    assert "rotational_omega" not in electrical
+
+
+def test_options_of_a_motor_become_parameters() -> None:
+    motor = pr.load_motor("beam40").updated({"mount": None, "contact.sliding_ratio": 0.7})
+    found = parameters(motor_module(motor, thermal=pr.Thermal(frequency_drift_per_k=-2e-4)))
+    assert (found["mounted"]["value"], found["sliding"]["value"], found["drift_f"]["value"]) == ("0", "0.7", "-0.0002")
+    assert {"creep", "sliding"} & set(
+        parameters(motor_module(motor.updated({"contact.sliding_ratio": 1.0}), contact="coulomb"))
+    ) == {"creep"}
+
+
+def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) -> None:
+    file = pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", name="left")
+    assert "\nmodule left(a, b, com, shaft, temperature);\n" in file.read_text(encoding="utf-8")
+    law = tmp_path / "law.lib"
+    law.write_text(read_library("piezomotor_coulomb").text, encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match=r"contact = .* is not valid for a \.va file"):
+        pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", contact=str(law))
+
+
+@pytest.mark.parametrize("sliders", [1, 8, 20])
+def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> None:
+    motor = pr.load_motor("beam40")
+    text = pr.export_motor(motor, tmp_path / "m.va", contact=pr.Law("brush", sliders)).read_text(encoding="utf-8")
+    found = parameters(text)
+    (span,) = (item for item in read_library("piezomotor_brush").parameters if item.name == "span")
+    assert (float(found["span"]["least"]), float(found["span"]["greatest"])) == (span.least, span.greatest)
+    assert found["span"]["unit"] == span.unit
+    values = contact_values(
+        pr.Law("brush"), motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n
+    )
+    assert float(found["span"]["value"]) == pytest.approx(values["span"], rel=1e-9)
+    assert not {"sliding", "creep"} & set(found)
+    for number in range(1, sliders + 1):
+        assert text.count(f"I(cell_{number}) <+ ddt(slider_time * V(cell_{number}))") == 1
+    assert f"cell_{sliders + 1}" not in text
+    assert text.count("I(slider) <+") == 1

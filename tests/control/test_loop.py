@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loops designed from small signals, against modulation of the running loop, on the averaged and the full motor."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from runpy import run_path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+from pyspice_runner.control.dead_band import dead_band
+
+MEASURED = run_path(str(Path(__file__).resolve().parents[2] / "docs" / "averaged_loops.py"))
+DESIGNS: dict[str, dict[str, Any]] = MEASURED["DESIGNS"]
+injected, difference = MEASURED["injected"], MEASURED["difference"]
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    return pr.load_motor("beam40")
+
+
+@pytest.fixture(scope="module")
+def drive(motor: pr.Motor) -> pr.TwoPhaseDrive:
+    return pr.default_drive(motor).model_copy(update={"voltage": 69.0})
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_a_designed_loop_has_the_crossover_and_margin_that_modulation_measures(
+    name: str, motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """1 % and 1° for a modulation that is not infinitely small; the step response by small signals within 2.5 %."""
+    wanted = DESIGNS[name]
+    loop = pr.control_loop(motor, drive, **wanted)
+    assert loop.crossover_hz == pytest.approx(wanted["crossover"], rel=1e-3)  # the grid of the loop gain
+    assert loop.phase_margin_deg == pytest.approx(wanted["margin"], abs=0.1)
+    crossover, margin = difference(loop, injected(loop, motor, drive, settles=0.1, start="steady"))
+    assert abs(crossover) <= 0.01
+    assert abs(margin) <= 1.0
+    assert np.abs(loop.step_predicted - loop.step_simulated).max() <= 0.025
+    assert loop.overshoot == pytest.approx(loop.overshoot_simulated, abs=0.01)
+    assert loop.trusted
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", DESIGNS)
+def test_the_full_motor_has_the_crossover_and_margin_of_the_design(name: str) -> None:
+    """5 % and 3°: the averaged motor's own speed is 1 % from that of the full motor there."""
+    wanted, found = DESIGNS[name], MEASURED["margins"](name)
+    assert found["crossover_hz"] == pytest.approx(wanted["crossover"], rel=0.05)
+    assert found["margin_deg"] == pytest.approx(wanted["margin"], abs=3.0)
+
+
+def test_the_slow_gain_of_the_plant_is_that_of_two_steady_states(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    """Half a per cent: the curvature of the speed over 0.2 V."""
+    loop = pr.control_loop(motor, drive, **DESIGNS["slow speed"])
+    speeds = [
+        pr.simulate_averaged(motor, drive.model_copy(update={"voltage": volts}), 1.0).rotor_speed_rad_s[-1]
+        for volts in (68.9, 69.1)
+    ]
+    assert abs(loop.plant[0]) == pytest.approx((speeds[1] - speeds[0]) / 0.2, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is out of range: it must be > 0 and ≤ 800 Hz"),
+        ({"margin": 200.0}, pr.ParameterError, "margin = 200° is out of range"),
+        ({"sample_time": 1e-6}, pr.ParameterError, "at least one period of the drive"),
+        ({"crossover": 300.0, "margin": 90.0}, pr.ParameterError, r"is not possible: a PI controller gives .* to .*°"),
+        ({"quantity": "torque"}, pr.ParameterError, "quantity"),
+    ],
+)
+def test_a_loop_that_cannot_be_is_an_error(
+    changes: dict[str, Any], error: type[Exception], message: str, motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    with pytest.raises(error, match=message):
+        pr.control_loop(motor, drive, **(DESIGNS["slow speed"] | changes))
+
+
+def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    weak = drive.model_copy(update={"voltage": 20.0})
+    with pytest.raises(pr.SimulationError, match="The motor stands still"):
+        pr.control_loop(motor, weak, **DESIGNS["slow speed"])
+
+
+def test_a_motor_stands_below_its_dead_band_and_turns_above(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    """By runs of 0.2 s, 1 V below and above; without slip the contact moves the rotor by some microradians only."""
+    band = dead_band(motor, drive, 0.0)
+    for volts, turns in ((band - 1.0, False), (band + 1.0, True)):
+        run = pr.simulate_averaged(motor, drive.model_copy(update={"voltage": volts}), 0.2)
+        assert (run.rotor_position_rad[-1] > 1e-3) == turns
+        assert abs(run.rotor_position_rad[-1]) < 20e-6 or turns
+    assert dead_band(motor, drive, 2e-3) > band
+
+
+@pytest.mark.soak
+def test_the_full_motor_stands_in_the_dead_band_and_turns_above(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    band = dead_band(motor, drive, 0.0)
+    for volts, turns in ((band - 1.5, False), (band + 1.5, True)):
+        weak = drive.model_copy(update={"voltage": volts})
+        run = pr.simulate_controlled(motor, weak, lambda _: {}, 20e-3, sample_time=1e-3, averaged=False)
+        late = run.position_rad[-1] - run.position_rad[9]  # after the first oscillations
+        assert (late > 0.2e-3) == turns
+        assert abs(late) < 2e-6 or turns
+
+
+def test_the_compensation_of_the_dead_band_moves_a_position_that_would_stand(
+    motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    loop = pr.control_loop(motor, drive, **DESIGNS["position"])
+    without, compensated = loop.near_standstill
+    assert without.static_error == pytest.approx(without.set_point, rel=1e-3)  # its output stays below the dead band
+    assert abs(compensated.static_error) < 0.01 * compensated.set_point
+    assert compensated.compensation_v == loop.dead_band_v
+    assert loop.to_dict()["near_standstill"][1]["static_error"] == compensated.static_error
+
+
+def test_the_compensation_of_the_dead_band_shortens_the_start(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    without, compensated = pr.control_loop(motor, drive, **DESIGNS["slow speed"]).near_standstill
+    assert without.settling_s is not None
+    assert compensated.settling_s is not None
+    assert compensated.settling_s < 0.5 * without.settling_s
+
+
+def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    """By a sine in the running loop with the gains of the design; 3 % and 1.5°, as it is not infinitely small."""
+    wanted = DESIGNS["slow speed"]
+    loop = pr.control_loop(motor, drive, **wanted, over={"drive.voltage": [20.0, 60.0, 80.0]})
+    assert "The motor stands still" in loop.spread[0].reason
+    assert any("At 1 of 3 operating points" in caution for caution in loop.cautions)
+    for point in loop.spread[1:]:
+        changed = drive.model_copy(update={"voltage": point.at["drive.voltage"]})
+        there = pr.control_loop(motor, changed, **wanted)
+        assert point.gains == pytest.approx(there.gains)  # the schedule is what a design there gives
+        assert point.crossover_hz is not None
+        assert point.phase_margin_deg is not None
+        run_there = there.provenance["run"] | {"crossover_hz": point.crossover_hz}
+        moved = replace(
+            there, gains=loop.gains, provenance=there.provenance | {"run": run_there},
+            loop_gain=there.plant * loop.loop_gain / loop.plant,
+        )  # fmt: skip
+        gain = injected(moved, motor, changed, settles=0.2, start="steady")
+        cycle = round(1.0 / point.crossover_hz / wanted["sample_time"]) * wanted["sample_time"]
+        place = np.log(moved.frequency_hz)
+        level = np.exp(np.interp(-np.log(cycle), place, np.log(np.abs(moved.loop_gain))))
+        phase = np.interp(-np.log(cycle), place, np.degrees(np.unwrap(np.angle(moved.loop_gain))))
+        assert abs(gain) == pytest.approx(level, rel=0.03)
+        assert (np.degrees(np.angle(gain)) - phase + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.5)
+        assert (180.0 + phase - point.phase_margin_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=3.0)
+
+
+def test_a_spread_over_speed_and_load_has_the_amplitude_that_gives_the_speed(
+    motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """The free run at that amplitude comes to the speed; that of 1000 rad/s is above four times the drive's."""
+    over = {"speed": [4.0, 12.0, 1e3], "load.torque": [0.0, 1e-3]}
+    spread = pr.control_loop(motor, drive, **DESIGNS["slow speed"], over=over).spread
+    assert [point.at["speed"] for point in spread] == [4.0, 4.0, 12.0, 12.0, 1e3, 1e3]
+    for point in spread[:4]:
+        assert point.voltage is not None
+        there = drive.model_copy(update={"voltage": point.voltage})
+        run = pr.simulate_averaged(motor, there, 0.5, load_torque=point.at["load.torque"])
+        assert run.rotor_speed_rad_s[-1] == pytest.approx(point.at["speed"], rel=2e-3)
+        assert point.speed == pytest.approx(point.at["speed"], rel=1e-3)
+        assert point.phase_margin_deg is not None
+    assert spread[1].voltage > spread[0].voltage  # type: ignore[operator]
+    assert "No amplitude up to" in spread[4].reason
+    with pytest.raises(pr.ParameterError, match="the amplitude sets the speed"):
+        pr.control_loop(motor, drive, **DESIGNS["slow speed"], over={"speed": [4.0], "drive.voltage": [60.0]})
+
+
+def test_a_vibration_that_averages_do_not_describe_makes_no_loop_unstable(
+    motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
+    """At 60 V the averaged equations have a pole of +599 1/s at 79 kHz, which their integration damps."""
+    weak = drive.model_copy(update={"voltage": 60.0})
+    loop = pr.control_loop(motor, weak, **DESIGNS["slow speed"])
+    # as of the other designs
+    assert np.abs(loop.step_simulated - loop.step_predicted).max() < 0.025
+    assert np.linalg.eigvals(pr.state_space(motor, weak).a).real.max() < 1e-3
+
+
+def test_the_command_prints_the_gains_and_draws_the_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = "loop beam40 --voltage 69 --quantity speed --crossover 100 --margin 60 --sample 250e-6 --json"
+    assert run([*words.split(), "--plot", str(tmp_path / "loop.png"), "--output", str(tmp_path / "loop.csv")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"gains", "crossover_hz", "phase_margin_deg", "gain_margin_db", "overshoot"} <= set(found)
+    assert found["gain_units"] == {"proportional": "V·s/rad", "integral": "V/rad"}
+    assert found["gain_margin_db"] > 6.0
+    assert (tmp_path / "loop.png").stat().st_size > 0

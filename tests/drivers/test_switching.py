@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The switching of bridges: the charge of a leg against ngspice, and turn-on with and without voltage."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.drivers.mosfets import ratings
+from pyspice_runner.drivers.report import DriveReport
+from pyspice_runner.spice.library import definitions, read_library
+from tests.circuit.batch import measured
+
+CAPACITANCE = ratings("IRF610").output_capacitance
+pytestmark = pytest.mark.xdist_group("drivers")
+
+
+@cache
+def bridge(dead_time: float) -> DriveReport:
+    """Two half bridges between 79 V, each behind 8.2 mH: the current lags, and commutates the leg."""
+    settings = {"inductor.inductance": 8.2e-3, "bridge.dead_time": dead_time}
+    driver = pr.Driver(kind="half-bridge", voltage=50.0, frequency=51.7e3, network="inductor", settings=settings)
+    return pr.drive_report(pr.load_motor("andersen2002"), driver, 2e-4)
+
+
+def test_the_output_capacitance_is_that_of_the_data_sheet() -> None:
+    """Vishay 91023: 53 pF, typical, at 25 V."""
+    assert CAPACITANCE(np.array([25.0]))[0] == pytest.approx(53e-12, rel=0.01)  # the digits of the sheet
+
+
+def test_a_constant_current_moves_a_leg_in_the_time_that_its_charge_needs(tmp_path: Path) -> None:
+    """Two transistors that are off, 80 V, and 40 mA that lifts their middle from 1 to 79 V, after it was held down."""
+    found = measured(
+        f"""commutation of a leg
+{definitions(read_library("driver_mosfet"))}
+Vp vp 0 PWL(0 0 10u 80)
+Xhigh vp out out driver_mosfet
+Xlow out 0 0 driver_mosfet
+Ilift 0 out PWL(0 -1m 11u -1m 11.001u -20u 13u -20u 13.001u 40m)
+.tran 1n 13.4u 0 1n uic
+.measure tran lifted_s TRIG v(out) VAL=1 RISE=1 TARG v(out) VAL=79 RISE=1
+.end
+""",
+        tmp_path,
+    )
+    volts = np.linspace(1.0, 79.0, 1000)
+    charge = np.trapezoid(CAPACITANCE(volts) + CAPACITANCE(80.0 - volts), volts)
+    # steps of 1 ns in 210, and 1e8 Ω of leakage, which takes 1 µA
+    assert found["lifted_s"] == pytest.approx(charge / 40e-3, rel=0.01)
+
+
+def test_a_dead_time_that_moves_the_charge_leaves_no_voltage_and_a_shorter_one_does() -> None:
+    short, long = bridge(60e-9), bridge(400e-9)
+    for before, after in zip(short.switching, long.switching, strict=True):
+        assert before.transistor == after.transistor
+        assert before.dead_time_s is not None
+        assert before.hard_switching_w is not None
+        assert after.hard_switching_w is not None
+        assert 60e-9 < before.dead_time_s < 400e-9  # the dead time that would do lies between
+        assert not before.zero_voltage
+        assert abs(after.voltage_left_v) < 0.2 * before.voltage_left_v
+        assert before.hard_switching_w > 10.0 * after.hard_switching_w
+    # the loss by the voltage left is part of the measured loss of the transistors
+    assert sum(edge.hard_switching_w or 0.0 for edge in short.switching) < sum(short.losses_w.values())
+
+
+def test_a_picture_shows_one_edge(tmp_path: Path) -> None:
+    found = bridge(400e-9)
+    assert 0.0 < found.edge["turn_on_s"][0] < 1e-6
+    found.plot(tmp_path / "edge.png")
+    assert (tmp_path / "edge.png").stat().st_size > 20_000
+
+
+def test_a_linear_stage_has_no_switching() -> None:
+    driver = pr.Driver(kind="linear", voltage=50.0, frequency=51.7e3)
+    assert pr.drive_report(pr.load_motor("andersen2002"), driver, 2e-4).to_dict()["switching"] == []

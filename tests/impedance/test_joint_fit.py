@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spectra at several drive levels and temperatures, fitted together; the truth is Duffing's closed form."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.cli import run
+from pyspice_runner.impedance.joint_fit import TogetherFit
+from pyspice_runner.motor.parameters import Mode
+from tests.resonators import resonator, spectrum
+from tools.benches.duffing import amplitudes, folds
+
+NOISE = 1e-3
+COUPLING = 0.1
+CAPACITANCE = 2e-9
+VOLTAGES = [5.0, 40.0, 80.0]
+
+
+def mode(softening: float, growth: float) -> Mode:
+    """A mode of 20 kHz and a Q of 200, which moves 10 µm at 80 V."""
+    stiffness = 0.01 * (2.0 * np.pi * 20e3) ** 2
+    return Mode(
+        name="soft", mass_kg=0.01, damping_n_s_per_m=np.sqrt(stiffness * 0.01) / 200.0, stiffness_n_per_m=stiffness,
+        coupling_a_n_per_v=COUPLING, coupling_b_n_per_v=0.0, tip_x=0.0, tip_y=1.0, softening_per_m2=softening,
+        damping_growth_per_m2=growth,
+    )  # fmt: skip
+
+
+def measured(soft: Mode, voltage: float, seed: int, loss_tangent: float = 0.0) -> pr.Spectrum:
+    """A sweep with rising frequency at one voltage; the clamped capacitance is a constant-phase element."""
+    frequency = np.linspace(19e3, 21.5e3, 301)
+    omega = 2.0 * np.pi * frequency
+    square = np.array([amplitudes(soft, COUPLING * voltage, float(f))[0] for f in frequency]) ** 2
+    stiffness = soft.stiffness_n_per_m * (1.0 - 0.75 * soft.softening_per_m2 * square)
+    damping = soft.damping_n_s_per_m * (1.0 + 0.25 * soft.damping_growth_per_m2 * square)
+    receptance = 1.0 / (stiffness - soft.mass_kg * omega**2 + 1j * omega * damping)
+    # by Kramers' and Kronig's relation a constant loss tangent takes a capacitance that falls with frequency
+    clamped = CAPACITANCE * (1j * frequency / 20e3) ** (-2.0 / np.pi * np.arctan(loss_tangent))
+    y = 1j * omega * (COUPLING**2 * receptance + clamped)
+    error = np.random.default_rng(seed).standard_normal((2, len(omega))) * NOISE / np.sqrt(2.0)
+    return pr.Spectrum.from_admittance(frequency, y * (1.0 + error[0] + 1j * error[1]))
+
+
+def scores(found: TogetherFit, soft: Mode) -> list[float]:
+    """Deviations over their errors of the one arm."""
+    (arm,) = found.arms
+    truth = {
+        "resistance_ohm": soft.damping_n_s_per_m / COUPLING**2,
+        "inductance_h": soft.mass_kg / COUPLING**2,
+        "capacitance_f": COUPLING**2 / soft.stiffness_n_per_m,
+        "softening_per_c2": soft.softening_per_m2 / COUPLING**2,
+        "damping_growth_per_c2": soft.damping_growth_per_m2 / COUPLING**2,
+    }
+    return [(getattr(arm, name) - value) / arm.standard_errors[name] for name, value in truth.items()]
+
+
+@pytest.mark.parametrize(("softening", "growth"), [(6e7, 4e9), (0.0, 0.0)])
+def test_levels_give_the_softening_and_the_losses_of_the_ceramic(softening: float, growth: float) -> None:
+    """At 80 V the resonance is 0.2 % lower, by 0.4 of its bandwidth, and Q by 8 %; the curve is single-valued."""
+    soft = mode(softening, growth)
+    found = pr.fit_together(
+        [measured(soft, voltage, seed) for seed, voltage in enumerate(VOLTAGES)], voltages=VOLTAGES, modes=1
+    )
+    assert max(map(abs, scores(found, soft))) < 4.0
+    assert max(found.rms_relative_error) == pytest.approx(NOISE, rel=0.1)
+    (arm,) = found.arms
+    of_mode = arm.of_mode(COUPLING)
+    if softening:
+        assert of_mode == {
+            "softening_per_m2": pytest.approx(softening, rel=0.05),
+            "damping_growth_per_m2": pytest.approx(growth, rel=0.05),
+        }
+    assert found.cautions == ()
+    json.dumps(found.to_dict(), allow_nan=False)
+    assert "softening" in " ".join(found.summary())
+
+
+def test_a_resonance_that_leans_within_a_sweep_is_told_and_its_level_gives_the_softening() -> None:
+    soft = mode(6e7, 4e9)
+    leaning = measured(soft, 80.0, 1)
+    assert any("leans with the amplitude" in caution for caution in pr.fit_spectrum(leaning).cautions)
+    for straight in (measured(soft, 5.0, 1), measured(mode(0.0, 0.0), 80.0, 1)):
+        assert not pr.fit_spectrum(straight).cautions
+    found = pr.fit_together([leaning], voltages=[80.0], modes=1)
+    assert max(map(abs, scores(found, soft))) < 4.0
+    assert not found.cautions
+
+
+def test_one_sweep_gives_the_softening_of_a_ceramic_with_a_loss_tangent() -> None:
+    # the fit without softening, from which this one starts, takes the loss for another one
+    soft = mode(6e7, 4e9)
+    found = pr.fit_together([measured(soft, 80.0, 1, loss_tangent=0.02)], voltages=[80.0], modes=1)
+    assert max(map(abs, scores(found, soft))) < 4.0
+    assert found.rms_relative_error[0] == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_sweep_that_jumps_is_followed() -> None:
+    soft = mode(4e8, 0.0)
+    jumps = folds(soft, COUPLING * 80.0, 19e3, 20.5e3)
+    assert jumps is not None
+    assert jumps[1] - jumps[0] > 50.0  # Hz in which three amplitudes are possible, of points 8 Hz apart
+    found = pr.fit_together(
+        [measured(soft, volts, seed) for seed, volts in enumerate((5.0, 80.0))], voltages=[5.0, 80.0], modes=1
+    )
+    assert max(map(abs, scores(found, soft))) < 4.0
+
+
+def test_temperatures_give_the_drifts_of_thermal() -> None:
+    truth = {"frequency_drift_per_k": -1.6e-4, "coupling_drift_per_k": 1e-3, "capacitance_drift_per_k": 4e-3}
+    spectra, kelvin = [], [20.0, 40.0, 60.0]
+    for seed, at in enumerate(kelvin):
+        f, theta, c0 = (
+            value * np.exp(drift * (at - 20.0)) for value, drift in zip((20e3, 1.0, 1e-9), truth.values(), strict=True)
+        )
+        # the mass stays: C1 = θ²/k goes with (θ/f)²
+        ratio = 0.05 * (theta * 20e3 / f) ** 2 * 1e-9 / c0
+        circuit = resonator([f], [120.0], [ratio], capacitance=c0)
+        spectra.append(spectrum(circuit, np.linspace(17e3, 24e3, 401), noise=NOISE, seed=seed))
+    found = pr.fit_together(spectra, temperatures=kelvin, modes=1)
+    for name, value in truth.items():
+        assert abs(found.drifts[name] - value) < 4.0 * found.standard_errors[name], name
+    assert abs(found.drifts["quality_drift_per_k"]) < 4.0 * found.standard_errors["quality_drift_per_k"]
+    assert found.arms[0].softening_per_c2 == 0.0
+    assert pr.Thermal(**{name: found.drifts[name] for name in truth}).frequency_drift_per_k < 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({}, "with voltages or temperatures that differ"),
+        ({"voltages": [1.0, 1.0]}, "with voltages or temperatures that differ"),
+        ({"voltages": [1.0]}, "voltages has 1 values for 2 spectra"),
+        ({"voltages": [1.0, -1.0]}, "they must be numbers > 0 V"),
+    ],
+)
+def test_refused_levels(arguments: dict[str, list[float]], says: str) -> None:
+    linear = [measured(mode(0.0, 0.0), 1.0, seed) for seed in range(2)]
+    with pytest.raises(pr.ParameterError, match=says):
+        pr.fit_together(linear, **arguments)
+
+
+def test_the_command_fits_spectra_at_several_levels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    soft = mode(6e7, 0.0)
+    files = [measured(soft, volts, seed).save(tmp_path / f"{volts:g}.csv") for seed, volts in enumerate(VOLTAGES)]
+    words = ["fit", files[0], "--with", files[1], "--with", files[2], "--voltages", "5,40,80", "--modes", 1]
+    assert run([*map(str, words), "--output", str(tmp_path / "joint.json")]) == 0
+    assert "softening per c2" in capsys.readouterr().out
+    (arm,) = json.loads((tmp_path / "joint.json").read_text(encoding="utf-8"))["arms"]
+    assert arm["softening_per_c2"] == pytest.approx(6e7 / COUPLING**2, rel=0.05)
+    assert run([*map(str, words[:2]), "--temperatures", "20"]) == 2
+    assert "at least two spectra" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("option", ["--noise", "--leads", "--timeout"])
+def test_an_option_of_a_single_spectrum_is_an_error(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    value = {"--noise": "proportional=0.1%", "--leads": "20nH,0.1ohm", "--timeout": "10"}[option]
+    file = str(measured(mode(0.0, 0.0), 1.0, 0).save(tmp_path / "one.csv"))
+    assert run(["fit", file, "--with", file, "--voltages", "5,40", option, value]) == 2
+    assert f"{option} has no effect on spectra that are fitted together" in " ".join(capsys.readouterr().err.split())

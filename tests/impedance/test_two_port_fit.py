@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the spectra of both groups back to the motor that they were computed from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.impedance.spectrum import Connection
+from pyspice_runner.impedance.two_port_fit import TwoPortFit, _Problem
+
+pytestmark = pytest.mark.xdist_group("two-port")  # the fit is shared
+
+CONNECTIONS = get_args(Connection)
+CHANGES = {  # groups that differ in size and coupling, one mode driven alike, one against each other
+    "modes.0.coupling_b_n_per_v": 0.05,
+    "modes.1.coupling_b_n_per_v": -0.12,
+    "piezo.capacitance_b_f": 5e-9,
+}
+
+
+@pytest.fixture(scope="module")
+def motor() -> pr.Motor:
+    return pr.load_motor("andersen2002").updated(CHANGES)
+
+
+@pytest.fixture(scope="module")
+def two_port(motor: pr.Motor) -> pr.Spectrum:
+    result = pr.admittance(motor, start=8e3, stop=70e3, points=1200)
+    return pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s, source="stator.s2p")
+
+
+@pytest.fixture(scope="module")
+def fitted(two_port: pr.Spectrum) -> TwoPortFit:
+    return pr.fit_two_port(two_port)
+
+
+def noisy(spectrum: pr.Spectrum, seed: int, name: str) -> pr.Spectrum:
+    error = np.random.default_rng(seed).standard_normal((2, len(spectrum))) * 0.01 / np.sqrt(2.0)
+    y = spectrum.admittance_s * (1.0 + error[0] + 1j * error[1])
+    return pr.Spectrum.from_admittance(spectrum.frequency_hz, y, source=name)
+
+
+def truth(motor: pr.Motor) -> np.ndarray:
+    return np.array(
+        [
+            value
+            for mode in motor.modes
+            for value in (
+                mode.frequency_hz,
+                mode.quality_factor,
+                mode.coupling_a_n_per_v / np.sqrt(mode.mass_kg),
+                mode.coupling_b_n_per_v / np.sqrt(mode.mass_kg),
+            )
+        ]
+    )
+
+
+def found(fit: TwoPortFit) -> np.ndarray:
+    return np.array(
+        [
+            value
+            for mode in fit.modes
+            for value in (
+                mode.series_resonance_hz,
+                mode.quality_factor,
+                mode.coupling_a_n_per_v_kg05,
+                mode.coupling_b_n_per_v_kg05,
+            )
+        ]
+    )
+
+
+def test_couplings_come_back_with_their_signs(motor: pr.Motor, two_port: pr.Spectrum) -> None:
+    fit = pr.fit_two_port(two_port)
+    assert found(fit) == pytest.approx(truth(motor), rel=1e-6)
+    assert (fit.capacitance_a_f, fit.capacitance_b_f) == pytest.approx(
+        (motor.piezo.capacitance_a_f, motor.piezo.capacitance_b_f), rel=1e-6
+    )
+    assert fit.cautions == ()
+
+
+@pytest.mark.parametrize("left_out", [None, "A+B", "A-B"])
+def test_one_ports_of_a_bench_do_as_well(motor: pr.Motor, two_port: pr.Spectrum, left_out: str | None) -> None:
+    """Each connection swept by itself, with noise and over a range of its own."""
+    ports = {}
+    for index, name in enumerate(CONNECTIONS):
+        if name != left_out:
+            ports[name] = noisy(two_port.driven(name), index, f"{name}.csv").between(8e3 + 100 * index, 69e3)
+    fit = pr.fit_two_port(ports)
+    errors = [error for mode in fit.modes for error in mode.standard_errors.values()]
+    assert np.all(np.abs(found(fit) - truth(motor)) < 4.0 * np.array(errors))
+    assert found(fit) == pytest.approx(truth(motor), rel=0.01)
+    assert set(fit.rms_relative_error) == set(ports)
+    assert list(fit.rms_relative_error.values()) == pytest.approx([0.01] * len(ports), rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["mass_kg", "velocity_per_current"])
+def test_a_calibrated_motor_is_the_one_measured(motor: pr.Motor, fitted: TwoPortFit, tmp_path: Path, kind: str) -> None:
+    calibration = {
+        "mass_kg": [mode.mass_kg for mode in motor.modes],
+        # the tip moves with |tip| times the modal velocity, which takes θ times it in current
+        "velocity_per_current": [np.hypot(mode.tip_x, mode.tip_y) / mode.coupling_a_n_per_v for mode in motor.modes],
+    }[kind]
+    tips = [(mode.tip_x, mode.tip_y) for mode in motor.modes]
+    path = fitted.save(tmp_path / "motor.toml", **{kind: calibration}, tips=tips, name="again")
+    again = pr.load_motor(path)
+    for mode, expected in zip(again.modes, motor.modes, strict=True):
+        for name in ("mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v"):
+            assert getattr(mode, name) == pytest.approx(getattr(expected, name), rel=1e-6), name
+    assert again.contact == motor.contact
+    assert again.provenance["modes.0.coupling_a_n_per_v"].kind == "derived"
+    assert again.provenance["contact.preload_n"].kind == "assumed"
+    run = pr.simulate(again, pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3), duration=1e-4)
+    assert run.time_s[-1] == pytest.approx(1e-4)
+
+
+def test_one_calibration_stands_for_all_modes_and_says_so(fitted: TwoPortFit) -> None:
+    made = fitted.to_motor(velocity_per_current=2.0, connection="A+B")
+    assert made.modes[0].mass_kg == made.modes[1].mass_kg
+    assert made.modes[0].coupling_a_n_per_v + made.modes[0].coupling_b_n_per_v == pytest.approx(0.5)
+    assert [(mode.tip_x, mode.tip_y) for mode in made.modes] == [(0.0, 1.0), (1.0, 0.0)]
+    assert "taken to be that of all" in made.provenance["modes.1.mass_kg"].note
+    assert made.provenance["modes.1.tip_x"].kind == "assumed"
+
+
+def test_toml_gives_a_motor_back(motor: pr.Motor, tmp_path: Path) -> None:
+    path = tmp_path / "motor.toml"
+    path.write_text(motor.to_toml(heading="A motor,\nwritten and read."), encoding="utf-8")
+    assert pr.load_motor(path).to_dict() == motor.to_dict()
+
+
+def test_json(fitted: TwoPortFit, tmp_path: Path) -> None:
+    path = fitted.save(tmp_path / "fit.json")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert len(document["modes"]) == 2
+    assert document["modes"][1]["coupling_b_n_per_v_kg05"] < 0.0
+    assert document["rms_relative_error"].keys() == set(CONNECTIONS)
+
+
+def test_a_transfer_that_is_not_reciprocal_is_told(two_port: pr.Spectrum) -> None:
+    matrix = two_port.matrix_s.copy()
+    matrix[:, 0, 1] *= 1.2
+    fit = pr.fit_two_port(pr.Spectrum.from_admittance(two_port.frequency_hz, matrix))
+    assert any("Y_AB and Y_BA differ by" in text for text in fit.cautions)
+
+
+def test_what_does_not_tell_the_couplings_is_refused(two_port: pr.Spectrum) -> None:
+    one = two_port.driven("A")
+    for spectra in ({}, {"A": one, "B": one}, {"A": one, "A+B": one}):
+        with pytest.raises(pr.SpectrumError, match="give A, B, and A\\+B or A-B"):
+            pr.fit_two_port(spectra)  # type: ignore[arg-type]
+    with pytest.raises(pr.ParameterError, match="it must be an instance of Spectrum or 'A', 'B', 'A\\+B' or 'A-B'"):
+        pr.fit_two_port({"A": one, "B": one, "A+B": one, "C": one})  # type: ignore[dict-item]
+    with pytest.raises(pr.SpectrumError, match="has one port"):
+        pr.fit_two_port(one)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({}, "give either mass_kg or velocity_per_current"),
+        ({"mass_kg": 1e-3, "velocity_per_current": 1.0}, "give either mass_kg or velocity_per_current"),
+        ({"mass_kg": -1.0}, "it must be a number > 0, or one for each of 2 modes"),
+        ({"mass_kg": [1e-3, 1e-3, 1e-3]}, "or one for each of 2 modes"),
+        ({"mass_kg": 1e-3, "tips": [(0.0, 1.0)]}, "tips has 1 entries for 2 modes"),
+        ({"mass_kg": 1e-3, "connection": "B-A"}, "connection = 'B-A' is not valid"),
+        ({"mass_kg": 1e-3, "base": "andersen2003"}, "Did you mean"),
+        ({"mass_kg": 1e-3, "name": "*"}, "name"),
+    ],
+)
+def test_refused_calibrations(fitted: TwoPortFit, arguments: dict[str, object], says: str) -> None:
+    with pytest.raises(pr.ParameterError, match=says.replace("+", "\\+")):
+        fitted.to_motor(**arguments)  # type: ignore[arg-type]
+
+
+def test_a_mode_that_a_connection_does_not_drive_cannot_be_calibrated_by_it() -> None:
+    result = pr.admittance(pr.load_motor("andersen2002"), start=8e3, stop=70e3, points=600)
+    fit = pr.fit_two_port(pr.Spectrum.from_admittance(result.frequency_hz, result.matrix_s))
+    with pytest.raises(pr.ParameterError, match="Mode 2 takes no current through A\\+B"):
+        fit.to_motor(velocity_per_current=[1.0, 1.0], connection="A+B")
+
+
+# --- noise ---
+
+
+def with_error(spectrum: pr.Spectrum, kind: str, sigma: float, rng: np.random.Generator) -> pr.Spectrum:
+    """Add noise that is the same at all points in ln Y, in the reflection coefficient in 50 Ω, or in Z."""
+    y = spectrum.admittance_s
+    error = sigma / np.sqrt(2.0) * (rng.standard_normal(len(y)) + 1j * rng.standard_normal(len(y)))
+    reflection = (1.0 - 50.0 * y) / (1.0 + 50.0 * y) + error
+    changed = {
+        "proportional": y * (1.0 + error),
+        "s11": (1.0 - reflection) / (1.0 + reflection) / 50.0,
+        "z": 1.0 / (1.0 / y + error),
+    }
+    return pr.Spectrum.from_admittance(spectrum.frequency_hz, changed[kind])
+
+
+ERRORS = {"proportional": 3e-3, "s11": 3e-4, "z": 1.0}
+
+
+def scores(two_port: pr.Spectrum, motor: pr.Motor, kind: str, seed: int) -> np.ndarray:
+    """Fit noisy spectra of three connections; return the deviations over their errors."""
+    rng = np.random.default_rng([list(ERRORS).index(kind), seed])
+    names: tuple[Connection, ...] = ("A", "B", "A+B")
+    spectra = {name: with_error(two_port.driven(name), kind, ERRORS[kind], rng) for name in names}
+    fit = pr.fit_two_port(spectra)
+    assert len(fit.modes) == len(motor.modes)
+    for noise in fit.noise.values():
+        # of 1200 points: 2 % is its own deviation; another, smaller error may take a part
+        assert noise[kind] == pytest.approx(ERRORS[kind], rel=0.1)
+    error = np.array([value for mode in fit.modes for value in mode.standard_errors.values()])
+    return (found(fit) - truth(motor)) / error
+
+
+@pytest.mark.parametrize("kind", ERRORS)
+def test_the_error_of_each_connection_is_estimated_and_no_mode_is_added(
+    two_port: pr.Spectrum, motor: pr.Motor, kind: str
+) -> None:
+    assert np.abs(scores(two_port, motor, kind, 0)).max() < 4.0  # 1 of 16,000 values is farther off
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", ERRORS)
+def test_intervals_of_95_percent_hold_as_often_as_they_say(two_port: pr.Spectrum, motor: pr.Motor, kind: str) -> None:
+    deviations = np.array([scores(two_port, motor, kind, seed) for seed in range(60)])
+    assert 0.90 <= np.mean(np.abs(deviations) < 1.96) <= 0.98
+    assert np.abs(deviations.mean(axis=0)).max() < 0.5
+
+
+@pytest.mark.soak
+def test_intervals_of_a_two_port_hold_as_often_as_they_say(two_port: pr.Spectrum, motor: pr.Motor) -> None:
+    """Proportional noise in each entry of the matrix; the connections then have correlated errors."""
+    piezo = motor.piezo
+    wanted = np.append(truth(motor), [piezo.capacitance_a_f, piezo.capacitance_b_f, piezo.loss_tangent])
+    deviations = []
+    for seed in range(60):
+        error = np.random.default_rng(seed).standard_normal((2, *two_port.matrix_s.shape)) * 2e-3 / np.sqrt(2.0)
+        matrix = two_port.matrix_s * (1.0 + error[0] + 1j * error[1])
+        fit = pr.fit_two_port(pr.Spectrum.from_admittance(two_port.frequency_hz, matrix))
+        here = np.append(found(fit), [fit.capacitance_a_f, fit.capacitance_b_f, fit.loss_tangent])
+        each = [value for mode in fit.modes for value in mode.standard_errors.values()]
+        deviations.append((here - wanted) / np.append(each, list(fit.standard_errors.values())))
+    assert 0.90 <= np.mean(np.abs(deviations) < 1.96) <= 0.98
+    assert np.abs(np.mean(deviations, axis=0)).max() < 0.5
+
+
+def test_a_spectrum_that_the_modes_do_not_follow_keeps_its_two_modes() -> None:
+    fit = pr.fit_two_port(pr.read_spectrum(Path(__file__).parents[1] / "data" / "spectra" / "two_port.s2p"))
+    assert len(fit.modes) == 2  # both resonances of the file, although 45 to 86 % remain
+    assert any("residuals of up to 86 %" in caution for caution in fit.cautions)
+
+
+def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
+    rng = np.random.default_rng(5)
+    ports = {name: with_error(two_port.driven(name), "proportional", 3e-3, rng) for name in CONNECTIONS}
+    problem = _Problem(ports, {"proportional": 3e-3})
+    fitted = problem.descend(problem.start(2, None, None))
+    assert problem.doubtful(fitted) is None
+    invented = problem.descend(np.concatenate([fitted, [0.0, 4.0, 1e-4, 1e-4]]))
+    assert problem.doubtful(invented) == len(fitted)

@@ -1,0 +1,365 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a motor is as data: its JSON shape, its changes by dotted paths, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import re
+from math import pi, sqrt
+from typing import Any
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.load import load_motor
+from pyspice_runner.motor.motor import Motor, Provenance
+from tests.motor.toml_text import reads_well
+from tests.motors import mode, motor
+
+SHAPE = {  # design.md §5 of the project; users' scripts read it
+    "modes": {
+        "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
+        "coupling_b_n_per_v", "tip_x", "tip_y",
+    },
+    "piezo": {"capacitance_a_f", "capacitance_b_f", "loss_tangent"},
+    "contact": {
+        "normal_stiffness_n_per_m15", "tangential_compliance_tip_m_per_n23", "tangential_compliance_rotor_m_per_n23",
+        "friction", "preload_n",
+    },
+    "rotor": {"radius_m", "inertia_kg_m2", "bearing_damping_n_m_s"},
+}  # fmt: skip
+
+
+def leaves(document: dict[str, Any]) -> dict[str, float]:
+    """Dotted path → value of every number; ``frequency_hz`` is left out where the stiffness says the same."""
+    found = {f"{part}.{key}": value for part in ("piezo", "contact", "rotor") for key, value in document[part].items()}
+    for index, item in enumerate(document["modes"]):
+        found |= {f"modes.{index}.{key}": v for key, v in item.items() if key not in ("name", "frequency_hz")}
+    return found
+
+
+# --- shape ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("subject", [load_motor("andersen2002"), motor()], ids=lambda m: m.name)
+def test_document_has_the_agreed_shape(subject: Motor) -> None:
+    document = json.loads(json.dumps(subject.to_dict(), allow_nan=False))
+    assert set(document) == {"name", "mount", "limits", *SHAPE}
+    for part in ("piezo", "contact", "rotor"):
+        known = {"effective_radius_m", "poisson"} if part == "contact" else set()  # of a motor given by its materials
+        assert set(document[part]) - known == SHAPE[part]
+    for item, given_mode in zip(document["modes"], subject.modes, strict=True):
+        assert set(item) == SHAPE["modes"]
+        assert item["frequency_hz"] == given_mode.frequency_hz
+    frequencies = [item["frequency_hz"] for item in document["modes"]]
+    assert frequencies == sorted(frequencies)
+
+
+def test_motor_is_frozen_hashable_by_value_and_survives_a_pickle() -> None:
+    subject = motor()
+    for owner, name, path in (
+        (subject, "name", "name"),
+        (subject.contact, "preload_n", "contact.preload_n"),
+        (subject.modes[0], "mass_kg", f"modes.{subject.modes[0].name}.mass_kg"),
+    ):
+        message = f"{type(owner).__name__}: {name} cannot be assigned. motor.updated({{{path!r}: …}}) returns a changed"
+        with pytest.raises(ParameterError, match=re.escape(message)):
+            setattr(owner, name, 1.0)
+    assert pickle.loads(pickle.dumps(subject)) == subject == motor()
+
+
+def test_the_representation_has_one_line_with_the_modes() -> None:
+    line = repr(load_motor("andersen2002")).replace("\N{NO-BREAK SPACE}", " ")
+    assert line.startswith("Motor(name: andersen2002, modes: 13.5 kHz (Q 56.7), 51.7 kHz (Q 58.8), preload: 5 N")
+    assert "\n" not in line
+
+
+def test_frequency_and_quality_are_those_of_an_oscillator() -> None:
+    item = mode("m", 33e3, 0.002, 123.0)
+    assert item.frequency_hz == pytest.approx(33e3, rel=1e-14)
+    assert item.quality_factor == pytest.approx(123.0, rel=1e-14)
+    assert item.stiffness_n_per_m == pytest.approx(0.002 * (2 * pi * 33e3) ** 2)
+
+
+# --- changes -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", leaves(motor().to_dict()))
+def test_every_number_can_be_changed_by_its_path_and_nothing_else_moves(path: str) -> None:
+    before = motor()
+    value = leaves(before.to_dict())[path]
+    changed = before.updated({path: 1.01 * value})
+    after = leaves(changed.to_dict())
+    assert after.pop(path) == 1.01 * value
+    expected = leaves(before.to_dict())
+    expected.pop(path)
+    assert after == expected
+    assert before == motor()
+    assert changed.provenance[path] == Provenance("set", "by the user")
+    assert changed.updated({path: value}).to_dict() == before.to_dict()
+
+
+@pytest.mark.parametrize("which", ["1", "pull"])
+def test_a_mode_is_named_or_numbered(which: str) -> None:
+    changed = motor().updated({f"modes.{which}.tip_x": 3.5})
+    assert [item.tip_x for item in changed.modes] == [0.1, 3.5, -0.6]
+    assert changed.provenance["modes.1.tip_x"].kind == "set"
+
+
+def test_new_frequency_keeps_mass_and_damping() -> None:
+    before = motor()
+    changed = before.updated({"modes.push.frequency_hz": 25e3, "modes.push.mass_kg": 0.005, "name": "lighter"})
+    item = changed.modes[0]
+    assert changed.name == "lighter"
+    assert item.mass_kg == 0.005
+    assert item.frequency_hz == pytest.approx(25e3, rel=1e-14)
+    assert item.damping_n_s_per_m == before.modes[0].damping_n_s_per_m
+
+
+SPRINGS = {"stiffness_n_per_m": 2e4, "mass_kg": 0.05, "damping_n_s_per_m": 50.0}
+
+
+def test_a_mount_is_put_in_changed_and_taken_out() -> None:
+    held = motor().updated({"mount": None})
+    assert held.to_dict()["mount"] is None
+    sprung = held.updated({"mount": SPRINGS})
+    assert sprung.to_dict()["mount"] == SPRINGS
+    assert sprung.to_dict() == held.updated({f"mount.{name}": value for name, value in SPRINGS.items()}).to_dict()
+    softer = sprung.updated({"mount.stiffness_n_per_m": 1e4})
+    assert softer.to_dict()["mount"] == SPRINGS | {"stiffness_n_per_m": 1e4}
+    assert softer.mount is not None
+    assert softer.mount.frequency_hz == pytest.approx(sqrt(1e4 / 0.05) / (2 * pi), rel=1e-15)
+    assert softer.updated({"mount": None}).to_dict() == held.to_dict()
+    with pytest.raises(ParameterError, match=r"mount\.mass_kg is missing"):
+        held.updated({"mount.stiffness_n_per_m": 2e4})
+    with pytest.raises(ParameterError, match=r"mount must be"):
+        held.updated({"mount": 2e4})
+    with pytest.raises(ParameterError, match=r"Did you mean 'mount.mass_kg'"):
+        sprung.updated({"mount.mass": 0.1})
+    with pytest.raises(ParameterError, match=r"mount\.stiffness_n_per_m = -1"):
+        sprung.updated({"mount.stiffness_n_per_m": -1.0})
+
+
+def test_modes_stay_sorted_and_their_provenance_moves_along() -> None:
+    changed = motor().updated({"modes.0.frequency_hz": 50e3})
+    assert [item.name for item in changed.modes] == ["pull", "push", "turn"]
+    assert changed.provenance == {"modes.1.frequency_hz": Provenance("set", "by the user")}
+    again = changed.updated({"modes.push.tip_y": 0.8})
+    assert set(again.provenance) == {"modes.1.frequency_hz", "modes.1.tip_y"}
+
+
+def test_structure_is_forgotten_when_a_mode_no_longer_follows_from_it() -> None:
+    paper = load_motor("andersen2002")
+    assert paper.structure is not None
+    assert paper.updated({"contact.preload_n": 3.0}).structure == paper.structure
+    assert paper.updated({"modes.0.damping_n_s_per_m": 10.0}).structure is None
+
+
+def test_an_empty_change_keeps_the_motor() -> None:
+    assert motor().updated({}) == motor()
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_all_allowed_changes_appear_in_the_document(data: st.DataObject) -> None:
+    before = motor()
+    values = leaves(before.to_dict())
+    paths = data.draw(st.lists(st.sampled_from(sorted(values)), unique=True, max_size=8))
+    changes = {path: values[path] * data.draw(st.floats(0.7, 1.3)) for path in paths}
+    after = before.updated(changes)
+    order = [[item.name for item in before.modes].index(item.name) for item in after.modes]
+    for path, value in leaves(after.to_dict()).items():
+        head, number, *key = path.split(".")
+        was = f"modes.{order[int(number)]}.{key[0]}" if head == "modes" else path
+        assert value == changes.get(was, values[was])
+    copy = motor().updated(leaves(before.to_dict()))
+    assert copy == before.model_copy(update={"provenance": copy.provenance})
+
+
+# --- refusals ------------------------------------------------------------------------------------------------
+
+PATHS = "Paths are those of `piezomotor show --json`, such as contact.preload_n."
+MODES = "there are push, pull, turn, numbered from 0."
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"contact.preload": 5.0}, "There is no parameter 'contact.preload'. Did you mean 'contact.preload_n'?"),
+        ({"modes.0.frequency": 5.0}, "There is no parameter 'modes.0.frequency'. Did you mean 'modes.0.frequency_hz'?"),
+        ({"modes.turn.tipx": 5.0}, "There is no parameter 'modes.turn.tipx'. Did you mean 'modes.2.tip_x'?"),
+        ({"contact": {}}, f"There is no parameter 'contact'. {PATHS}"),
+        (
+            {"contact.preload_n.x": 1.0},
+            "There is no parameter 'contact.preload_n.x'. Did you mean 'contact.preload_n'?",
+        ),
+        ({"": 1.0}, f"There is no parameter ''. {PATHS}"),
+        ({"structure.beam.length_m": 1.0}, f"There is no parameter 'structure.beam.length_m'. {PATHS}"),
+        ({"provenance": {}}, f"There is no parameter 'provenance'. {PATHS}"),
+        ({"modes.0": {}}, f"There is no parameter 'modes.0'. {PATHS}"),
+        ({"modes": []}, f"There is no mode '' in 'modes'; {MODES}"),
+        ({"modes.3.mass_kg": 1.0}, f"There is no mode '3' in 'modes.3.mass_kg'; {MODES}"),
+        ({"modes.-1.mass_kg": 1.0}, f"There is no mode '-1' in 'modes.-1.mass_kg'; {MODES}"),
+        ({"modes.².mass_kg": 1.0}, f"There is no mode '²' in 'modes.².mass_kg'; {MODES}"),
+        (
+            {"modes.1.name": "push"},
+            "two modes share a name in ['push', 'push', 'turn']; give each its own.",
+        ),
+        (
+            {"modes.0.tip_x": 1.0, "modes.push.tip_x": 2.0},
+            "modes.0.tip_x is changed twice; give one value.",
+        ),
+        (
+            {"modes.0.frequency_hz": 2e4, "modes.push.stiffness_n_per_m": 1e7},
+            "modes.0.frequency_hz and the stiffness are both changed; give one of them.",
+        ),
+        (
+            {"modes.0.frequency_hz": 0.0},
+            "modes.0.frequency_hz = 0 Hz is not valid: it must be a number > 0 and < 1e+18 Hz.",
+        ),
+        (
+            {"modes.0.frequency_hz": 1e12},
+            (
+                "modes.0.frequency_hz = 1e+12 Hz is not valid: with a mass of 0.004 kg it needs a "
+                "stiffness of 1.58e+23 N/m, which must be a number > 0.001 and ≤ 1e+15 N/m."
+            ),
+        ),
+        (
+            {"modes.0.frequency_hz": 2e4, "modes.0.mass_kg": "light"},
+            "modes.0.mass_kg = 'light' is not valid: it must be a number > 1e-12 and ≤ 1000 kg.",
+        ),
+        (
+            {"modes.1.damping_n_s_per_m": 1e8},
+            "mode pull does not ring: quality factor 7.73e-06; it must exceed 0.5, so lower its damping.",
+        ),
+        (
+            {"modes.1.damping_n_s_per_m": 1e-6},
+            "mode pull rings too well: quality factor 7.73e+08; no solid exceeds 1e+06, so raise its damping.",
+        ),
+        (
+            {"modes.0.frequency_hz": 9.0},
+            (
+                "mode push swings at 9 Hz by its mass and stiffness; a piezo motor's modes lie from 10 to 1e+07 Hz, so "
+                "correct one of them."
+            ),
+        ),
+        (
+            {"modes.0.frequency_hz": 60.0, "modes.0.damping_n_s_per_m": 0.01},
+            (
+                "the modes reach from 60 to 6.6e+04 Hz; a stator's are at most a factor 1000 apart, so leave out those "
+                "that do not take part."
+            ),
+        ),
+        (
+            {"modes.0.coupling_b_n_per_v": 2.0},
+            (
+                "the modes give group B a coupling k_eff² = 0.96, the share of Σ θ²/k in it and piezo.capacitance_b_f; "
+                "no ceramic exceeds 0.9, so correct coupling_b_n_per_v or the capacitance."
+            ),
+        ),
+        (
+            {"rotor.inertia_kg_m2": 5e-13},
+            (
+                "pressed on the rotor the tip swings at 8.692e+06 Hz, more than 100 times the highest mode's 6.6e+04 "
+                "Hz: the tip, the rotor at its rim or the carrier has too little mass; change tip_x and tip_y, "
+                "contact.normal_stiffness_n_per_m15, rotor.inertia_kg_m2 or mount.mass_kg."
+            ),
+        ),
+        (
+            {"contact.tangential_compliance_tip_m_per_n23": 5e-3},
+            (
+                "contact.normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
+                "1.26e+04; of two elastic bodies it is 1 to 1.5, and it must be 0.1 to 100, so state "
+                "[contact.materials] or correct the one that is off."
+            ),
+        ),
+        (
+            {"contact.preload_n": 9e4},
+            (
+                "contact.preload_n = 90000 N presses the tip 0.00183 m into the rotor; at most a "
+                "tenth of rotor.radius_m = 0.013 m is allowed, so lower the preload."
+            ),
+        ),
+        (
+            {"name": "a/b"},
+            (
+                "name = 'a/b' is not valid: it must be a text of at most 60 letters, digits, spaces, "
+                "dots, - and _, the first a letter or digit."
+            ),
+        ),
+        (
+            {"modes.0.name": "1st"},
+            (
+                "modes.0.name = '1st' is not valid: it must be a text of at most 40 letters, digits, "
+                "- and _, the first a letter."
+            ),
+        ),
+    ],
+)
+def test_an_invalid_change_is_explained(changes: dict[Any, Any], sentence: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        motor().updated(changes)
+    prefix = "" if sentence.startswith("There is no ") else "motor off the defaults: "
+    assert str(caught.value) == prefix + sentence
+    assert reads_well(str(caught.value))
+
+
+@pytest.mark.parametrize("path", leaves(motor().to_dict()))
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 10**400, "1.0", True, None, [1.0], {}])
+def test_wrong_value_names_path_value_unit_and_range(path: str, wrong: Any) -> None:
+    with pytest.raises(ParameterError) as caught:
+        motor().updated({path: wrong})
+    sentence = str(caught.value)
+    assert reads_well(sentence)
+    assert sentence.startswith(f"motor off the defaults: {path} = ")
+    assert " is not valid: it must be a number " in sentence
+    unit = UNITS[path.rpartition(".")[2]]
+    assert sentence.endswith(f" {unit}." if unit else ".")
+    if isinstance(wrong, float):
+        assert f" = {wrong:g}{f' {unit}' if unit else ''} is not valid" in sentence
+
+
+UNITS = {
+    "capacitance_a_f": "F", "capacitance_b_f": "F", "loss_tangent": "",
+    "normal_stiffness_n_per_m15": "N/m^1.5", "tangential_compliance_tip_m_per_n23": "m/N^(2/3)",
+    "tangential_compliance_rotor_m_per_n23": "m/N^(2/3)", "friction": "", "preload_n": "N", "radius_m": "m",
+    "inertia_kg_m2": "kg·m²", "bearing_damping_n_m_s": "N·m·s", "mass_kg": "kg", "damping_n_s_per_m": "N·s/m",
+    "stiffness_n_per_m": "N/m", "coupling_a_n_per_v": "N/V", "coupling_b_n_per_v": "N/V", "tip_x": "", "tip_y": "",
+}  # fmt: skip
+
+
+@settings(max_examples=200, deadline=None)
+@example(changes={". A": None})
+@given(
+    changes=st.dictionaries(
+        st.one_of(
+            st.text(max_size=20),
+            st.sampled_from([*leaves(motor().to_dict()), "name", "modes.0.name", "modes.1.frequency_hz"]),
+        ),
+        st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=10), st.lists(st.floats())),
+        max_size=4,
+    )
+)
+def test_any_change_gives_a_motor_or_one_clear_refusal(changes: dict[str, Any]) -> None:
+    sentence = None
+    try:
+        motor().updated(changes)
+    except ParameterError as error:
+        sentence = str(error)
+    assert sentence is None or reads_well(sentence), sentence
+
+
+@pytest.mark.parametrize(
+    "number", ["9" * 5000, "7", "-1", "\N{ARABIC-INDIC DIGIT ZERO}", "\N{SUPERSCRIPT TWO}", "0x0", ""]
+)
+def test_a_number_of_no_mode_is_rejected(number: str) -> None:
+    with pytest.raises(ParameterError, match=r"There is no mode .* there are .*, numbered from 0"):
+        motor().updated({f"modes.{number}.tip_x": 1.0})
+
+
+def test_a_wrong_argument_of_a_method_is_an_error_of_the_package() -> None:
+    with pytest.raises(ParameterError, match=r"^updated: changes = 5 is not valid: it must be "):
+        motor().updated({5: 1.0})  # type: ignore[dict-item]

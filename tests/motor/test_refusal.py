@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The messages for invalid values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date
+from inspect import signature
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+import pyspice_runner as pr
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import refusal
+from pyspice_runner.motor.load import Arm, Materials
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import (
+    Beam,
+    Contact,
+    Damping,
+    Mode,
+    Parameters,
+    Patch,
+    Piezo,
+    Rotor,
+    Tip,
+    label,
+    quantity,
+)
+from tests.motor.toml_text import reads_well
+
+KINDS = (Arm, Beam, Contact, Damping, Materials, Mode, Patch, Piezo, Rotor, Tip)
+
+
+class Thing(Parameters):
+    """Something of every kind."""
+
+    size: float = quantity("how large it is", "m", gt=0.0, le=2.0)
+    share: float = quantity("how much of it", "1", ge=0.0, lt=1.0)
+    count: Annotated[int, Field(description="how many", ge=1, le=9)]
+    side: Literal["left", "right"] = Field(description="where it is")
+    name: str = label("what it is called")
+
+
+NAMES = "is not valid: it must be a text of at most 40 letters, digits, - and _, the first a letter."
+GOOD = {"size": 1.0, "share": 0.5, "count": 3, "side": "left", "name": "it"}
+
+
+def said(table: Any) -> str:
+    with pytest.raises(ParameterError) as caught:
+        refusal.build(Thing, table, "things.0", "shelf.toml")
+    assert reads_well(str(caught.value))
+    return str(caught.value)
+
+
+def test_good_table_is_built() -> None:
+    assert refusal.build(Thing, GOOD, "things.0", "shelf.toml").model_dump() == GOOD
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("size", 0.0, "size = 0 m is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", 2.5, "size = 2.5 m is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", float("nan"), "size = nan m is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", "2 m", "size = '2 m' is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", True, "size = True is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("size", date(2002, 6, 10), "size = 2002-06-10 is not valid: it must be a number > 0 and ≤ 2 m."),
+        ("share", 1.0, "share = 1 is not valid: it must be a number ≥ 0 and < 1."),
+        ("count", 2.5, "count = 2.5 is not valid: it must be a whole number ≥ 1 and ≤ 9."),
+        ("count", 10, "count = 10 is not valid: it must be a whole number ≥ 1 and ≤ 9."),
+        ("side", "up", "side = 'up' is not valid: it must be one of left, right."),
+        ("side", 1, "side = 1 is not valid: it must be one of left, right."),
+        (
+            "name",
+            "7up",
+            f"name = '7up' {NAMES}",
+        ),
+        (
+            "name",
+            "a" * 41,
+            f"name = '{'a' * 41}' {NAMES}",
+        ),
+        (
+            "name",
+            7,
+            f"name = 7 {NAMES}",
+        ),
+    ],
+)
+def test_wrong_value_is_named(name: str, value: Any, sentence: str) -> None:
+    assert said(GOOD | {name: value}) == f"shelf.toml: things.0.{sentence}"
+
+
+def test_missing_value_is_described() -> None:
+    without = {key: value for key, value in GOOD.items() if key != "size"}
+    assert said(without) == "shelf.toml: things.0.size is missing (how large it is, in m). State it."
+    without = {key: value for key, value in GOOD.items() if key != "share"}
+    assert said(without) == "shelf.toml: things.0.share is missing (how much of it). State it."
+
+
+def test_misspelt_name_is_recognised() -> None:
+    assert said(GOOD | {"sise": 1.0}) == "shelf.toml: there is no 'things.0.sise'. Did you mean 'size'?"
+    assert said(GOOD | {"hue": 1.0}) == (
+        "shelf.toml: there is no 'things.0.hue'. Known are size, share, count, side, name."
+    )
+    assert said(GOOD | {"a\nb": 1.0}).startswith("shelf.toml: there is no 'things.0.a\\nb'. Known are")
+
+
+@pytest.mark.parametrize("table", [5, "x", None, [GOOD], True])
+def test_a_value_that_is_not_a_table_is_rejected(table: Any) -> None:
+    assert said(table).startswith("shelf.toml: things.0 must be a table [things.0], not ")
+
+
+def test_long_value_is_shortened() -> None:
+    sentence = said(GOOD | {"size": "x" * 1000})
+    assert len(sentence) < 200
+    assert "…" in sentence
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_quantity_says_its_range_unit_and_meaning(kind: type[Parameters]) -> None:
+    for name, field in kind.model_fields.items():
+        assert field.description
+        # a default leaves an optional effect out, and lies in the range of the field
+        schema = kind.model_json_schema()["properties"][name]
+        if field.default is not None and schema.get("type") not in ("boolean", "string"):
+            least = schema.get("minimum", schema.get("exclusiveMinimum"))
+            assert field.is_required() or least <= field.default <= schema["maximum"]
+        allowed = refusal.allowed_range(kind, name)
+        assert "inf" not in allowed
+        if field.annotation in (float, float | None):
+            assert refusal.unit_of(kind, name)
+            assert allowed.startswith("a number ")
+
+
+def test_name_of_a_motor_may_hold_more_than_that_of_a_mode() -> None:
+    assert "spaces, dots" in refusal.allowed_range(Motor, "name")
+    assert refusal.allowed_range(Motor, "modes") == "1 to 20 entries"
+
+
+@pytest.mark.parametrize("value", [1.0, 1, 1e-300, 9e17])
+def test_positive_number_passes(value: float) -> None:
+    assert refusal.positive(value, "f", "here", "Hz") == value
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), 1e18, 10**400, "1", True, None])
+def test_a_number_that_is_not_positive_is_rejected(value: Any) -> None:
+    with pytest.raises(ParameterError) as caught:
+        refusal.positive(value, "modes.0.frequency_hz", "motor x", "Hz")
+    assert reads_well(str(caught.value))
+    assert str(caught.value).startswith("motor x: modes.0.frequency_hz = ")
+    assert str(caught.value).endswith(" is not valid: it must be a number > 0 and < 1e+18 Hz.")
+
+
+@pytest.mark.parametrize("value", [2.1, 0.0, "1", True, float("nan")])
+def test_a_single_value_must_be_in_the_range_of_its_field(value: Any) -> None:
+    assert refusal.limited(Thing, "size", 2, "things.0.size", "shelf.toml") == 2.0
+    with pytest.raises(ParameterError) as caught:
+        refusal.limited(Thing, "size", value, "things.0.size", "shelf.toml")
+    assert str(caught.value) == said(GOOD | {"size": value})
+
+
+def test_a_value_without_a_repr_is_named() -> None:
+    assert refusal.quoted(10**5000) == "int too large to be shown"
+    assert refusal.quoted([10**5000]) == "list too large to be shown"
+
+
+class _Part:
+    pass
+
+
+@refusal.checked
+def held(
+    part: _Part,
+    size: float,
+    *,
+    count: int = 1,
+    way: Literal["up", "down"] | None = None,
+    names: Sequence[str] | None = None,
+    tables: Mapping[str, float] | None = None,
+    tell: Callable[[], object] | None = None,
+    whole: bool = True,
+    **rest: Any,
+) -> tuple[Any, ...]:
+    return part, size, count, way, names, tables, tell, whole, rest
+
+
+@refusal.checked
+def strict_names(duration: float, *, load_torque: float = 0.0, record_every: int = 1) -> float:
+    return duration * load_torque * record_every
+
+
+def test_valid_types_pass_and_numpy_numbers_become_python_numbers() -> None:
+    part = _Part()
+    found = held(part, np.array(0.5), count=np.int64(3), names=("a", "b"), way="up", rest={"x": 1})  # type: ignore[arg-type]
+    assert found[:5] == (part, 0.5, 3, "up", ("a", "b"))
+    assert [type(value) for value in found[1:3]] == [float, int]
+    assert held(part, np.float32(0.5))[1] == 0.5
+    assert held(part, 2)[1] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"part": 5}, "part = 5 is not valid: it must be an instance of _Part."),
+        ({"size": "1"}, "size = '1' is not valid: it must be a number."),
+        ({"size": True}, "size = True is not valid: it must be a number."),
+        ({"size": None}, "size = None is not valid: it must be a number."),
+        ({"size": 1j}, "size = 1j is not valid: it must be a number."),
+        ({"count": 2.0}, "count = 2.0 is not valid: it must be a whole number."),
+        ({"count": float("inf")}, "count = inf is not valid: it must be a whole number."),
+        ({"way": "sideways"}, "way = 'sideways' is not valid: it must be 'up' or 'down'."),
+        ({"names": "abc"}, "names = 'abc' is not valid: it must be a list."),
+        ({"names": [1]}, "names = 1 is not valid: it must be a text."),
+        ({"tables": [1]}, "tables = [1] is not valid: it must be a dictionary."),
+        ({"tell": 1}, "tell = 1 is not valid: it must be a function."),
+        ({"whole": 1}, "whole = 1 is not valid: it must be True or False."),
+    ],
+)
+def test_an_argument_of_another_type_is_an_error_that_names_the_function(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        held(**{"part": _Part(), "size": 1.0, **given})
+    assert str(caught.value) == f"held: {says}"
+
+
+@pytest.mark.parametrize(
+    ("args", "kwargs", "says"),
+    [
+        ((1.0,), {"load_torqe": 1.0}, "there is no argument 'load_torqe'. Did you mean 'load_torque'?"),
+        ((1.0,), {"xyz": 1.0}, "there is no argument 'xyz'. The arguments are duration, load_torque, record_every."),
+        ((), {}, "the argument duration is missing."),
+        ((1.0, 2.0), {}, "there are too many arguments without a name. Name them: load_torque=…, record_every=…."),
+        ((1.0,), {"duration": 2.0}, "the argument duration is given twice."),
+    ],
+)
+def test_a_wrong_name_is_an_error_that_names_the_function_and_the_nearest_name(
+    args: tuple[float, ...], kwargs: dict[str, float], says: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        strict_names(*args, **kwargs)  # type: ignore[arg-type]
+    assert str(caught.value) == f"strict_names: {says}"
+
+
+@pytest.mark.parametrize(
+    ("name", "typo", "meant"),
+    [
+        ("simulate", "load_torqe", "load_torque"),
+        ("simulate_averaged", "phasses", "phases"),
+        ("steady_state", "sped", "speed"),
+        ("speed_torque", "speds", "speeds"),
+        ("admittance", "pionts", "points"),
+        ("drive_report", "duraton", "duration"),
+        ("track", "disturbed", "disturb"),
+        ("fit_spectrum", "mode", "modes"),
+        ("fit_two_port", "mode", "modes"),
+        ("compare", "conection", "connection"),
+        ("report", "level", "levels"),
+        ("export_motor", "contcat", "contact"),
+    ],
+)
+def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_argument(
+    name: str, typo: str, meant: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        getattr(pr, name)(**{typo: 1})
+    assert str(caught.value) == f"{name}: there is no argument '{typo}'. Did you mean '{meant}'?"
+
+
+def test_a_method_does_not_name_self_among_its_arguments() -> None:
+    with pytest.raises(ParameterError, match=r"updated: there is no argument 'x'. The arguments are changes\.$"):
+        pr.load_motor("andersen2002").updated(x=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    "name", ["simulate", "simulate_averaged", "simulate_controlled", "track", "drive_report", "report"]
+)
+def test_the_duration_is_positional_and_has_a_name(name: str) -> None:
+    parameter = signature(getattr(pr, name)).parameters["duration"]
+    assert parameter.kind is parameter.POSITIONAL_OR_KEYWORD
+
+
+def test_simulate_points_to_the_averaged_motor() -> None:
+    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(50.0, 51.7e3)
+    with pytest.raises(ParameterError, match="The averaged motor runs in simulate_averaged"):
+        pr.simulate(motor, drive, 1e-3, averaged=True)  # type: ignore[call-arg]
+
+
+def test_a_motor_without_named_parameters_points_to_load_motor() -> None:
+    with pytest.raises(ParameterError, match="Motor: name every parameter, or use load_motor"):
+        pr.Motor("andersen2002")
+
+
+def test_a_typo_in_an_argument_of_a_sweep_names_the_argument() -> None:
+    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(voltage=1.0, frequency=5e4)
+    for typo, meant in (("sample", "samples"), ("duraton", "duration")):
+        with pytest.raises(ParameterError, match=f"There is no argument '{typo}'. Did you mean '{meant}'"):
+            pr.sweep(motor, drive, over={"drive.voltage": [1.0]}, **{typo: 1})

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The derivative along a trace, against periods that ngspice maps from perturbed states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.motor.drive import Load
+from pyspice_runner.steady import shooting
+from pyspice_runner.steady.copies import Copy, Plant
+from pyspice_runner.steady.monodromy import Derivative, derivatives, differentiable
+from pyspice_runner.steady.period_map import PeriodMap
+from pyspice_runner.steady.shooting import Point, Shooting, balance, start_point
+
+STEPS = 72
+PERTURBATION = 3e-5  # of the scale of each state
+# Central quotients with this perturbation differ from the derivative by its square, and by the noise of Newton's
+# iteration in ngspice (reltol = 1e-6 of a step's change), over the perturbation
+TOLERANCE = 2e-5
+PAPER = pr.load_motor("andersen2002")
+PAPERS_DRIVE = pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0)
+FLAGSHIP = pr.load_motor("bimodal40")
+SHAKEN = pr.load_motor("beam40").updated({
+    "modes.0.recoil_kg": 1e-3, "modes.1.recoil_x_kg": -2e-3, "mount.mass_kg": 0.02,
+    "mount.tangential_stiffness_n_per_m": 3e6, "mount.tangential_damping_n_s_per_m": 20.0,
+})  # fmt: skip
+CASES = {
+    "free shaft, mount": (PAPER, PAPERS_DRIVE, None, Law()),
+    "flagship, brush": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 8)),
+    "recoil along both axes": (SHAKEN, pr.default_drive(SHAKEN), 5.0, Law()),
+    "damping on a soft compliance": (
+        PAPER.updated({"contact.series_compliance_m_per_n": 1e-5, "contact.restitution": 0.3}), PAPERS_DRIVE, 2.0, Law()
+    ),
+    "coulomb": (PAPER, PAPERS_DRIVE, 2.0, Law("coulomb")),
+    "compliance along the rotor": (
+        PAPER.updated({"contact.tangential_series_compliance_m_per_n": 4e-8}), PAPERS_DRIVE, 2.0, Law()
+    ),
+    "worn tip": (PAPER.updated({"contact.worn_flat_radius_m": 5e-5}), PAPERS_DRIVE, 1.0, Law()),
+    "falling friction": (PAPER.updated({"contact.sliding_ratio": 0.7}), PAPERS_DRIVE, 1.0, Law()),
+    "fixed distance": (PAPER.updated({"mount": None}), PAPERS_DRIVE, 2.0, Law()),
+    "brush of 32": (PAPER, PAPERS_DRIVE, 2.0, Law("brush", 32)),
+    "flagship, brush of 32": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 32)),
+}  # fmt: skip
+
+
+def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tuple[Point, Derivative, Derivative]:
+    """Return a point, its derivative along the trace, and the central quotient by perturbed copies."""
+    period_map = PeriodMap(plant.drive.period, STEPS)
+    point = start_point(plant)
+    balance([point])
+    moves = perturbation * np.diag(point.scale)
+    states = [point.state, *(point.state + moves), *(point.state - moves)]
+    traces = [trace for trace in period_map.traces([Copy(plant, state) for state in states]) if trace is not None]
+    assert len(traces) == len(states)
+    assert traces[0].course is not None
+    (along,) = derivatives([traces[0].course], period_map.discretisation)
+    up, down = traces[1 : plant.order + 1], traces[plant.order + 1 :]
+    width = 2.0 * perturbation * point.scale
+    start, end = (
+        np.array([one.states[:, at] - other.states[:, at] for one, other in zip(up, down, strict=True)]).T / width
+        for at in (0, -1)
+    )
+    forces = np.array([one.forces - other.forces for one, other in zip(up, down, strict=True)]).T / width
+    return point, along, Derivative(start, end, forces, along.monodromy)
+
+
+@pytest.mark.parametrize(
+    "name", [name if number < 4 else pytest.param(name, marks=pytest.mark.soak) for number, name in enumerate(CASES)]
+)
+def test_the_derivative_along_a_trace_is_that_of_perturbed_copies(name: str) -> None:
+    motor, drive, speed, law = CASES[name]
+    point, along, copies = along_and_by_copies(Plant(motor, drive, Load(speed), law))
+    across = point.scale / point.scale[:, np.newaxis]
+    for one, other in ((along.at_start, copies.at_start), (along.at_end, copies.at_end)):
+        assert np.abs((one - other) * across).max() < TOLERANCE * max(1.0, np.abs(other * across).max())
+    slopes = copies.forces * point.scale
+    assert np.abs(along.forces * point.scale - slopes).max() < TOLERANCE * np.abs(slopes).max()
+    assert np.abs((along.monodromy @ along.at_start - along.at_end) * across).max() < 1e-9  # rounding
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["brush of 32", "flagship, brush of 32"])
+def test_the_multipliers_of_32_sliders_are_those_of_a_row_that_slips(name: str) -> None:
+    """A row that slips as a whole within the period forgets its start: no slider has a multiplier of its own."""
+    motor, drive, speed, law = CASES[name]
+    few, many = (
+        np.sort(np.abs(pr.steady_state(motor, drive, speed=speed, contact=one).floquet_multipliers))[::-1]
+        for one in (Law("brush", 8), law)
+    )
+    moving = 2 * (len(motor.modes) + 1)  # of modes and carrier
+    assert len(many) == len(few) + 24
+    np.testing.assert_allclose(many[:moving], few[:moving], rtol=1e-3)  # partial slip differs with the width of a cell
+    assert max(many[moving], few[moving]) < 1e-9
+    _, _, coarse = along_and_by_copies(Plant(motor, drive, Load(speed), law))
+    _, _, fine = along_and_by_copies(Plant(motor, drive, Load(speed), law), PERTURBATION / 3.0)
+    assert np.abs(coarse.at_end - fine.at_end).max() < 1e-3 * np.abs(fine.at_end).max()
+
+
+@pytest.mark.soak
+def test_the_multipliers_of_32_sliders_that_stick_are_those_of_one_spring() -> None:
+    drive = pr.TwoPhaseDrive(voltage=0.5, frequency=51.7e3, phase_deg=90.0)
+    one, many = (
+        np.sort(np.abs(pr.steady_state(PAPER, drive, speed=0.0, contact=law).floquet_multipliers))[::-1]
+        for law in (Law(), Law("brush", 32))
+    )
+    moving = 2 * (len(PAPER.modes) + 1)
+    np.testing.assert_allclose(many[:moving], one[:moving], rtol=1e-4)  # a spring that is linear, and one that is not
+    assert many[moving] < 1e-9
+
+
+def test_runs_with_other_points_in_time_are_differentiated_apart() -> None:
+    """As after a step that ngspice shortens in one deck and not in another."""
+    plant = Plant(PAPER, PAPERS_DRIVE, Load(2.0), Law())
+    period_map = PeriodMap(PAPERS_DRIVE.period, STEPS)
+    (trace,) = period_map.traces([Copy(plant, start_point(plant).state)])
+    assert trace is not None
+    course = trace.course
+    assert course is not None
+    later = replace(
+        course, time=course.time[1:], states=course.states[:, 1:], normal=course.normal[1:], first=course.first - 1,
+        friction=course.friction[1:], penetration_um=course.penetration_um[1:],
+    )  # fmt: skip
+    alone = [derivatives([one], period_map.discretisation)[0] for one in (course, later)]
+    for one, other in zip(alone, derivatives([course, later], period_map.discretisation), strict=True):
+        np.testing.assert_array_equal(one.at_end, other.at_end)
+
+
+def test_a_motion_so_far_from_the_contact_that_its_derivative_overflows_is_not_a_steady_state(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def overflowing(*arguments: Any) -> list[Derivative]:
+        return [replace(found, at_end=np.full_like(found.at_end, np.nan)) for found in derivatives(*arguments)]
+
+    monkeypatch.setattr(shooting, "derivatives", overflowing)
+    point = start_point(Plant(PAPER, PAPERS_DRIVE, Load(2.0), Law()))
+    Shooting([point], PeriodMap(PAPERS_DRIVE.period, STEPS)).solve()
+    assert point.failed
+    assert not point.done
+
+
+def test_a_point_that_starts_again_takes_a_derivative_whatever_its_last_residual_was() -> None:
+    motor = pr.load_motor("andersen2002").updated({"mount": None})
+    point = start_point(Plant(motor, PAPERS_DRIVE, Load(2.0), Law("spring-slider")))
+    period_map = PeriodMap(PAPERS_DRIVE.period, STEPS)
+    Shooting([point], period_map).solve()
+    point.restart(point.state + 1e-3 * point.scale)
+    assert point.at_end is None
+    assert point.residual <= point.tolerance
+    Shooting([point], period_map, near=True).solve()
+    assert point.done
+
+
+def test_a_mode_that_softens_and_a_law_of_the_users_own_are_differentiated_by_copies() -> None:
+    soft = PAPER.updated({"modes.0.softening_per_m2": 1e7})
+    assert not differentiable(Plant(soft, PAPERS_DRIVE, Load(1.0), Law()))
+    assert not differentiable(Plant(PAPER, PAPERS_DRIVE, Load(1.0), None))
+    assert differentiable(Plant(PAPER, PAPERS_DRIVE, Load(1.0), Law()))

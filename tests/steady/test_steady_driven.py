@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Steady states behind drivers: against ideal voltages and settled runs."""
+
+from __future__ import annotations
+
+import json
+from math import pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.cli import run
+from pyspice_runner.motor.drive import Load, two_phases
+from pyspice_runner.run.kernel import run_bench, transient_timing
+from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.steady.copies import Copy
+from pyspice_runner.steady.driven import DrivenMap
+from pyspice_runner.steady.driven_copies import LEAD, DrivenPlant, driven_bench
+from pyspice_runner.steady.speed_torque import operating_point
+
+pytestmark = pytest.mark.xdist_group("steady states")
+
+MOTOR = pr.load_motor("andersen2002-unintended-mode")
+HELD = MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
+# a heavily damped mount, on which a motor settles as fast as at a fixed distance
+MOUNTED = MOTOR.updated({"mount.damping_n_s_per_m": 500.0})
+DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
+NETWORKS = ("none", "inductor", "llcc")
+KINDS = ("linear", "half-bridge", "full-bridge", "push-pull")
+
+
+def friction_torque(motor: pr.Motor) -> float:
+    """μ F₀ R, N·m."""
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+
+
+def driver(kind: str, network: Any = "none", **settings: float) -> pr.Driver:
+    return pr.Driver(kind=kind, network=network, **two_phases(DRIVE)).updated(settings)
+
+
+@pytest.mark.parametrize("speed", [6.0, pytest.param(None, marks=pytest.mark.soak)])
+def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | None) -> None:
+    ours, plain = (pr.steady_state(HELD, one, speed=speed) for one in (driver("ideal"), DRIVE))
+    assert ours.stable
+    # 0.5 %: one step, where the other is extrapolated over two
+    assert ours.torque_n_m == pytest.approx(plain.torque_n_m, abs=5e-3 * friction_torque(HELD))
+    assert ours.speed_rad_s == pytest.approx(plain.speed_rad_s, rel=5e-3)
+    for name in ("power_a_w", "current_b_rms_a", "peak_pressure_pa"):
+        assert getattr(ours, name) == pytest.approx(getattr(plain, name), rel=5e-3), name
+    assert abs(ours.balance_residual) < 1e-3
+
+
+def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
+    """The charges of the plates fade within the start of a run, all but a few ten-thousandths: they count as well."""
+    motor = pr.load_motor("beam40")
+    drive = pr.default_drive(motor)
+    settings = {"inductance": 22e-3, "resistance": 55.4, "capacitance": 716e-12, "bleeder": 560e3}
+    tuned = pr.Driver(
+        kind="ideal", network="inductor", **two_phases(drive),
+        settings={f"inductor.{name}": value for name, value in settings.items()},
+    )  # fmt: skip
+    ours, plain = (pr.steady_state(motor, source, speed=0.0) for source in (tuned, drive))
+    assert ours.stable
+    # 0.1 %: the network has its own losses; its own decay is faster, e^(-R T/2L) = 0.970 in a period
+    assert abs(ours.floquet_multipliers[0]) == pytest.approx(abs(plain.floquet_multipliers[0]), rel=1e-3)
+
+
+@pytest.mark.soak
+def test_the_ceramic_is_strained_behind_an_amplifier_as_at_ideal_voltages() -> None:
+    motor = pr.load_motor("bimodal40").updated({"mount": None})
+    drive = pr.default_drive(motor)
+    amplifier = pr.Driver(kind="linear", **two_phases(drive), settings={"amplifier.bandwidth": 20e6})
+    ours, plain = (pr.steady_state(motor, one, speed=20.0) for one in (amplifier, drive))
+    # 0.5 %: the output resistance of 1 Ω and the bandwidth of 20 MHz take 0.3 % of the voltages
+    assert ours.ceramic_stress_pa == pytest.approx(plain.ceramic_stress_pa, rel=5e-3)
+    assert ours.ceramic_strain == pytest.approx(plain.ceramic_strain, rel=5e-3)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.5])
+@pytest.mark.parametrize("phase_deg", [-90.0, 62.0, 180.0])
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_a_run_begins_between_the_edges_of_a_bridge(kind: str, phase_deg: float, level: float) -> None:
+    settings = {"bridge.level": level} if kind == "full-bridge" else {}
+    bridge = driver(kind, phase_deg=phase_deg, **settings)
+    plant = DrivenPlant(HELD, pr.TwoPhaseDrive(**two_phases(bridge)), Load(6.0, 0.0), PAPER_LAW, bridge)
+    dead = bridge.dead_time("a") * bridge.frequency
+    turns = plant.begins + np.linspace(-dead, LEAD, 101)  # no gate is about to switch as it begins
+    for ahead in (0.0, phase_deg / 360.0):
+        control = np.sin(2.0 * pi * (turns + ahead))
+        limits = (level, -level) if kind == "full-bridge" else (0.0,)
+        for limit in limits:
+            assert np.ptp(np.sign(control - limit)) == 0.0, (ahead, limit)
+
+
+def test_a_bridge_has_a_stable_steady_state_with_a_period_that_balances() -> None:
+    state = pr.steady_state(HELD, driver("half-bridge", "inductor"), speed=6.0, accuracy=5e-3)
+    assert state.method == "newton"
+    assert state.stable
+    # the modes decay behind a stage of a few ohms as behind ideal voltages: 1.5 Ω and the coil's 1 Ω at 2.2 nF
+    plain = pr.steady_state(HELD, DRIVE, speed=6.0)
+    assert abs(state.floquet_multipliers[0]) == pytest.approx(abs(plain.floquet_multipliers[0]), abs=2e-3)
+    waves = state.waveforms
+    assert waves is not None
+    assert waves.energy_residual < 1e-3
+    for name in ("tip_x_m", "normal_force_n", "current_a_a", "voltage_b_v"):
+        signal = getattr(waves, name)
+        assert signal[-1] == pytest.approx(signal[0], abs=1e-3 * np.ptp(signal)), name
+
+
+def both(kind: str, network: str, motor: pr.Motor) -> tuple[pr.SteadyState, dict[str, Any]]:
+    """The steady state behind a driver, and what a run settles to; ``python -m docs.steady_driven`` prints them."""
+    ours = pr.steady_state(motor, driver(kind, network), speed=6.0)
+    return ours, operating_point(motor, driver(kind, network), speed=6.0, mode="settle", tolerance=2e-4)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("motor", [HELD, MOUNTED], ids=["held", "mounted"])
+@pytest.mark.parametrize("network", NETWORKS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, network: str, motor: pr.Motor) -> None:
+    ours, settled = both(kind, network, motor)
+    assert ours.stable
+    assert settled["settled"]
+    # required: 0.1 % of μF₀R, and what the settled run has not yet reached: its drift from block to block
+    off = 1e-3 * friction_torque(motor) + abs(settled["torque_drift_n_m"])
+    assert ours.torque_n_m == pytest.approx(settled["torque_n_m"], abs=off)
+    for name in ("normal_force_n", "power_a_w", "power_b_w", "current_a_rms_a", "current_b_rms_a", "damping_loss_w"):
+        assert getattr(ours, name) == pytest.approx(settled[name], rel=1e-2), name  # settled means to its tolerance
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(("kind", "network"), [("linear", "inductor"), ("half-bridge", "llcc"), ("push-pull", "none")])
+def test_a_free_shaft_behind_a_driver_starts_near_its_speed(kind: str, network: str) -> None:
+    """From rest Newton's method fails, and the motor ran for four decay times, five times as long as the rest."""
+    free = pr.steady_state(HELD, driver(kind, network), load_torque=3e-3)
+    assert free.method == "newton"
+    assert free.stable
+    held = pr.steady_state(HELD, driver(kind, network), speed=free.speed_rad_s)
+    # 0.1 % of the friction torque, and 0.27 % that the ripple of the speed takes, with ideal voltages as well
+    assert held.load_torque_n_m == pytest.approx(3e-3, abs=4e-3 * friction_torque(HELD))
+
+
+@pytest.mark.soak
+@pytest.mark.slow
+def test_a_leakage_that_rings_with_the_groups_does_not_stop_newtons_method() -> None:
+    """With 25 steps in a period of the ringing the map repeated within 6e-4, and the motor ran for some decay times."""
+    motor = pr.load_motor("bimodal40")
+    bridge = pr.Driver(kind="full-bridge", **two_phases(pr.default_drive(motor)))
+    free = pr.steady_state(motor, bridge, load_torque=3e-3)
+    assert free.method == "newton"
+    assert free.stable
+    assert free.load_torque_n_m == pytest.approx(3e-3, rel=1e-6)
+
+
+def test_behind_a_coil_the_steps_of_many_copies_stay_uniform() -> None:
+    """The rounding of 100 V, 1.4e-14 V, must not be a current above abstol, or steps fall to 1e-18 s and stay there."""
+    amplifier = driver("linear", "inductor")
+    plant = DrivenPlant(HELD, pr.TwoPhaseDrive(**two_phases(amplifier)), Load(6.0, 0.0), PAPER_LAW, amplifier)
+    with KeptProcesses() as processes:
+        period_map = DrivenMap(amplifier.period, 160, None, uniform=True, processes=processes)
+        (begun,) = period_map.settled([Copy(plant, np.zeros(plant.order))], 10)
+    assert begun is not None
+    bench = driven_bench([Copy(plant, begun)] * 13, period_map.discretisation)
+    timing = transient_timing(period_map.step, period_map.duration)
+    steps = np.diff(run_bench(bench, ["v(xc0.a)"], None, "transient", timing).vectors()["time"])
+    # ngspice doubles its steps from a hundredth, with one more that ends at a whole number of the first
+    assert steps[12:-2] == pytest.approx(period_map.step, rel=1e-9)
+
+
+@pytest.mark.soak
+@pytest.mark.slow
+def test_a_half_bridge_with_a_filter_has_a_curve_of_steady_states() -> None:
+    curve = pr.speed_torque(HELD, driver("half-bridge", "llcc"), speeds=[6.0])
+    assert json.loads(curve.attrs["method"])[0] == "newton"
+    # a run of 5.4 ms from rest settles to 11.372 mN·m, which the soak test repeats; required: 0.5 %
+    assert float(curve["torque_n_m"][0]) == pytest.approx(11.372e-3, abs=5e-3 * friction_torque(HELD))
+    assert abs(float(curve["balance_residual"][0])) < 1e-3
+
+
+@pytest.mark.soak
+def test_the_command_takes_a_driver(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["steady", MOTOR.name, "--set", "mount=none", "--voltage", "100", "--frequency", "46e3", "--phase", "180"]
+    words += ["--speed", "6", "--driver", "linear+inductor", "--no-match", "--part", "inductor.inductance=2e-3"]
+    assert run([*words, "--json", "--plot", str(tmp_path / "period.png")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["drive"]["parts"]["a"]["inductor"]["inductance"] == 2e-3
+    assert (tmp_path / "period.png").stat().st_size > 1000
+
+
+def test_the_command_refuses_options_of_a_driver_without_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["steady", MOTOR.name, "--mosfet", "IRF530"]) == 2
+    assert "--mosfet has no effect without --driver" in capsys.readouterr().err
+
+
+def test_a_coil_in_series_makes_the_default_step_resolve_its_ringing() -> None:
+    bridge = driver("half-bridge", "inductor", **{"inductor.inductance": 1e-6})
+    ringing = 2.0 * pi * sqrt(1e-6 * MOTOR.piezo.capacitance_a_f)
+    assert OperatingPoint.of(MOTOR, bridge).step == pytest.approx(ringing / 50.0)
+    usual = OperatingPoint.of(MOTOR, driver("half-bridge", "inductor")).step
+    assert usual == OperatingPoint.of(MOTOR, driver("half-bridge")).step
+
+
+def test_drivers_without_a_steady_state_by_shooting_are_refused_with_what_to_do() -> None:
+    half = driver("half-bridge")
+    with pytest.raises(pr.ParameterError, match="contact = None is not valid behind a driver"):
+        pr.steady_state(HELD, half, speed=6.0, contact=None)
+    wound = driver("half-bridge", "inductor", **{"inductor.winding_capacitance": 20e-12, "cable.inductance": 1e-6})
+    # 1/(2π √(1 µH · 20 pF))
+    with pytest.raises(pr.ParameterError, match=r"at 35\.59 MHz after .* Set winding_capacitance = 0"):
+        pr.steady_state(HELD, wound, speed=6.0)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trackers as circuits: what they refuse, the phase that stays set, the preload that changes, and their decks."""
+
+from __future__ import annotations
+
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.circuit.bench import motor_bench
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.state import Discretisation
+from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.trackers.track import running_resonance
+from pyspice_runner.trackers.tracker import (
+    Disturbance,
+    TrackedSource,
+    Tracker,
+    tracked_lag,
+    tracker_filter,
+    weights,
+)
+from tests.circuit.test_decks import measured, run_with
+from tests.motors import motor as odd_motor
+
+pytestmark = pytest.mark.xdist_group("trackers")
+
+MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
+
+
+def tracker(**values: Any) -> Tracker:
+    return Tracker(**{"kind": "pll", "voltage": 50.0, "frequency": 51.7e3, **values})
+
+
+def run(chosen: Tracker, disturbance: Disturbance, contact: Any, end: float, *names: str) -> dict[str, np.ndarray]:
+    lag = tracked_lag(MOTOR, chosen, 1, contact=contact is not None)
+    step = 100e-9
+    source = TrackedSource(chosen, 1, tracker_filter(chosen, lag), disturbance=disturbance)
+    bench = motor_bench(
+        MOTOR, source, law=Law() if contact else None, disturbance=disturbance,
+        discretisation=Discretisation(step, exact_resonance=False),
+    )  # fmt: skip
+    simulator = BatchSimulator(bench.circuit)
+    simulator.options(**bench.options)
+    simulator.save(*names)
+    simulator.transient(step_time=step, end_time=end, max_time=step, use_initial_condition=True)
+    assert simulator.result is not None
+    return {name: np.asarray(values, float) for name, values in simulator.result.raw.vectors.items()}
+
+
+def test_the_phase_between_the_groups_stays_while_the_frequency_moves() -> None:
+    chosen = tracker(offset=-0.03, phase_deg=60.0, ratio_b=1.5)
+    found = run(chosen, Disturbance("start"), None, 2e-3, "v(a)", "v(b)", "v(sine)", "v(cosine)", "v(tuned)")
+    assert np.ptp(found["v(tuned)"]) > 1000.0
+    turned = 0.5 * found["v(sine)"] + sqrt(0.75) * found["v(cosine)"]
+    assert found["v(a)"] == pytest.approx(50.0 * found["v(sine)"], abs=1e-3)
+    assert found["v(b)"] == pytest.approx(75.0 * turned, abs=1e-3)
+    # the oscillator holds its amplitude, so that sine and cosine are 90° apart
+    assert np.hypot(found["v(sine)"], found["v(cosine)"]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_what_is_sensed_is_the_velocity_and_the_force_of_the_mode() -> None:
+    """To the trapezoidal rule's own accuracy, while the frequency moves and both modes do."""
+    chosen = tracker(offset=-0.03, phase_deg=40.0, ratio_b=0.7)
+    names = ("v(motional)", "v(force)", "v(ahead)", "v(a)", "v(b)", "i(v.xmotor.xmode2.vvelocity)", "v(tuned)")
+    found = run(chosen, Disturbance("start"), None, 1e-3, *names)
+    late = found["time"] > 0.1e-3  # the plates start discharged, their copies too
+    velocity = found["i(v.xmotor.xmode2.vvelocity)"][late]
+    scale = 2.0 * MOTOR.modes[1].coupling_a_n_per_v  # i_A − i_B = 2 θ v
+    assert found["v(motional)"][late] == pytest.approx(scale * velocity, abs=1e-3 * scale * np.abs(velocity).max())
+    assert found["v(force)"] == pytest.approx(found["v(a)"] - found["v(b)"], abs=1e-6)
+    # the rate over 2πf, f in the middle of the range; the copies' loss lags by atan(tan δ f/f_ref) = 1.1°
+    rate = np.gradient(found["v(force)"], found["time"]) / (2.0 * np.pi * 51.7e3)
+    assert found["v(ahead)"][late] == pytest.approx(rate[late], abs=0.03 * np.abs(rate).max())
+
+
+def test_weights_single_out_a_mode_of_any_motor() -> None:
+    assert weights(MOTOR, 0) == pytest.approx({"force_a": 1, "force_b": 1, "current_a": 1, "current_b": 1})
+    assert weights(MOTOR, 1) == pytest.approx({"force_a": 1, "force_b": -1, "current_a": 1, "current_b": -1})
+    odd = odd_motor()
+    two = odd.model_copy(update={"modes": odd.modes[:2]})
+    for mode in (0, 1):
+        found = weights(two, mode)
+        seen = [
+            found["current_a"] * own.coupling_a_n_per_v + found["current_b"] * own.coupling_b_n_per_v
+            for own in two.modes
+        ]
+        assert seen[1 - mode] == pytest.approx(0.0, abs=1e-12)
+        assert seen[mode] > 0.0
+
+
+@pytest.mark.parametrize("change", [0.3, pytest.param(-0.3, marks=pytest.mark.soak)])
+def test_a_preload_steps_to_what_is_asked_for(change: float) -> None:
+    """The mean once the modes have rung down: Hertz's law is curved, by 1e-3 for what still rings."""
+    chosen = tracker(kind="none", voltage=0.01)
+    found = run(
+        chosen, Disturbance("preload", 0.1e-3, preload_change=change), "spring-slider", 3e-3, "v(xmotor.normal)"
+    )
+    late = found["time"] > 2e-3
+    mean = np.trapezoid(found["v(xmotor.normal)"][late], found["time"][late]) / np.ptp(found["time"][late])
+    assert found["v(xmotor.normal)"][5] == pytest.approx(MOTOR.contact.preload_n, rel=1e-3)
+    assert mean == pytest.approx(MOTOR.contact.preload_n * (1.0 + change), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"kind": "magic"}, "kind = 'magic' is not valid"),
+        ({"bandwith_hz": 500.0}, "there is no 'bandwith_hz'. Did you mean 'bandwidth_hz'?"),
+        ({"offset": 0.1}, "offset = 0.1 is not valid; the oscillator reaches 0.07 either way"),
+        ({"target_deg": 90.0}, "target_deg = 90 ° is not valid"),
+        ({"polarity": 0}, "polarity = 0 is not valid"),
+    ],
+)
+def test_errors_name_the_value(values: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(pr.ParameterError) as caught:
+        tracker(**values)
+    assert sentence in str(caught.value)
+
+
+# --- decks ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.soak
+def test_deck_of_the_phase_locked_loop_locks(tmp_path: Path) -> None:
+    found = run_with("tracker_pll", {"stop": "5.5m"}, tmp_path)  # locked after 3 ms; means of the last 2 ms
+    lag = running_resonance(MOTOR, tracker(ratio_b=2.0))
+    assert found["frequency_start_hz"] == pytest.approx(1.03 * 51.7e3)
+    # harmonic balance leaves out what the other mode and the turning rotor do: 2 % of the bandwidth, 1100 Hz
+    assert found["frequency_end_hz"] == pytest.approx(lag.resonance_hz, abs=20.0)
+    assert found["in_phase_va"] > 0.99 * found["force_rms_v"] * found["motional_rms_a"]
+
+
+@pytest.mark.soak  # test_track.py has an observer that locks
+def test_deck_of_the_observer_stays_about_the_greatest_current(tmp_path: Path) -> None:
+    found = run_with("tracker_observer", {"stop": "9m"}, tmp_path)  # there after 7 steps, 5.6 ms; means of 2 ms
+    mode = MOTOR.modes[1]
+    force = 50.0 * sqrt(5.0)  # 50 V and 100 V, 90° apart, against each other
+    assert found["force_rms_v"] == pytest.approx(force / sqrt(2.0), rel=2e-3)
+    # a step of 80 Hz to either side of resonance, where half the bandwidth is 440 Hz, costs 1.6 % at most
+    greatest = 2.0 * mode.coupling_a_n_per_v**2 * force / mode.damping_n_s_per_m / sqrt(2.0)
+    assert 0.97 * greatest < found["motional_rms_a"] < 1.002 * greatest
+
+
+def test_deck_of_the_loop_gain_has_the_bandwidth_and_the_margin(tmp_path: Path) -> None:
+    found = measured("tracking_loop", tmp_path)
+    assert found["loop_gain"] == pytest.approx(1.0, rel=0.01)  # parts of three digits
+    assert found["phase_margin_deg"] == pytest.approx(90.0 - np.degrees(np.arctan(1.0 / 6.0)), abs=0.3)
