@@ -19,7 +19,7 @@ from work_precision import CASES, DURATION, Case
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
 TARGET = Path(__file__).with_suffix(".json")
 ROUNDS = 7
@@ -31,7 +31,7 @@ RUNGE_KUTTA = {"sliding": 5e-7, "intermittent contact": 2e-6}
 
 def ours(case: Case, engine: str, points: int, duration: float = DURATION) -> tuple[float, int]:
     """A run of the package: its error and its number of points."""
-    step = OperatingPoint(case.motor, DriveSource(case.drive)).shortest_period / points
+    step = Point(case.motor, DriveSource(case.drive)).shortest_period / points
     run = pr.simulate(
         case.motor, case.drive, duration=duration, step=step, signals=("tip_x_m", "tip_y_m"), engine=engine,
     )  # fmt: skip

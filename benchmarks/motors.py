@@ -29,7 +29,7 @@ import xarray
 import pyspice_runner as pr
 from benchmarks.cluster import after_a_death
 from benchmarks.steady_state import at_equal_accuracy
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from tests import random_lift_off
 from tests.records import read
 
@@ -130,7 +130,7 @@ def settled() -> None:
         speeds = one.speeds[::EVERY]
         steady = pr.speed_torque(one.motor, one.drive, speeds=speeds)
         before = used()
-        step = 0.25 * OperatingPoint.of(one.motor, one.drive, contact="spring-slider").step
+        step = 0.25 * Point.of(one.motor, one.drive, contact="spring-slider").step
         left = pr.speed_torque(
             one.motor, one.drive, speeds=speeds, mode="settle", tolerance=SETTLED, patience=PATIENCE, step=step
         )
@@ -214,7 +214,7 @@ def laws() -> None:
     motor = pr.load_motor("bimodal40")
     drive, speeds = pr.default_drive(motor), np.linspace(-20.0, 50.0, 5)
     scale = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
-    usual = OperatingPoint.of(motor, drive, contact="spring-slider").step
+    usual = Point.of(motor, drive, contact="spring-slider").step
 
     def found(law: pr.Law, step: float) -> xarray.Dataset:
         return pr.speed_torque(motor, drive, speeds=speeds, contact=law, step=step)

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import pyspice_runner as pr
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
 STEPS = 4000  # of the Runge-Kutta method in a period, 5 ns
@@ -79,7 +79,7 @@ def errors() -> None:
     ):
         drive = of_motor or pr.default_drive(motor)
         scale = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
-        setups = [OperatingPoint.of(motor, drive, contact=law, speed=speed) for speed in speeds.tolist()]
+        setups = [Point.of(motor, drive, contact=law, speed=speed) for speed in speeds.tolist()]
         finer = [setup.with_step(setup.step / 2.0) for setup in setups]
         exact = steady_states([setup.with_step(setup.step / 8.0) for setup in setups])
         found = steady_states(setups)

@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import run_deck
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -129,7 +129,7 @@ class Case:
 
     def ours(self, points: int, exact_resonance: bool, engine: str = "spice") -> float:
         """A run of the package, and its error."""
-        step = OperatingPoint(self.motor, DriveSource(self.drive)).shortest_period / points
+        step = Point(self.motor, DriveSource(self.drive)).shortest_period / points
         run = pr.simulate(
             self.motor, self.drive, duration=DURATION, step=step, exact_resonance=exact_resonance,
             signals=("tip_x_m", "tip_y_m"), engine=engine,
@@ -229,7 +229,7 @@ def _whole(pattern: re.Pattern[str], text: str) -> str:
 def python_share() -> dict[str, float]:
     """Time of Python and files in a run of 10^5 points, without ngspice."""
     motor, drive = CASES["sliding"]
-    step = OperatingPoint(motor, DriveSource(drive)).shortest_period / 128
+    step = Point(motor, DriveSource(drive)).shortest_period / 128
     shares = []
     for _ in range(3):
         began = time.perf_counter()

@@ -16,7 +16,7 @@ from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import law_of
 from pyspice_runner.control.simulate import Sample
 from pyspice_runner.motor.drive import Load
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
 PAGE = Path(__file__).with_name("averaged_accuracy.md")
@@ -113,7 +113,7 @@ def rows(cases: tuple[int, ...] | None = None) -> Iterator[Row]:
         motor = motor.updated({"mount": None} if mount is None else {f"mount.{key}": x for key, x in mount.items()})
         drive = pr.TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase)
         law = law_of("spring-slider")
-        states = steady_states([OperatingPoint(motor, DriveSource(drive), Load(speed), law) for speed in speeds])
+        states = steady_states([Point(motor, DriveSource(drive), Load(speed), law) for speed in speeds])
         friction_torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
         for speed, state in zip(speeds, states, strict=True):
             run = pr.simulate_averaged(motor, drive, SETTLED, speed=speed)

@@ -11,8 +11,8 @@ from style import BLACK, BLUE, ORANGE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
 from pyspice_runner.impedance.spectrum import Spectrum
-from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import parameter
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
 FREE = {  # path → words
@@ -34,7 +34,7 @@ def measured(
     """Return measured points: conditions by rows, quantities with an error relative to the greatest."""
     drive, rng = pr.default_drive(motor), np.random.default_rng(seed)
     states = steady_states([
-        OperatingPoint.of(motor, drive.updated({"voltage": row["voltage"]}), speed=row.get("speed_rad_s"),
+        Point.of(motor, drive.updated({"voltage": row["voltage"]}), speed=row.get("speed_rad_s"),
                           load_torque=row.get("load_torque_n_m", 0.0), audit=False)
         for row in rows
     ])  # fmt: skip

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.motor.drive import Drive
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.view.plot_runs import state_path as coloured_path
 from pyspice_runner.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STATES, VERMILION
@@ -161,7 +161,7 @@ def draft() -> bool:
 
 def simulated(motor: pr.Motor, drive: Drive, **settings: Any) -> Waveforms:
     """Simulate with the default step, which is stated, so that no two more runs estimate the error."""
-    step = OperatingPoint.of(motor, drive, contact=settings.get("contact", "spring-slider")).step
+    step = Point.of(motor, drive, contact=settings.get("contact", "spring-slider")).step
     return pr.simulate(motor, drive, step=step, **settings)
 
 

@@ -23,8 +23,8 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.impedance.spectrum import Spectrum
-from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import parameter
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
 RECORD = Path(__file__).with_suffix(".json")
@@ -72,7 +72,7 @@ def points_of(
     drive = pr.default_drive(motor)
     rows = [(voltage, speed) for voltage in voltages for speed in SPEEDS]
     setups = [
-        OperatingPoint.of(motor, drive.updated({"voltage": voltage}), speed=speed, contact=law, audit=False)
+        Point.of(motor, drive.updated({"voltage": voltage}), speed=speed, contact=law, audit=False)
         for voltage, speed in rows
     ]
     states = steady_states(setups, accuracy=ACCURACY)

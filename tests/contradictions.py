@@ -39,7 +39,7 @@ from pyspice_runner.circuit.law import law_of
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.motor.drive import check_together, free_tip
 from pyspice_runner.run.dynamometer import Dynamometer
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from tests.soak import FruitlessError, cause, random_motor
 
 RESULT = Path(__file__).with_suffix(".json")
@@ -148,9 +148,9 @@ def doubts(document: Mapping[str, Any], **must: bool) -> list[str]:
 # --- the analyses ---
 
 
-def setup(one: Case) -> OperatingPoint:
+def setup(one: Case) -> Point:
     """Return the point as a run takes it by default."""
-    return OperatingPoint(one.motor, DriveSource(one.drive), law=law_of(one.contact))  # type: ignore[arg-type]
+    return Point(one.motor, DriveSource(one.drive), law=law_of(one.contact))  # type: ignore[arg-type]
 
 
 def duration(one: Case) -> float:

@@ -37,7 +37,7 @@ from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import law_of
 from pyspice_runner.motor.drive import Drive, check_together, free_tip
 from pyspice_runner.motor.parameters import Mode
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
 from tests.reference.integrator import Tone, integrate
 
@@ -76,9 +76,9 @@ class Case:
     shaft: dict[str, float]
 
     @property
-    def setup(self) -> OperatingPoint:
+    def setup(self) -> Point:
         """What ``simulate`` runs by default."""
-        return OperatingPoint(self.motor, DriveSource(self.drive), law=law_of(self.law))  # type: ignore[arg-type]
+        return Point(self.motor, DriveSource(self.drive), law=law_of(self.law))  # type: ignore[arg-type]
 
     @property
     def duration(self) -> float:

@@ -25,7 +25,7 @@ from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.motor.drive import check_together
 from pyspice_runner.run.dynamometer import STUCK, Dynamometer
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import Shooting
@@ -89,7 +89,7 @@ def _verdict(subject: Case, state: SteadyState, point: dict[str, Any]) -> str:
         return "unstable"
     if state.audit.findings:
         return "fails the audit"
-    setup = OperatingPoint(subject.motor, DriveSource(subject.drive), law=Law(point["contact"]))
+    setup = Point(subject.motor, DriveSource(subject.drive), law=Law(point["contact"]))
     history = STUCK in state.cautions  # torque and normal force depend on it
     if not history and POINT * Dynamometer(setup).duration / setup.step < QUICK:
         try:

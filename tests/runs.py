@@ -7,11 +7,11 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.motor.drive import Drive
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Waveforms
 
 
 def simulated(motor: pr.Motor, drive: Drive, **settings: Any) -> Waveforms:
     """Simulate with the default step, which is stated, so that no two more runs estimate the error."""
-    point = OperatingPoint.of(motor, drive, contact=settings.get("contact", "spring-slider"))
+    point = Point.of(motor, drive, contact=settings.get("contact", "spring-slider"))
     return pr.simulate(motor, drive, step=point.step, **settings)

@@ -41,7 +41,7 @@ from pyspice_runner.motor.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, ch
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.speed_torque import operating_point
 from pyspice_runner.trackers.loop_filter import DisturbanceKind
@@ -187,7 +187,7 @@ def _up_to(rng: np.random.Generator, greatest: float) -> float:
 
 def _steps_of_a_block(motor: Motor, drive: Drive) -> float:
     """How many steps a point of a speed-torque curve takes between two looks: the decay of the slowest mode."""
-    bench = Dynamometer(off_beat(OperatingPoint(motor, DriveSource(drive))))
+    bench = Dynamometer(off_beat(Point(motor, DriveSource(drive))))
     return bench.duration / bench.setup.step
 
 
@@ -208,7 +208,7 @@ def _asked(rng: np.random.Generator, motor: Motor, drive: Drive) -> Case:
         return Case(motor, drive, "operating_point", {"contact": law, "speed": speed, "mode": "settle", "patience": 4})
     steps = float(np.exp(rng.uniform(math.log(FEWEST_STEPS), math.log(MOST_STEPS))))
     settings = {"contact": law}
-    step = OperatingPoint(motor, DriveSource(drive), law=PAPER_LAW if law else None).shortest_period / UNIFORM_POINTS
+    step = Point(motor, DriveSource(drive), law=PAPER_LAW if law else None).shortest_period / UNIFORM_POINTS
     periods = float(rng.uniform(0.0, 3.0)) * drive.period  # so that the drive has done something
     settings["duration"] = min(max(steps * step, periods), 5 * MOST_STEPS * step)
     shaft = rng.random()

@@ -32,7 +32,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.motor.refusal import as_number, quoted
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 
 _RANGES = {TEMPERATURE: (-273.15, 1e3, "°C"), "level": (1e-9, 1e6, "V")}
@@ -117,8 +117,8 @@ def temperatures_of(
 
 
 def at_conditions(
-    motor: OperatingPoint, conditions: Mapping[str, float | None], thermal: Thermal, reference: float | None
-) -> OperatingPoint:
+    motor: Point, conditions: Mapping[str, float | None], thermal: Thermal, reference: float | None
+) -> Point:
     """Return a motor at the conditions of a point: at its temperature, then with its values.
 
     Args:
@@ -131,9 +131,7 @@ def at_conditions(
     return warmed(motor, conditions.get(TEMPERATURE), thermal, reference).updated(paths)
 
 
-def warmed(
-    motor: OperatingPoint, temperature: float | None, thermal: Thermal, reference: float | None
-) -> OperatingPoint:
+def warmed(motor: Point, temperature: float | None, thermal: Thermal, reference: float | None) -> Point:
     """Return a motor at a temperature in °C, of values at the reference temperature."""
     if temperature is None or reference is None or temperature == reference:
         return motor

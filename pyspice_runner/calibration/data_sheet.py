@@ -11,7 +11,7 @@ from typing import Any
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.balanced import balanced_states
 from pyspice_runner.steady.harmonic_balance import Balance
 from pyspice_runner.steady.steady import steady_states
@@ -163,7 +163,7 @@ class DataSheet:
         near |= {name: state.solution for name, state in states.items()}
         return _numbers(keys, {name: state.values for name, state in states.items()})
 
-    def _points(self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str]) -> dict[str, OperatingPoint]:
+    def _points(self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str]) -> dict[str, Point]:
         """Return the operating points at which numbers hold, by their load."""
         loads: dict[str, dict[str, Any]] = {"no_load": {"load_torque": 0.0}, "stall": {"speed": 0.0}}
         if self.rated_speed is not None:
@@ -171,7 +171,7 @@ class DataSheet:
         elif self.rated_load is not None:
             loads["rated"] = {"load_torque": self.rated_load}
         wanted = {name: load for name, load in loads.items() if any(key.startswith(name) for key in keys)}
-        return {name: OperatingPoint.of(motor, drive, audit=False, **load) for name, load in wanted.items()}
+        return {name: Point.of(motor, drive, audit=False, **load) for name, load in wanted.items()}
 
 
 def _numbers(keys: Sequence[str], states: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

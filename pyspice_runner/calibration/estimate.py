@@ -32,7 +32,7 @@ from pyspice_runner.impedance.spectrum import Connection
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
 
 @checked
@@ -108,7 +108,7 @@ def calibrate(
     bands = tuple(Band.of(spectrum, state, connection, spectrum_error, one) for spectrum, state, one in stated)
     predictors = []
     for law in laws:
-        base = OperatingPoint.of(motor, excitation, contact=law, timeout=timeout, audit=False)
+        base = Point.of(motor, excitation, contact=law, timeout=timeout, audit=False)
         base = base.with_step(STEP * base.step)
         predictor = Predictor(
             base, unknowns, points, bands, progress or (lambda _: None), run_ups=moving,

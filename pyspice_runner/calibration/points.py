@@ -28,7 +28,7 @@ from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.drive import TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.motor.refusal import as_number, quoted
 from pyspice_runner.run.dynamometer import UNITS
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 
 MOST_POINTS = 2000
@@ -66,7 +66,7 @@ class Points:
     def __len__(self) -> int:
         return len(self.conditions)
 
-    def check(self, setups: Sequence[OperatingPoint]) -> None:
+    def check(self, setups: Sequence[Point]) -> None:
         """Raise ParameterError for a phase without a voltage or a resonance far from the modes, of points as set up."""
         for row, quantity, value in zip(self.rows, self.quantities, self.values.tolist(), strict=True):
             where, drive = f"{self.source}: {quantity} of point {row + 1}", setups[row].drive

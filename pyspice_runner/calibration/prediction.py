@@ -32,7 +32,7 @@ from pyspice_runner.impedance.spectrum import Connection, Spectrum, State, conne
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.motor.two_port import closed_two_port
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.balanced import QUANTITIES, BalancedState, balanced_states, balances

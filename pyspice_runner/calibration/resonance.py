@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
-Solve = Callable[[list[OperatingPoint], list[Any]], list[tuple[float, Any]]]  # points, starts → power (W), solutions
+Solve = Callable[[list[Point], list[Any]], list[tuple[float, Any]]]  # points, starts → power (W), solutions
 
 NEAR = 0.125  # distance of the last three frequencies, in bandwidths of the nearest mode
 ROUNDS = 12  # of three frequencies
@@ -36,14 +36,14 @@ class Peak:
 class _Search:
     """The search for the resonance of one point."""
 
-    def __init__(self, setup: OperatingPoint, start: Peak, near_hz: float, *, fresh: bool) -> None:
+    def __init__(self, setup: Point, start: Peak, near_hz: float, *, fresh: bool) -> None:
         self.setup, self.solution, self.middle, self.near = setup, start.solution, start.frequency_hz, near_hz
         self.distance = (2.0 if fresh else 1.0) * near_hz
         self.found = float("nan")
         self.done = False
 
     @property
-    def setups(self) -> list[OperatingPoint]:
+    def setups(self) -> list[Point]:
         """The points at the three frequencies."""
         return [self.setup.updated({"drive.frequency": self.middle + sign * self.distance}) for sign in (-1, 0, 1)]
 
@@ -66,7 +66,7 @@ class _Search:
 
 
 def peaks(
-    setups: Sequence[OperatingPoint], starts: Sequence[Peak], near_hz: Sequence[float], solve: Solve, *, fresh: bool
+    setups: Sequence[Point], starts: Sequence[Peak], near_hz: Sequence[float], solve: Solve, *, fresh: bool
 ) -> list[Peak]:
     """Return the resonances of points, each next to its start.
 
@@ -89,7 +89,7 @@ def peaks(
     return [Peak(search.found, search.solution) for search in searches]
 
 
-def near_hz(setup: OperatingPoint, frequency_hz: float) -> float:
+def near_hz(setup: Point, frequency_hz: float) -> float:
     """Return the distance of the last three frequencies in Hz about a resonance of a motor."""
     mode = min(setup.motor.modes, key=lambda mode: abs(mode.frequency_hz - frequency_hz))
     return NEAR * mode.frequency_hz / mode.quality_factor

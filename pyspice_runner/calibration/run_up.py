@@ -30,7 +30,7 @@ from pyspice_runner.averaged.simulate import FEWEST_PERIODS, simulate_averaged
 from pyspice_runner.calibration.points import ERROR, MEASURED, SPEED, conditions_of_row, read_columns
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.refusal import quoted
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.steady import steady_states
 
@@ -106,7 +106,7 @@ class RunUp:
         given = conditions_of_row({key: values[0] for key, values in other.items()})
         return cls(source, given, time[rows], speed[rows], errors[rows])
 
-    def check(self, base: OperatingPoint) -> None:
+    def check(self, base: Point) -> None:
         """Raise ParameterError for a law, motor or drive without an averaged model, or a short time.
 
         ``base`` and the motors of the other methods are at the conditions of this run-up.
@@ -121,7 +121,7 @@ class RunUp:
                 f"drive, {least:.3g} s. Times are in s."
             )
 
-    def predicted(self, motor: OperatingPoint, *, fine: bool = False) -> Array:
+    def predicted(self, motor: Point, *, fine: bool = False) -> Array:
         """Return the speed of a motor at the measured times: the averaged one, or with the torque of steady states.
 
         Raises:
@@ -134,7 +134,7 @@ class RunUp:
             speed = speed + _correction(motor, time, speed, *torques)
         return np.interp(self.time_s, time, speed)
 
-    def cautions(self, motor: OperatingPoint) -> list[str]:
+    def cautions(self, motor: Point) -> list[str]:
         """Return where the averaged motor fails its own check and steady states do not help, a sentence each."""
         try:
             run = self._run(motor)
@@ -145,14 +145,14 @@ class RunUp:
             return []
         return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
 
-    def _run(self, motor: OperatingPoint) -> AveragedRun:
+    def _run(self, motor: Point) -> AveragedRun:
         return simulate_averaged(
             motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,  # type: ignore[arg-type]
             timeout=motor.solver.timeout,
         )  # fmt: skip
 
 
-def _torques(motor: OperatingPoint, speed: Array) -> tuple[Array, Array, Array] | None:
+def _torques(motor: Point, speed: Array) -> tuple[Array, Array, Array] | None:
     """Return speeds in rad/s with the torques in N·m of steady states and of the averaged motor there.
 
     ``None`` if less than two of the speeds have both.
@@ -179,7 +179,7 @@ def _torques(motor: OperatingPoint, speed: Array) -> tuple[Array, Array, Array] 
     return speeds, full, own
 
 
-def _correction(motor: OperatingPoint, time: Array, speed: Array, speeds: Array, full: Array, own: Array) -> Array:
+def _correction(motor: Point, time: Array, speed: Array, speeds: Array, full: Array, own: Array) -> Array:
     """Return the speed of the full motor less that of the averaged one; ``speeds``, ... as of :func:`_torques`."""
     from scipy.integrate import solve_ivp  # takes long to load
 
@@ -194,7 +194,7 @@ def _correction(motor: OperatingPoint, time: Array, speed: Array, speeds: Array,
     return np.asarray(solve_ivp(rate, (time[0], time[-1]), [0.0], t_eval=time, max_step=longest).y[0])
 
 
-def settled_run_up(motor: OperatingPoint) -> RunUp:
+def settled_run_up(motor: Point) -> RunUp:
     """Return the run-up of a motor from rest to its settled speed, without a load, as if it was measured.
 
     Raises:

@@ -39,7 +39,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.shaft import ShaftLoad
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import transient_timing
-from pyspice_runner.run.operating_point import OperatingPoint, Solver
+from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.session import Session
@@ -150,7 +150,7 @@ def simulate_controlled(
         )
     uniform = None
     if not averaged:  # the largest step that divides the sample time and is not above the usual one
-        coarsest = OperatingPoint(motor, source, solver=Solver(step)).step
+        coarsest = Point(motor, source, solver=Solver(step)).step
         uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
     elif step is not None:
         raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")

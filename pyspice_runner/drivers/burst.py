@@ -29,7 +29,7 @@ from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array
 from pyspice_runner.units import engineering
 
@@ -213,10 +213,10 @@ def fast_burst(
     scaled = [
         resistor * free.clamped_capacitance_f / getattr(motor.piezo, f"capacitance_{group}_f") for group in GROUPS
     ]
-    setup = OperatingPoint.of(motor, drive, speed=speed, contact=contact, timeout=timeout)
+    setup = Point.of(motor, drive, speed=speed, contact=contact, timeout=timeout)
 
     def run(source: BurstSource) -> tuple[Array, Array, str]:
-        point = OperatingPoint.of(motor, source, speed=speed, contact=contact, timeout=timeout)
+        point = Point.of(motor, source, speed=speed, contact=contact, timeout=timeout)
         outcome = point.run(lasts, ["v(xmotor.x)", "v(xmotor.y)"])
         return *_amplitudes(outcome.vectors(), source.period), outcome.deck
 

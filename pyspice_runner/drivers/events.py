@@ -21,7 +21,7 @@ from pyspice_runner.drivers.event_source import EventfulDriver
 from pyspice_runner.drivers.maxima import maxima
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.strength import depolarised
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array
 
 LOAD_STEP, STOP, SWEEP = "load step", "stop", "frequency sweep"
@@ -29,7 +29,7 @@ SWEPT = 0.05  # of the frequency to both sides, that a sweep covers: about that 
 _BEGIN, _LASTS, _SWEEPS = 1e-3, 0.5e-3, 2e-3  # s: power-up, each event, a sweep
 
 
-def driver_events(setup: OperatingPoint, vectors: Sequence[str]) -> dict[str, dict[str, Any]]:
+def driver_events(setup: Point, vectors: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return the maxima of a run, as :func:`.maxima`, for each event.
 
     Args:
@@ -63,7 +63,7 @@ def _cut(samples: Mapping[str, Array], begin: float, end: float) -> dict[str, Ar
     return {name: values[within] for name, values in samples.items()}
 
 
-def event_cautions(setup: OperatingPoint, events: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return a sentence for each limit of a part or of the ceramic that an event exceeds."""
     told = []
     for name, found in events.items():

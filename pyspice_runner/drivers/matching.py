@@ -57,7 +57,7 @@ from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.steady.shooting import Point
 from pyspice_runner.steady.steady import SteadyState, steady_states
 

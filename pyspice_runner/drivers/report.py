@@ -34,7 +34,7 @@ from pyspice_runner.run.accuracy import JUDGED, CoarserRuns
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
+from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
@@ -42,7 +42,7 @@ from pyspice_runner.units import engineering
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
-Task = tuple[OperatingPoint, float]  # a run from power-up, and its duration in s
+Task = tuple[Point, float]  # a run from power-up, and its duration in s
 _MEANS = {
     "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
     "mean_rotor_speed_rad_s": "mean rotor speed",
@@ -346,7 +346,7 @@ def drive_report(
     """
     design = driver if isinstance(driver, Design) else None
     driver = driver if isinstance(driver, Driver) else _driver_of(driver)
-    setup = OperatingPoint.of(
+    setup = Point.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
     if duration is None:
@@ -434,7 +434,7 @@ def begin_early(
         ParameterError: for an invalid value.
     """
     if driver.switched:
-        task = OperatingPoint.of(motor, driver, **settings), _SHORTEST if duration is None else duration
+        task = Point.of(motor, driver, **settings), _SHORTEST if duration is None else duration
         _check_duration(*task)
         early.begin(task)
 
@@ -445,7 +445,7 @@ def run_task(task: Task, progress: Callable[[float], object] | None = None) -> O
     return setup.run(duration, _vectors(setup), progress=progress)
 
 
-def _vectors(setup: OperatingPoint) -> list[str]:
+def _vectors(setup: Point) -> list[str]:
     """Return the vectors of a run from which a report is made."""
     driver = setup.source
     assert isinstance(driver, Driver)
@@ -454,7 +454,7 @@ def _vectors(setup: OperatingPoint) -> list[str]:
     return list(dict.fromkeys([*names, *switching_vectors(driver)]))
 
 
-def _judged(setup: OperatingPoint) -> tuple[str, ...]:
+def _judged(setup: Point) -> tuple[str, ...]:
     """Return the columns by which the error of the step is estimated; without a contact there is no torque."""
     return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
 
@@ -481,7 +481,7 @@ def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
     return min(max(_SHORTEST, time + 0.5 * motor.decay_s), _LONGEST)
 
 
-def _check_duration(setup: OperatingPoint, duration: float) -> None:
+def _check_duration(setup: Point, duration: float) -> None:
     """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
     least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
     if not least <= duration <= most:
@@ -491,7 +491,7 @@ def _check_duration(setup: OperatingPoint, duration: float) -> None:
         )
 
 
-def _to_come(setup: OperatingPoint, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
+def _to_come(setup: Point, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
     """Return the expected further relative change of the means of signals and of a free rotor's speed."""
     motor, time = setup.motor, samples["time"]
     friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n

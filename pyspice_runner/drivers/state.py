@@ -19,7 +19,7 @@ from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import SteadyState, steady_states
 
 ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
@@ -128,7 +128,7 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
     return found
 
 
-def warmed(point: OperatingPoint, rise_k: float) -> OperatingPoint:
+def warmed(point: Point, rise_k: float) -> Point:
     """Return an operating point behind a driver with a warmer motor, which a tracker follows by the frequency."""
     thermal, driver = Thermal.of(point.motor), point.source
     assert isinstance(driver, Driver)
@@ -168,13 +168,13 @@ def driver_state(
         ParameterError: for an invalid value.
         SimulationError: if there is no stable steady state.
     """
-    cold = OperatingPoint.of(
+    cold = Point.of(
         motor, driver.equivalent(), speed=speed, load_torque=load_torque, contact=contact, timeout=timeout, audit=False
     )
     point = warmed(cold, warmer_k) if warmer_k else cold
     assert isinstance(point.source, Driver)
     # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
-    ideal = OperatingPoint.of(
+    ideal = Point.of(
         point.motor, TwoPhaseDrive(**two_phases(point.source)), speed=speed, load_torque=load_torque, contact=contact,
         timeout=timeout, audit=False,
     )  # fmt: skip

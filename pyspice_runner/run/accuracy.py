@@ -19,7 +19,7 @@ from threading import Event
 import numpy as np
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.sequences import interpolated
 from pyspice_runner.run.window import Array, Window
 
@@ -48,7 +48,7 @@ class CoarserRuns:
 
     def __init__(
         self,
-        setup: OperatingPoint,
+        setup: Point,
         names: Collection[str],
         duration: float,
         *,

@@ -24,7 +24,7 @@ from pyspice_runner.motor import strength, wear
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.recoil import carriers, recoils
 from pyspice_runner.run.kernel import Outcome, transient
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
 _FEWEST_PERIODS = 10
 _GOLDEN = 0.5 * (3.0 - sqrt(5.0))
@@ -117,7 +117,7 @@ UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) 
 class Dynamometer:
     """A motor and its source on the dynamometer, which replaces the load."""
 
-    setup: OperatingPoint  # motor, source, contact and solver
+    setup: Point  # motor, source, contact and solver
 
     @property
     def motor(self) -> Motor:
@@ -275,7 +275,7 @@ class Block:
         return bool(self.peaks)
 
 
-def off_beat(setup: OperatingPoint) -> OperatingPoint:
+def off_beat(setup: Point) -> Point:
     """Return a setup with its step made incommensurate with the period, if its steps are uniform.
 
     A change of state is seen at the end of its step. With a whole number of steps a period it would always be late by

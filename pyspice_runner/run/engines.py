@@ -32,7 +32,7 @@ from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.recoil import carriers
 from pyspice_runner.run.kernel import modules_folder
-from pyspice_runner.run.operating_point import OperatingPoint, Solver
+from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.ngspice import version_of
 from pyspice_runner.spice.openvaf import (
@@ -102,7 +102,7 @@ def is_compiled(engine: Engine, motor: Motor, law: Law | None, reason: str = "")
     return not fault
 
 
-def on_engine(point: OperatingPoint, engine: Engine, reason: str = "") -> OperatingPoint:
+def on_engine(point: Point, engine: Engine, reason: str = "") -> Point:
     """Return an operating point that the engine runs; the arguments and errors are those of :func:`is_compiled`."""
     return replace(point, solver=replace(point.solver, compiled=is_compiled(engine, point.motor, point.law, reason)))
 
@@ -128,7 +128,7 @@ def tools() -> str:
 @cache
 def _verdict(shape: tuple[int, int, bool, tuple[str, ...]], law: Law, used: str, folder: Path) -> Mapping[str, float]:
     motor = _similar(*shape, law)
-    spice = OperatingPoint(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
+    spice = Point(motor, DriveSource(_DRIVE), Load(None, _LOAD), law)
     setups = [replace(spice, solver=Solver(compiled=compiled)) for compiled in (False, True)]
     texts = [f"{bench.circuit} {bench.start}" for bench in (setup.bench() for setup in setups)]
     told = "\n".join((used, module_of(motor, law).source, *texts))
@@ -175,7 +175,7 @@ def _similar(modes: int, moving: int, dry: bool, soft: tuple[str, ...], law: Law
     return base.model_copy(update={"modes": tuple(several)})
 
 
-def _compared(spice: OperatingPoint, compiled: OperatingPoint) -> dict[str, float]:
+def _compared(spice: Point, compiled: Point) -> dict[str, float]:
     """Run both and return the differences of their signals."""
     columns = []
     for setup in (spice, compiled):

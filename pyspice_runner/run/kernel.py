@@ -17,7 +17,7 @@ from pyspice_runner.circuit.bench import Bench, Derived
 from pyspice_runner.circuit.evaluated import Plotted, plotted_vectors
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.files import cache_folder
-from pyspice_runner.spice.ngspice import Result
+from pyspice_runner.spice.ngspice import SpiceRun
 from pyspice_runner.spice.openvaf import compile_module, find_osdi_ngspice
 from pyspice_runner.spice.pyspice import BatchSimulator
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 class Outcome:
     """A verified run of a bench."""
 
-    result: Result  # the result of ngspice; its vectors are views of the raw file
+    result: SpiceRun  # the result of ngspice; its vectors are views of the raw file
     deck: str = field(repr=False)  # the netlist that was run
     # the requested vectors that follow from others, by name.
     signals: Mapping[str, Derived] = field(default_factory=dict, repr=False)

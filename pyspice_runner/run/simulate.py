@@ -25,7 +25,7 @@ from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.dynamometer import delivering
 from pyspice_runner.run.engines import on_engine
 from pyspice_runner.run.kernel import Outcome, progress_callback
-from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
+from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
 from pyspice_runner.spice import Engine
@@ -97,7 +97,7 @@ def simulate(
     """
     reason = "A motor that its losses heat has no compiled form." if thermal else ""
     reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
-    setup = OperatingPoint.of(
+    setup = Point.of(
         motor, drive, speed=speed, load_torque=load_torque, contact=contact, thermal=thermal, step=step,
         accuracy=accuracy, exact_resonance=exact_resonance, timeout=timeout, audit=audit,
     )  # fmt: skip
@@ -134,7 +134,7 @@ def simulate(
 
 
 def _run(
-    setup: OperatingPoint,
+    setup: Point,
     duration: float,
     signals: Sequence[str] | None,
     start: float,
@@ -244,7 +244,7 @@ def points_per_period(accuracy: float) -> float:
     return max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
 
 
-def _check_duration(setup: OperatingPoint, duration: float) -> None:
+def _check_duration(setup: Point, duration: float) -> None:
     if not (isfinite(duration) and duration > 0.0):
         raise ParameterError(f"duration = {duration:g} s is not valid: it must be a number > 0 s.")
     if duration < 10.0 * setup.step:

@@ -14,7 +14,7 @@ from typing import Self
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.ngspice import Result, run_deck, verified_run
+from pyspice_runner.spice.ngspice import SpiceRun, run_deck, verified_run
 from pyspice_runner.spice.pipe import Pipe
 
 _HANDSHAKE = 5.0  # s in which a new process must answer; it takes 10 ms
@@ -36,7 +36,7 @@ class KeptProcesses:
         while self._idle:
             self._idle.pop().close()
 
-    def run(self, deck: str, vectors: Sequence[str], stop_time: float) -> Result:
+    def run(self, deck: str, vectors: Sequence[str], stop_time: float) -> SpiceRun:
         """Run a transient and return its vectors, as :func:`.run_deck` does.
 
         Raises:
@@ -49,7 +49,7 @@ class KeptProcesses:
                 self._failures += 1
         return run_deck(deck, vectors=vectors, stop_time=stop_time)
 
-    def _run(self, deck: str, vectors: Sequence[str], stop_time: float) -> Result:
+    def _run(self, deck: str, vectors: Sequence[str], stop_time: float) -> SpiceRun:
         with held() as listening:  # an interrupt waits until the process is among the idle ones, or ended
             pipe = self._idle.pop() if self._idle else _begun()
             try:
@@ -65,7 +65,7 @@ class KeptProcesses:
                 pipe.close()
                 raise
             self._idle.append(pipe)
-        return Result(found, seconds, log, pipe.version)
+        return SpiceRun(found, seconds, log, pipe.version)
 
 
 def _begun() -> Pipe:

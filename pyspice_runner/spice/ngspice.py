@@ -56,7 +56,7 @@ _STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # the out
 
 
 @dataclass(frozen=True)
-class Result:
+class SpiceRun:
     """The result of a verified run."""
 
     raw: RawFile  # the vectors
@@ -109,7 +109,7 @@ def run_deck(
     keep_partial: bool = False,
     executable: str = "",
     modules: Sequence[Path] = (),
-) -> Result:
+) -> SpiceRun:
     """Run a netlist and return its vectors, or raise.
 
     The netlist has ``.save`` and one analysis, which must reach ``stop_time`` in s or ``stop_frequency`` in Hz. The
@@ -119,7 +119,7 @@ def run_deck(
 
     Raises:
         SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
-        Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`Result` that ended too early.
+        Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`SpiceRun` that ended too early.
     """
     executable = executable or find_ngspice()
     version = version_of(executable)
@@ -157,7 +157,7 @@ def run_deck(
         finally:
             if not keep:
                 shutil.rmtree(folder, ignore_errors=True)
-    return Result(raw, seconds, log, version)
+    return SpiceRun(raw, seconds, log, version)
 
 
 def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
@@ -233,7 +233,7 @@ def _interrupted(path: Path, vectors: Sequence[str], seconds: float, version: st
         return KeyboardInterrupt()
     if any(raw.find(name) is None for name in vectors) or raw.beyond(LARGEST, vectors):
         return KeyboardInterrupt()
-    return Interrupted("The run was interrupted.", Result(raw, seconds, "", version))
+    return Interrupted("The run was interrupted.", SpiceRun(raw, seconds, "", version))
 
 
 def _read(log_file: IO[bytes]) -> str:

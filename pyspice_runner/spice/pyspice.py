@@ -11,17 +11,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
+from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, TransientAnalysis, WaveForm
+from PySpice.Probe.WaveForm import OperatingPoint as SolvedNodes
 from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.spice.kept_processes import KeptProcesses
-from pyspice_runner.spice.ngspice import Result, run_deck
+from pyspice_runner.spice.ngspice import SpiceRun, run_deck
 
 # method → PySpice's analysis, and the name of its axis
 _ANALYSES: dict[str, tuple[Any, str]] = {
-    "operating_point": (OperatingPoint, ""),
+    "operating_point": (SolvedNodes, ""),
     "dc": (DcAnalysis, "sweep"),
     "ac": (AcAnalysis, "frequency"),
     "transient": (TransientAnalysis, "time"),
@@ -56,7 +57,7 @@ class BatchSimulator(CircuitSimulator):
         self._timeout = timeout
         self._executable, self._modules = executable, tuple(modules)
         self._saved_nodes: list[str] = []  # PySpice's own is a set, which Python orders anew in every process
-        self.result: Result | None = None
+        self.result: SpiceRun | None = None
         self.deck = ""  # the netlist that was run last
 
     def save(self, *names: Any) -> None:
@@ -83,7 +84,7 @@ class BatchSimulator(CircuitSimulator):
     def verified(
         self, analysis_method: str, *args: Any, progress: Callable[[float], object] | None = None,
         keep_partial: bool = False, processes: KeptProcesses | None = None, **kwargs: Any,
-    ) -> Result:  # fmt: skip
+    ) -> SpiceRun:  # fmt: skip
         """Run an analysis and return the vectors of the raw file, without a copy in PySpice's waveforms.
 
         ``progress`` and ``keep_partial`` are those of :func:`~pyspice_runner.spice.ngspice.run_deck`. A transient

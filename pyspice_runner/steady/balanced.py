@@ -15,7 +15,7 @@ import numpy as np
 
 from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import PAPER_LAW
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Plant
 from pyspice_runner.steady.harmonic_balance import Balance, balanced, tones
 from pyspice_runner.steady.monodromy import differentiable
@@ -34,7 +34,7 @@ class BalancedState:
     solution: Balance  # a start for others
 
 
-def balances(setup: OperatingPoint) -> bool:
+def balances(setup: Point) -> bool:
     """Return whether harmonic balance describes a point: paper's contact, linear modes, few harmonics of the drive."""
     if not isinstance(setup.source, DriveSource) or setup.law != PAPER_LAW:
         return False
@@ -42,7 +42,7 @@ def balances(setup: OperatingPoint) -> bool:
     return differentiable(plant) and tones(plant) > 0
 
 
-def balanced_states(setups: Sequence[OperatingPoint], starts: Sequence[Balance | None]) -> list[BalancedState | None]:
+def balanced_states(setups: Sequence[Point], starts: Sequence[Balance | None]) -> list[BalancedState | None]:
     """Return the points by harmonic balance; ``None`` where it has no solution. ``starts`` are solutions nearby."""
     plants = [_plant(setup) for setup in setups]
     groups: dict[float, list[int]] = {}
@@ -74,6 +74,6 @@ def _state(balance: Balance) -> BalancedState:
     return BalancedState(values, balance)
 
 
-def _plant(setup: OperatingPoint) -> Plant:
+def _plant(setup: Point) -> Plant:
     assert isinstance(setup.source, DriveSource)
     return Plant(setup.motor, setup.source.drive, setup.load, setup.law)

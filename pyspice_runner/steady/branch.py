@@ -27,8 +27,8 @@ from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.run.dynamometer import UNITS
-from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import canonical
+from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.copies import Copy, Plant

@@ -30,7 +30,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.recoil import modes_on_carrier
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.steady.copies import Copy, Plant, Probe
 from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.period_means import current, speed

@@ -28,8 +28,8 @@ from pyspice_runner.motor.strength import COMPARED, exceeded
 from pyspice_runner.result import Audit
 from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
 from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
-from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint
 from pyspice_runner.run.paths import canonical
+from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.steady.branch import dataset_of, followed_branch
@@ -133,7 +133,7 @@ def speed_torque(
     if follow is not None and canonical(follow) == "load.speed":
         follow = SPEED
     _check(axes, drive, mode, follow)
-    base = OperatingPoint.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
+    base = Point.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
     if mode == "steady" and follow is not None:
         return _branch(on_engine(base, engine, "A branch is followed with the B-sources."), axes, follow)
     base = on_engine(base, engine, _without_form(mode, drive))
@@ -178,7 +178,7 @@ def _without_form(mode: str, drive: Drive | Driver) -> str:
     return "" if mode == "steady" else f"The meters of mode = {mode!r} need the B-sources."
 
 
-def _branch(base: OperatingPoint, axes: Mapping[str, Array], follow: str) -> xarray.Dataset:
+def _branch(base: Point, axes: Mapping[str, Array], follow: str) -> xarray.Dataset:
     """Follow the branch of steady states along one axis."""
     along, others = axes[follow], {path: values for path, values in axes.items() if path != follow}
     for path, values in others.items():
@@ -264,7 +264,7 @@ def _held(
     """Return the dynamometer at one speed; the arguments are those of :func:`operating_point`."""
     axis("speed", [speed])
     solver = {name: value for name, value in settings.items() if name in ("step", "timeout", "audit")}
-    base = OperatingPoint.of(motor, drive, speed=speed, contact=touching_law(contact, _NO_TORQUE), **solver)
+    base = Point.of(motor, drive, speed=speed, contact=touching_law(contact, _NO_TORQUE), **solver)
     return _dynamometer(on_engine(base, engine, _without_form(mode, drive)))
 
 
@@ -399,7 +399,7 @@ def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: 
     check_distinct({path: values for path, values in axes.items() if path != follow})  # it may go up and down again
 
 
-def _dynamometer(point: OperatingPoint) -> Dynamometer:
+def _dynamometer(point: Point) -> Dynamometer:
     """Return the dynamometer of a point. Raise ParameterError for a step with which a block has too many points."""
     block = Dynamometer(point).duration
     finest = block / MOST_POINTS
@@ -417,6 +417,6 @@ def _dynamometer(point: OperatingPoint) -> Dynamometer:
     return Dynamometer(off_beat(point))
 
 
-def coordinates(base: OperatingPoint, axes: Mapping[str, Array]) -> dict[str, tuple[str, Array, dict[str, str]]]:
+def coordinates(base: Point, axes: Mapping[str, Array]) -> dict[str, tuple[str, Array, dict[str, str]]]:
     """Return the coordinates of axes, with units."""
     return {path: (path, values, {"units": base.parameter(path).unit}) for path, values in axes.items()}

@@ -31,7 +31,7 @@ from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.dynamometer import STUCK, Quantities, delivering, stuck
 from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.spice import Engine

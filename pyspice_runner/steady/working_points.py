@@ -23,8 +23,8 @@ from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
 from pyspice_runner.run.dynamometer import STUCK, UNITS, delivering
-from pyspice_runner.run.operating_point import OperatingPoint
 from pyspice_runner.run.paths import LOADS, canonical
+from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.kept_processes import KeptProcesses
 from pyspice_runner.steady.branch import dataset_of

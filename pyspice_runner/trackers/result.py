@@ -15,7 +15,7 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.result import Audit, Result, contact_row
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
 from pyspice_runner.run.window import averaged_to_come, change_to_come
 from pyspice_runner.trackers.loop import LoopDesign
@@ -257,7 +257,7 @@ class Tracking(Result):
 class TrackedRun:
     """Inputs of a run with a tracker."""
 
-    setup: OperatingPoint  # motor, source, load, law and solver
+    setup: Point  # motor, source, load, law and solver
     source: TrackedSource  # the tracker at its pins, with the disturbance
     disturbance: Disturbance  # the disturbance
     duration: float  # simulated time in s

@@ -33,7 +33,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.state import network_of
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, small_signals
 from pyspice_runner.trackers.loop import LoopDesign, crossing
 from pyspice_runner.trackers.tracker import TrackedSource, sensing
@@ -82,7 +82,7 @@ class _Answer:
 
 
 def running_loop(
-    setup: OperatingPoint, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
+    setup: Point, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
 ) -> LoopDesign:
     """Return the loop gain of a phase-locked loop at a running motor.
 
@@ -126,7 +126,7 @@ def _free(point: LockedPoint, modulation: Array) -> _Answer:
     return _Answer(modulation, currents, (above, below.conj()), (none, none), np.zeros(len(modulation)))
 
 
-def _running(setup: OperatingPoint, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
+def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
     """Return the currents of the full motor about its steady state."""
     found = small_signals(
         point.motor, point.drive, frequencies=modulation, speed=point.speed,

@@ -24,7 +24,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
-from pyspice_runner.run.operating_point import MOST_POINTS, OperatingPoint, Solver
+from pyspice_runner.run.point import MOST_POINTS, Point, Solver
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.run.window import Window
 from pyspice_runner.spice import Engine
@@ -111,7 +111,7 @@ def track(
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
     lag = tracked_lag(motor, tracker, mode, contact=law is not None)
     source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver)
-    setup = OperatingPoint(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
+    setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
     begin = _settled(tracker, disturb) if begin is None else begin
     stall = None
     if disturb == "load" and load_torque is None:
@@ -208,7 +208,7 @@ def measured_loop_gain(
     duration = (_settled(tracker, "load") if begin is None else begin) + window
     inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
     source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver, inject=inject)
-    setup = OperatingPoint(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
+    setup = Point(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
     _check_duration(setup, source, duration)
     vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()
     time = vectors["time"]
@@ -298,7 +298,7 @@ def _settled(tracker: Tracker, disturb: str) -> float:
     return steps * tracker.period_s
 
 
-def _stall_torque(setup: OperatingPoint, source: TrackedSource) -> float:
+def _stall_torque(setup: Point, source: TrackedSource) -> float:
     """Return the mean torque of the contact on a held shaft, with the tracker at its resonance."""
     still = replace(source, tracker=source.tracker.model_copy(update={"offset": 0.0}))
     vectors = replace(setup, source=still, load=Load(0.0)).run(STALL_TIME_S, ["v(xmotor.friction)"]).vectors()
@@ -308,7 +308,7 @@ def _stall_torque(setup: OperatingPoint, source: TrackedSource) -> float:
     return float(setup.motor.rotor.radius_m * friction)
 
 
-def _check_duration(setup: OperatingPoint, source: TrackedSource, duration: float) -> None:
+def _check_duration(setup: Point, source: TrackedSource, duration: float) -> None:
     longest_period = 1.0 / ((1.0 - source.tracker.span) * source.tracker.frequency)
     least = max(100.0 * setup.shortest_period, (2 * SMOOTHED_PERIODS + 2) * longest_period)
     most = MOST_POINTS * setup.step

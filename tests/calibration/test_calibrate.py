@@ -16,7 +16,7 @@ from pyspice_runner.calibration.record import Record
 from pyspice_runner.calibration.result import Rival
 from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 from tests import calibration_study as study
 
@@ -30,7 +30,7 @@ def truth_and_points(
     """Columns of measured points of a motor with changed values; with the noise of a seed, or without."""
     motor = pr.load_motor(SET).updated(changes)
     drive = pr.default_drive(motor)
-    points = [OperatingPoint.of(motor, drive, speed=speed, contact=contact, audit=False) for speed in speeds]
+    points = [Point.of(motor, drive, speed=speed, contact=contact, audit=False) for speed in speeds]
     states = steady_states(points)
     columns: dict[str, Any] = {"speed_rad_s": speeds}
     random = np.random.default_rng(noise)
@@ -149,7 +149,7 @@ def test_a_calibrated_motor_predicts_another_voltage_within_its_band() -> None:
     result = pr.calibrate(pr.load_motor(SET), truth_and_points(truth, [1.0, 6.0, 12.0], noise=5), free=list(truth))
     motor = pr.load_motor(SET).updated(truth)
     drive, speeds = pr.default_drive(motor).updated({"voltage": 80.0}), [2.0, 8.0]
-    states = steady_states([OperatingPoint.of(motor, drive, speed=speed, audit=False) for speed in speeds])
+    states = steady_states([Point.of(motor, drive, speed=speed, audit=False) for speed in speeds])
     torques = [state.torque_n_m for state in states]
     curve = result.predict({"voltage": [80.0, 80.0], "speed_rad_s": speeds, "torque_n_m": torques})
     # 1e-3 of the friction torque of 0.0125 N·m: steps of truth and prediction differ

@@ -16,7 +16,7 @@ from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.circuit.law import Law, contact_library
 from pyspice_runner.cli import run
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from tests.calibration.test_calibrate import SET, truth_and_points
 
 FREE = ["contact.friction"]
@@ -77,7 +77,7 @@ def test_a_law_of_ones_own_whose_file_changed_is_another_problem(tmp_path: Path)
     own, file = tmp_path / "own.lib", tmp_path / "unfinished.json"
     own.write_text(text, encoding="utf-8")
     motor = pr.load_motor(SET)
-    base = OperatingPoint.of(motor, pr.default_drive(motor), contact=str(own))
+    base = Point.of(motor, pr.default_drive(motor), contact=str(own))
     predictor = Predictor(base, unknowns_of(motor, base.drive, FREE), read_points(POINTS))
     Checkpoint(file, [predictor]).keep(0, np.array([0.1]))
     (kept,) = Checkpoint(file, [predictor]).place(0)

@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.calibration.points import read_points
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import SteadyState, steady_states
 from tests import calibration_study as study
 
@@ -22,7 +22,7 @@ FAR = 4.0  # standard errors: one in 16,000 of a normal error
 
 def states(motor: pr.Motor, speed: float, frequencies: list[float], **drive: float) -> list[SteadyState]:
     setups = [DRIVE.updated({"frequency": frequency, **drive}) for frequency in frequencies]
-    return steady_states([OperatingPoint.of(motor, one, speed=speed, audit=False) for one in setups])
+    return steady_states([Point.of(motor, one, speed=speed, audit=False) for one in setups])
 
 
 def waveform_phase(state: pr.SteadyState, group: str) -> float:

@@ -15,7 +15,7 @@ from pyspice_runner.calibration import motor_class
 from pyspice_runner.calibration.motor_from import MotorFrom, _tips
 from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.cli import run
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.balanced import balanced_states
 
 NOISE = 1e-3
@@ -194,7 +194,7 @@ def test_a_similar_motor_moves_alike_in_other_units() -> None:
     like = scaled(motor, factors, "like", {})
     its = drive.updated({"voltage": 0.7 * drive.voltage, "frequency": 1.3 * drive.frequency})  # type: ignore[union-attr]
     points = [(motor, drive, 0.0), (motor, drive, 0.1), (like, its, 0.0), (like, its, 0.05)]
-    setups = [OperatingPoint.of(one, volts, speed=speed, audit=False) for one, volts, speed in points]
+    setups = [Point.of(one, volts, speed=speed, audit=False) for one, volts, speed in points]
     stall, moving, its_stall, its_moving = balanced_states(setups, [None] * 4)
     for here, there in ((stall, its_stall), (moving, its_moving)):
         assert here is not None

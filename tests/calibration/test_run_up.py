@@ -18,7 +18,7 @@ from pyspice_runner.calibration.record import Record
 from pyspice_runner.calibration.run_up import RUN_UP_ERROR, RunUp, run_ups, settled_run_up
 from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.cli import run
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
 SET = "andersen2002-unintended-mode"
 TRUTH = {"rotor.inertia_kg_m2": 1.3e-6, "rotor.bearing_damping_n_m_s": 1.5e-4}
@@ -73,7 +73,7 @@ def test_a_full_motor_that_is_faster_than_the_averaged_one_is_predicted() -> Non
     drive = pr.default_drive(motor)
     full = pr.simulate(motor, drive, 10e-3, load_torque=1e-3)
     own = RunUp.read({"time_s": full.time_s, "speed_rad_s": full.rotor_speed_rad_s}, 1)
-    point = OperatingPoint.of(motor, drive, load_torque=1e-3)
+    point = Point.of(motor, drive, load_torque=1e-3)
     missed = [own.predicted(point, fine=fine) - own.measured for fine in (False, True)]
     fast, fine = (float(np.sqrt(np.mean(one**2))) / own.measured.max() for one in missed)
     # the page states up to 0.2 %, for the steps of the run and of steady states
@@ -84,7 +84,7 @@ def test_a_full_motor_that_is_faster_than_the_averaged_one_is_predicted() -> Non
 def test_derivatives_of_a_run_up_do_not_follow_the_steps_of_its_integration(name: str) -> None:
     """Within 3 % of those by ten and twenty percent, extrapolated: the steps change a run-up by 3e-5 of its speed."""
     motor = pr.load_motor(name)
-    base = OperatingPoint.of(motor, pr.default_drive(motor), audit=False)
+    base = Point.of(motor, pr.default_drive(motor), audit=False)
     table = {
         "time_s": np.linspace(0.2e-3, 10e-3, 200),
         "speed_rad_s": np.ones(200),
@@ -172,7 +172,7 @@ def test_the_run_up_that_decides_the_bearing_is_named_with_the_error_that_it_has
     (warning,) = [one for one in result.warnings if "do not decide" in one]
     told = re.search(r"measure a run-up from rest: its standard error would be ([0-9.]+) %", warning)
     assert told is not None
-    settled = settled_run_up(OperatingPoint.of(start, pr.default_drive(start)))
+    settled = settled_run_up(Point.of(start, pr.default_drive(start)))
     table = {"time_s": settled.time_s, "speed_rad_s": settled.measured}
     measured = pr.calibrate(start, points, free=["rotor.bearing_damping_n_m_s"], transients=[table])
     (one,) = measured.estimates

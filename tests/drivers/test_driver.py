@@ -17,7 +17,7 @@ import pyspice_runner as pr
 from pyspice_runner.drivers.driver import control_amplitude
 from pyspice_runner.drivers.mosfets import MOSFETS, ratings, suited
 from pyspice_runner.drivers.report import DriveReport
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.library import definitions, library_names, read_library
 from tests.circuit.batch import measured
 from tests.circuit.test_decks import measured as deck_measured
@@ -207,7 +207,7 @@ def test_a_run_has_points_where_the_comparators_of_a_bridge_switch(kind: str) ->
     level = 0.5 if kind == "full-bridge" else 0.0
     settings = {"bridge.level": level} if level else {}
     bridge = driver(kind, phase_deg=62.0, settings=settings)
-    run = OperatingPoint.of(pr.load_motor("andersen2002"), bridge, contact=None).run(5.0 * bridge.period, ["v(a)"])
+    run = Point.of(pr.load_motor("andersen2002"), bridge, contact=None).run(5.0 * bridge.period, ["v(a)"])
     time = run.vectors()["time"]
     for ahead, sign, side in product((0.0, 62.0), (1.0, -1.0) if level else (1.0,), (-1e-3, 1e-3)):
         angle = np.arcsin(sign * (level + side))

@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.drivers.event_source import EventfulDriver
 from pyspice_runner.drivers.events import LOAD_STEP, STOP, SWEEP, driver_events, event_cautions
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
 MOTOR = pr.load_motor("andersen2002")
 DRIVER = pr.Driver(kind="ideal", voltage=50.0, frequency=50e3)
@@ -19,7 +19,7 @@ DRIVER = pr.Driver(kind="ideal", voltage=50.0, frequency=50e3)
 
 def run(source: EventfulDriver, duration: float) -> dict[str, np.ndarray]:
     """The rotor is free of the tip."""
-    setup = OperatingPoint.of(MOTOR, source, contact=None)
+    setup = Point.of(MOTOR, source, contact=None)
     return setup.run(duration, ["v(shaft)", "v(a)", "v(b)"]).vectors()
 
 
@@ -51,7 +51,7 @@ def test_a_sweep_has_the_phase_of_its_frequency() -> None:
 def test_the_maxima_of_events_are_those_of_their_time_and_excess_is_told() -> None:
     """Without a network the pins have the amplitude of the source, but for samples beside a peak; 200 V on 0.8 mm."""
     strong = DRIVER.updated({"voltage": 200.0})
-    setup = OperatingPoint.of(MOTOR.updated({"limits.field_v_per_m": 2e5}), strong, audit=False)
+    setup = Point.of(MOTOR.updated({"limits.field_v_per_m": 2e5}), strong, audit=False)
     names = [f"{kind}_{group})" for kind in ("i(vpin", "i(vout") for group in "ab"]
     found = driver_events(setup, ["v(a)", "v(b)", *names])
     assert list(found) == [LOAD_STEP, STOP, SWEEP]

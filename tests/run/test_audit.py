@@ -29,7 +29,7 @@ from pyspice_runner.run.audit import (
 )
 from pyspice_runner.run.impact import Throw, impact
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import EnergyBalance
 from pyspice_runner.steady import settling as settling_module
 from pyspice_runner.steady.speed_torque import operating_point
@@ -39,7 +39,7 @@ from tools.benches.hysteresis import hysteresis
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 HAMMER = pr.TwoPhaseDrive(voltage=150.0, frequency=13.5e3, phase_deg=0.0)
 # allowed at the preload, too coarse at six times its force
-STEP = OperatingPoint(MOTOR, DriveSource(HAMMER)).shortest_period / 16.05
+STEP = Point(MOTOR, DriveSource(HAMMER)).shortest_period / 16.05
 
 
 def waves(**changed: float) -> dict[str, np.ndarray]:

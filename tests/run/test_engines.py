@@ -19,7 +19,7 @@ from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.run import engines
 from pyspice_runner.run.engines import COMPARED, TOLERANCE, is_compiled
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice import private_cache as kept
 
 MOTOR = pr.load_motor("beam40")
@@ -110,7 +110,7 @@ def test_the_motor_of_the_comparison_has_the_same_module_and_opens_sticks_and_sl
     motor = MOTOR.updated(changes)
     mounted, dry = motor.mount is not None, motor.rotor.bearing_friction_n_m > 0.0
     parts = (*stems(motor, Law()), *(("worn",) if changes == WORN else ()))
-    setup = OperatingPoint.of(engines._similar(2, mounted, dry, parts, Law()), engines._DRIVE)
+    setup = Point.of(engines._similar(2, mounted, dry, parts, Law()), engines._DRIVE)
     assert module_of(setup.motor, Law()) == module_of(motor, Law())
     run = pr.simulate(
         setup.motor, engines._DRIVE, duration=engines._PERIODS / engines._DRIVE.frequency,

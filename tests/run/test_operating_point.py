@@ -6,11 +6,11 @@ from __future__ import annotations
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=40e3)
-POINT = OperatingPoint.of(MOTOR, DRIVE)
+POINT = Point.of(MOTOR, DRIVE)
 
 
 def test_one_call_changes_motor_drive_load_and_step() -> None:
@@ -48,7 +48,7 @@ def test_a_parameter_has_nominal_value_unit_and_description() -> None:
     assert POINT.parameter("modes.bending-1.frequency_hz").unit == "Hz"
     assert POINT.parameter("contact.restitution").nominal == MOTOR.contact.restitution
     driver = pr.Driver(kind="half-bridge", voltage=50.0, frequency=40e3)
-    part = OperatingPoint.of(MOTOR, driver).parameter("drive.bridge.dead_time")
+    part = Point.of(MOTOR, driver).parameter("drive.bridge.dead_time")
     assert (part.unit, part.nominal) == ("s", driver.setting("bridge.dead_time"))
 
 

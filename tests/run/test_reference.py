@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point as RunPoint
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
@@ -143,7 +143,7 @@ def ours(name: str, points_per_period: int | None = None) -> Waveforms:
     point = POINTS[name]
     if points_per_period is None:
         return simulated(point.motor, point.drive, duration=DURATION, **point.load)
-    step = OperatingPoint(point.motor, DriveSource(point.drive)).shortest_period / points_per_period
+    step = RunPoint(point.motor, DriveSource(point.drive)).shortest_period / points_per_period
     return pr.simulate(point.motor, point.drive, duration=DURATION, step=step, **point.load)
 
 

@@ -192,12 +192,12 @@ import pyspice_runner as pr
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.circuit.bench import source_of
 from pyspice_runner.run.kernel import simulator as ready
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.circuit.fixtures import admittance_bench
 motor = pr.load_motor("andersen2002")
 drive = pr.TwoToneDrive(voltage_1=1, frequency_1=2e4, voltage_2=2, frequency_2=4e4, phase_deg=30)
-setup = OperatingPoint(motor, source_of(drive, motor, None), Load(torque=1e-3))
+setup = Point(motor, source_of(drive, motor, None), Load(torque=1e-3))
 simulator = ready(setup.bench(), setup.recording().vectors(None))
 print(simulator.prepare("transient", step_time=1e-7, end_time=1e-3), motor_library(motor))
 print(admittance_bench(motor, preloaded=True))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.balanced import QUANTITIES, balanced_states, balances
 from pyspice_runner.steady.steady import steady_states
 from tests import calibration_study as study
@@ -14,9 +14,9 @@ from tests import calibration_study as study
 SET = "andersen2002-unintended-mode"
 
 
-def points(changes: dict[str, float]) -> list[OperatingPoint]:
+def points(changes: dict[str, float]) -> list[Point]:
     motor = pr.load_motor(SET).updated({"contact.restitution": 0.8, **changes})
-    return [OperatingPoint.of(motor, pr.default_drive(motor), speed=speed, audit=False) for speed in (2.0, 12.0)]
+    return [Point.of(motor, pr.default_drive(motor), speed=speed, audit=False) for speed in (2.0, 12.0)]
 
 
 def values(changes: dict[str, float], *, fast: bool) -> np.ndarray:
@@ -52,7 +52,7 @@ def test_values_of_a_tip_that_opens_in_each_period_are_smooth_in_a_parameter() -
     drive = pr.default_drive(motor).updated({"voltage": 100.0})
     frictions = 0.3 * (1.0 + np.linspace(-0.05, 0.05, 9))
     some = [
-        OperatingPoint.of(motor.updated({"contact.friction": friction}), drive, speed=12.0, audit=False)
+        Point.of(motor.updated({"contact.friction": friction}), drive, speed=12.0, audit=False)
         for friction in frictions
     ]
     torques = np.array([state.values["torque_n_m"] for state in balanced_states(some, [None] * 9) if state])

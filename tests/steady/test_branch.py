@@ -14,7 +14,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.motor.drive import Load
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.branch import folds
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.period_map import PeriodMap
@@ -62,7 +62,7 @@ def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
     at = branch().isel(point=-1)
     drive = DRIVE.model_copy(update={"frequency": float(at["drive.frequency"])})
     plant = Plant(MOTOR, drive, Load(0.0), Law())
-    step = OperatingPoint(MOTOR, DriveSource(drive), Load(0.0), Law()).step
+    step = Point(MOTOR, DriveSource(drive), Load(0.0), Law()).step
     period_map = PeriodMap(drive.period, ceil(drive.period / step - 1e-9))
     state, motion = at["start_state"].values, np.zeros(plant.order)
     motion[: 2 * plant.modes] = 1e-2

@@ -21,7 +21,7 @@ from pyspice_runner.circuit.motor import dielectric_admittance
 from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Tone
 from pyspice_runner.run.kernel import transient
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy, Probe, copies_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
@@ -300,7 +300,7 @@ def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None
     tracker = pr.Tracker(kind="pll", voltage=0.2, frequency=lag.resonance_hz, bandwidth_hz=500.0)
     chosen = propose_filter(lag, 500.0, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a)
     source = TrackedSource(tracker, 1, chosen)
-    setup = OperatingPoint(paper, source, law=law_of("spring-slider"))
+    setup = Point(paper, source, law=law_of("spring-slider"))
     running = running_loop(setup, source, LockedPoint(paper, weak, 0.0))
     # harmonic balance of the slider, which the closed form of the lag has, gives the loaded Q to some per cent
     assert running.crossover_hz == pytest.approx(500.0, rel=0.05)

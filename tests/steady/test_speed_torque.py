@@ -24,7 +24,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.kernel import transient
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.steady import settling
 from pyspice_runner.steady.speed_torque import operating_point
@@ -77,7 +77,7 @@ def test_rotors_spun_up_under_load_lie_on_the_fixed_speed_curve() -> None:
 
 
 def dynamometer(excitation: pr.TwoPhaseDrive | pr.TwoToneDrive, law: Law = PAPER_LAW) -> Dynamometer:
-    return Dynamometer(off_beat(OperatingPoint(MOTOR, DriveSource(excitation), law=law)))
+    return Dynamometer(off_beat(Point(MOTOR, DriveSource(excitation), law=law)))
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, off_beat
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import FELT
@@ -117,8 +117,7 @@ def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoP
 def test_a_slider_that_slips_as_a_run_begins_leaves_no_trace_in_the_result() -> None:
     # the contact slips one way for almost all of the period, so that speed changes neither mean normal force nor decay
     setup = [
-        OperatingPoint(MOTOR.updated({"mount": None}), DriveSource(DRIVE), Load(speed, 0.0))
-        for speed in np.linspace(-10, 8, 10)
+        Point(MOTOR.updated({"mount": None}), DriveSource(DRIVE), Load(speed, 0.0)) for speed in np.linspace(-10, 8, 10)
     ]
     states = steady_states(setup)
     assert all(state.stable for state in states)
@@ -248,7 +247,7 @@ def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_t
 def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
     motor = MOTOR.updated({"mount": None})  # the carrier of the set is slower than the modes, and would be what is left
     largest = abs(pr.steady_state(motor, DRIVE, speed=6.0).floquet_multipliers[0])
-    usual = OperatingPoint(motor, DriveSource(DRIVE))
+    usual = Point(motor, DriveSource(DRIVE))
     # a decay does not need fine steps: the modes are exact at resonance by any step
     bench = Dynamometer(off_beat(usual.with_step(2.0 * usual.step)))
     motion = bench.rest(6.0)

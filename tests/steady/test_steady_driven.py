@@ -16,7 +16,7 @@ from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Load, two_phases
 from pyspice_runner.run.kernel import run_bench, transient_timing
-from pyspice_runner.run.operating_point import OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.kept_processes import KeptProcesses
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.driven import DrivenMap
@@ -200,9 +200,9 @@ def test_the_command_refuses_options_of_a_driver_without_one(capsys: pytest.Capt
 def test_a_coil_in_series_makes_the_default_step_resolve_its_ringing() -> None:
     bridge = driver("half-bridge", "inductor", **{"inductor.inductance": 1e-6})
     ringing = 2.0 * pi * sqrt(1e-6 * MOTOR.piezo.capacitance_a_f)
-    assert OperatingPoint.of(MOTOR, bridge).step == pytest.approx(ringing / 50.0)
-    usual = OperatingPoint.of(MOTOR, driver("half-bridge", "inductor")).step
-    assert usual == OperatingPoint.of(MOTOR, driver("half-bridge")).step
+    assert Point.of(MOTOR, bridge).step == pytest.approx(ringing / 50.0)
+    usual = Point.of(MOTOR, driver("half-bridge", "inductor")).step
+    assert usual == Point.of(MOTOR, driver("half-bridge")).step
 
 
 def test_drivers_without_a_steady_state_by_shooting_are_refused_with_what_to_do() -> None:

@@ -26,7 +26,7 @@ from pyspice_runner.circuit.state import Discretisation, plate_nodes
 from pyspice_runner.circuit.veriloga import module_values
 from pyspice_runner.motor.drive import Load, Tone
 from pyspice_runner.run.kernel import modules_folder
-from pyspice_runner.run.operating_point import OperatingPoint, Solver
+from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
 from pyspice_runner.spice.openvaf import compile_module
@@ -101,7 +101,7 @@ def simulate(
 ) -> Waveforms:
     """Run a motor from preloaded rest as ``pr.simulate`` does, in VACASK."""
     source = DriveSource(drive)
-    setup = OperatingPoint(motor, source, Load(speed, load_torque), law, Solver(step, compiled=True))
+    setup = Point(motor, source, Load(speed, load_torque), law, Solver(step, compiled=True))
     lines = [*sines("a", drive.tones_a, phase), *sines("b", drive.tones_b, phase)]
     if speed is not None:
         lines.append(f"vshaft (shaft 0) vsource dc={speed!r}")
@@ -124,7 +124,7 @@ def simulate(
     return _waveforms(setup, recording, waves, samples, seconds)
 
 
-def _as_ngspice(found: Mapping[str, Any], setup: OperatingPoint) -> dict[str, Any]:
+def _as_ngspice(found: Mapping[str, Any], setup: Point) -> dict[str, Any]:
     """Return the vectors by the names that they have in the B-source motor."""
     samples = {"time": found["time"], "v(shaft)": found["shaft"], "v(a)": found["a"], "v(b)": found["b"]}
     samples |= {"i(va)": found["va:flow(br)"], "i(vb)": found["vb:flow(br)"]}
@@ -136,7 +136,7 @@ def _as_ngspice(found: Mapping[str, Any], setup: OperatingPoint) -> dict[str, An
 
 
 def _waveforms(
-    setup: OperatingPoint, recording: Recording, waves: Mapping[str, Any], samples: Mapping[str, Any], seconds: float
+    setup: Point, recording: Recording, waves: Mapping[str, Any], samples: Mapping[str, Any], seconds: float
 ) -> Waveforms:
     arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
     return Waveforms(

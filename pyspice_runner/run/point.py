@@ -56,7 +56,7 @@ DEFAULT = Solver()
 
 
 @dataclass(frozen=True)
-class OperatingPoint:
+class Point:
     """A motor, its source, its load and its solver. A load or a time step that is out of range is a ParameterError."""
 
     motor: Motor  # the motor
@@ -82,7 +82,7 @@ class OperatingPoint:
         contact: ContactLaw | None = PAPER_LAW,
         thermal: Thermal | None = None,
         **solver: Any,
-    ) -> OperatingPoint:
+    ) -> Point:
         """Return the operating point for the arguments of an analysis. Raise ParameterError for an invalid value.
 
         ``solver`` are settings of :class:`Solver`.
@@ -115,7 +115,7 @@ class OperatingPoint:
             raise unknown(path, [f"run.{name}" for name in settings])
         return parameter(path, self.motor, self.drive, settings)
 
-    def updated(self, changes: Mapping[str, Any]) -> OperatingPoint:
+    def updated(self, changes: Mapping[str, Any]) -> Point:
         """Return the point with changed values: path → value, such as ``{"drive.voltage": 60.0, "load.speed": 2.0}``.
 
         Paths are those of :mod:`.paths`. Raise ParameterError for an unknown path, with the nearest one, or an invalid
@@ -186,7 +186,7 @@ class OperatingPoint:
         """Return the motion that the values of :meth:`state_vectors` at one time stand for, to go on from."""
         return motion(values, self.motor, self.law, self.discretisation)
 
-    def with_step(self, step: float) -> OperatingPoint:
+    def with_step(self, step: float) -> Point:
         """Return the same with a time step in s."""
         return replace(self, solver=replace(self.solver, step=step))
 
