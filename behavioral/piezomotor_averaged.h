@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
- * The averaged motor in C: the equations of piezomotor_averaged.lib, in SI units; docs/averaged.md derives them.
+ * The averaged motor in C: the equations of netlists/piezomotor_averaged.lib, in SI units; docs/averaged.md derives them.
  *
  *   struct motor motor;
  *   motor_default(&motor);                       parameters and inputs of the motor for which the file was exported

@@ -100,7 +100,7 @@ def test_the_wheel_has_the_libraries_the_decks_and_the_licence(wheel: Path) -> N
     names = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
         f"pyspice_runner/_data/{file.relative_to(ROOT).as_posix()}"
-        for pattern in ("behavioral/**/*.lib", "netlists/**/*.cir")
+        for pattern in ("behavioral/**/*.lib", "netlists/**/*.*")
         for file in ROOT.glob(pattern)
     }
     assert {Path(name).suffix for name in wanted} == {".lib", ".cir"}

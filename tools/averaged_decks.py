@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Decks of the averaged motor: seconds of motor time by ``.op``, ``.dc``, ``.ac`` and ``.tran``, without Python.
 
-All include ``behavioral/piezomotor_averaged.lib``, the averaged motor of the set :data:`MOTOR`, which is written here
+All include ``netlists/piezomotor_averaged.lib``, the averaged motor of the set :data:`MOTOR`, which is written here
 too. ``python -m tools.decks`` writes library and decks; a test compares them with the repository.
 """
 
@@ -48,7 +48,7 @@ def averaged_deck_texts() -> dict[str, str]:
 
 
 def averaged_library_text() -> str:
-    """Return ``behavioral/piezomotor_averaged.lib``."""
+    """Return ``netlists/piezomotor_averaged.lib``."""
     return averaged_library(load_motor(MOTOR), thermal=_thermal(load_motor(MOTOR)))
 
 
@@ -74,12 +74,12 @@ def _deck(title: str, what: str, parameters: dict[str, tuple[float | str, str]],
             *(f"* {line}" for line in wrapped),
             "*",
             "* Run: ngspice -b THIS_FILE. Written by python -m tools.decks: edit a copy.",
-            f"* behavioral/{LIBRARY} has pins, units and limits; docs/averaged.md has the derivation. The model is",
+            f"* {LIBRARY} has pins, units and limits; docs/averaged.md has the derivation. The model is",
             "* accurate where v(xmotor.check) < 0.02 and the contact is closed, v(xmotor.open) = 0.",
             "*",
             "* Parameters",
             *(f".param {name}={value} ; {meaning}" for name, (value, meaning) in parameters.items()),
-            f".include ../behavioral/{LIBRARY}",
+            f".include {LIBRARY}",
             body.strip(),
             ".end",
             "",

@@ -746,7 +746,7 @@ def _refer(lines: list[str], references: References) -> list[str]:
 
 
 if __name__ == "__main__":
-    library = data_path("behavioral") / LIBRARY  # which the averaged decks include
+    library = data_path("netlists") / LIBRARY  # which the averaged decks include
     library.write_text(averaged_library_text(), encoding="utf-8", newline="\n")
     for written in (library, *write_decks(data_path("netlists"))):
         sys.stdout.write(f"{written}\n")

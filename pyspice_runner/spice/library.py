@@ -24,7 +24,6 @@ from typing import Any
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.units import linear_words
 
-ASSEMBLED = "piezomotor_averaged"  # a library of behavioral/ that the package writes from the parts
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
 LAW = "_law"  # end of the name of a user's own contact law in a netlist
 _EXPONENTS = {"t": 12, "g": 9, "meg": 6, "k": 3, "": 0, "m": -3, "u": -6, "n": -9, "p": -12, "f": -15}
@@ -134,8 +133,8 @@ def read_library(name: str) -> Library:
 
 @cache
 def library_names() -> tuple[str, ...]:
-    """Return the names of all parts in ``behavioral/``; :data:`ASSEMBLED` is none."""
-    return tuple(sorted(path.stem for path in data_path("behavioral").glob("*.lib") if path.stem != ASSEMBLED))
+    """Return the names of all parts in ``behavioral/``."""
+    return tuple(sorted(path.stem for path in data_path("behavioral").glob("*.lib")))
 
 
 def parse_library(name: str, text: str) -> Library:

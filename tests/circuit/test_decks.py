@@ -21,7 +21,7 @@ from tests.reference.row import throw as exact_throw
 from tests.runs import simulated
 from tests.selection import mostly
 from tools import decks
-from tools.averaged_decks import averaged_library_text
+from tools.averaged_decks import LIBRARY, averaged_library_text
 from tools.benches.hysteresis import hysteresis
 from tools.benches.traction import microslip_loss, virgin_force
 from tools.decks import write_decks
@@ -91,7 +91,7 @@ def test_deck_in_the_repository_is_up_to_date(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_deck_needs_no_other_file_but_an_averaged_one_its_library(name: str) -> None:
     included = re.findall(r"^\.(?:include|lib) +(.*)", deck_texts()[f"{name}.cir"], re.M | re.I)
-    assert included == (["../behavioral/piezomotor_averaged.lib"] if name in AVERAGED else [])
+    assert included == (["piezomotor_averaged.lib"] if name in AVERAGED else [])
 
 
 def test_decks_are_written_to_the_given_folder(tmp_path: Path) -> None:
@@ -225,8 +225,8 @@ def run_with(name: str, values: Mapping[str, str], folder: Path) -> dict[str, fl
     place = folder / "netlists"
     place.mkdir(exist_ok=True)
     (place / "deck.cir").write_text(text, encoding="ascii")
-    if not (folder / "behavioral").exists():
-        (folder / "behavioral").symlink_to(data_path("behavioral"))
+    if not (place / LIBRARY).exists():
+        (place / LIBRARY).symlink_to(data_path("netlists") / LIBRARY)
     done = subprocess.run(
         ["ngspice", "-b", "deck.cir"], cwd=place, capture_output=True, text=True, timeout=120, check=True
     )
@@ -325,7 +325,7 @@ def test_hysteresis_decks_lose_what_the_closed_form_and_the_bench_say(tmp_path: 
 
 
 def test_the_averaged_library_is_what_the_package_writes() -> None:
-    path = data_path("behavioral") / "piezomotor_averaged.lib"
+    path = data_path("netlists") / "piezomotor_averaged.lib"
     assert path.read_text(encoding="utf-8") == averaged_library_text(), "python -m tools.decks"
 
 
@@ -365,11 +365,11 @@ def test_the_averaged_speed_loop_reaches_its_targets(tmp_path: Path) -> None:
 
 
 def test_an_xspice_device_in_an_averaged_deck_costs_no_steps_with_the_lines_of_the_header(tmp_path: Path) -> None:
-    deck = deck_texts()["averaged_speed_loop.cir"].replace("../behavioral", str(data_path("behavioral")))
+    deck = deck_texts()["averaged_speed_loop.cir"].replace(LIBRARY, str(data_path("netlists") / LIBRARY))
     for name, value in {"stepped": "2m", "loaded": "3m", "stop": "4m"}.items():
         deck = re.sub(rf"^\.param {name}=\S+", f".param {name}={value}", deck, flags=re.M)
     device = "Etap raw 0 shaft 0 1\nAtap raw tap gain\n.model gain gain(gain=1)\nRtap tap 0 1k\n"
-    library = (data_path("behavioral") / "piezomotor_averaged.lib").read_text(encoding="utf-8")
+    library = (data_path("netlists") / "piezomotor_averaged.lib").read_text(encoding="utf-8")
     lines = re.search(r"^\* +\.control\n(?:\*.*\n)+?\* +\.endc\n", library, re.M)
     assert lines
     control = re.sub(r"^\* +", "", lines[0], flags=re.M)
