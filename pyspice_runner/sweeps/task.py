@@ -155,13 +155,10 @@ def versions_here() -> dict[str, str]:
 
 @cache
 def _code_sha256() -> str:
-    """Return a hash of what turns a point into numbers, so that no edited source meets what older ones stored."""
+    """Return a hash of the package's code and libraries, so that edited code never uses what older code stored."""
     package = Path(__file__).resolve().parents[1]
-    sources = [
-        path for part in ("model", "netlist", "engine", "run", "analysis") for path in package.glob(f"{part}/**/*.py")
-    ]
-    libraries = data_path("behavioral").glob("*.lib")
-    return fingerprint({"/".join(path.parts[-2:]): path.read_text(encoding="utf-8") for path in (*sources, *libraries)})
+    sources = sorted([*package.rglob("*.py"), *data_path("behavioral").glob("*.lib")])
+    return fingerprint({"/".join(path.parts[-2:]): path.read_text(encoding="utf-8") for path in sources})
 
 
 def _listed(versions: Mapping[str, str]) -> str:
