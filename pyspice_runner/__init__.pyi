@@ -6,14 +6,12 @@ from .calibration.elliptec import read_current_scan as read_current_scan
 from .calibration.estimate import calibrate as calibrate
 from .calibration.motor_from import motor_from as motor_from
 from .circuit.law import Law as Law
-from .circuit.waveforms import Burst as Burst
 from .circuit.waveforms import Waveform as Waveform
 from .control.electronics import Electronics as Electronics
 from .control.loop import control_loop as control_loop
 from .control.simulate import Sample as Sample
 from .control.simulate import simulate_controlled as simulate_controlled
 from .control.state_space import state_space as state_space
-from .drivers.burst import fast_burst as fast_burst
 from .drivers.driver import Driver as Driver
 from .drivers.matching import propose_matching as propose_matching
 from .drivers.report import drive_report as drive_report

@@ -28,7 +28,7 @@ from pyspice_runner.interrupts import raised
 MODULES = {
     "motors": "motors", "show": "motors", "simulate": "simulate", "admittance": "admittance",
     "speed-torque": "steady_states", "steady": "steady_states", "small-signals": "steady_states", "loop": "loop",
-    "state-space": "state_space", "sweep": "sweep", "drive": "drive", "burst": "burst", "track": "track",
+    "state-space": "state_space", "sweep": "sweep", "drive": "drive", "track": "track",
     "impact": "impact", "fit": "fit", "compare": "compare", "motor-from": "motor_from", "calibrate": "calibrate",
     "export": "motors", "report": "pages", "live": "pages", "map": "steady_states",
 }  # fmt: skip

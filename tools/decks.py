@@ -231,6 +231,44 @@ def _spin_up(motor: Motor) -> str:
     )
 
 
+def _fast_start(motor: Motor) -> str:
+    drive = _recommended(motor)
+    bench = motor_bench(motor, DriveSource(drive), title=f"{motor.name}: fast start and stop", check=True)
+    lines = [
+        "Vlevel level 0 PWL(0 {boost} {boosted} {boost} {boosted+edge} 1 {off} 1 {off+edge} 0)",
+        "Von on 0 PWL(0 1 {off} 1 {off+edge} 0)",
+    ]
+    for group, phase in zip(GROUPS, ("0", "{phase}"), strict=True):
+        sine = f"sin({2.0 * pi!r}*{{frequency}}*time+{_RADIANS!r}*{phase})"
+        lines.append(f"Bdrive_{group} drive_{group} 0 V={{voltage}}*V(level)*{sine}")
+        through = f"V(drive_{group},line_{group})*(V(on)+(1-V(on))/{{resistance}})"
+        lines.append(f"Bline_{group} drive_{group} line_{group} I={through}")
+    bench.circuit.raw_spice += "\n".join(lines) + "\n"
+    parameters: Parameters = {
+        **_two_phases(drive),
+        "boost": (2.0, "factor of the voltages at the start"),
+        "boosted": (0.15e-3, "s, end of the boost"),
+        "off": (2e-3, "s, end of the drive"),
+        "edge": (1e-6, "s, in which voltage and resistance change"),
+        "resistance": (2.9e3, "ohm, across each group after the drive; 1 for a short circuit"),
+        "preload": (motor.contact.preload_n, "N"),
+        **_stop_and_step(4e-3),
+    }
+    measures = {
+        f"tip_y_peak_to_peak_{name}_um": f"PP v(xmotor.y) FROM={{{begin}}} TO={{{begin}+3/frequency}}"
+        for name, begin in (("start", "boosted"), ("end", "off-3/frequency"), ("after", "0.5*(off+stop)"))
+    }
+    return _deck(
+        bench,
+        """Fast start and stop. The voltages are higher at first, and after the drive a resistor near the reactance of
+        the clamped capacitance is across each group: a motional arm rises to the amplitude of the plain voltage in
+        tau*ln(boost/(boost-1)), tau its decay time, and the resistor takes its energy. Driver and ceramic must bear
+        the boost. Prints the motion of the tip at the end of the boost, at the end of the drive, and after it.""",
+        parameters, {"Xmotor": _STEPPED, **{f"V{group}": f"{group} line_{group} 0" for group in GROUPS}}, measures,
+        start=_plate_b("boost*voltage"),
+    )  # fmt: skip
+
+
 def _dynamometer(motor: Motor) -> str:
     drive = _recommended(motor)
     title = f"{motor.name}: dynamometer"
@@ -670,7 +708,11 @@ _DECKS: dict[str, Callable[[Motor], str]] = {
     ),
     "tracking_loop": _tracking_loop,
 }
-_WORKING_DECKS: dict[str, Callable[[Motor], str]] = {"spin_up": _spin_up, "dynamometer": _dynamometer}
+_WORKING_DECKS: dict[str, Callable[[Motor], str]] = {
+    "spin_up": _spin_up,
+    "fast_start": _fast_start,
+    "dynamometer": _dynamometer,
+}
 
 
 def _deck(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drives of any shape for the full motor: voltages from arrays or a file, and bursts. Both are sources of a bench.
+"""Drives of any shape for the full motor: voltages from arrays or a file.
 
 The voltages are functions of time in behavioural sources, which set no breakpoints: the steps stay uniform.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -25,87 +24,13 @@ from pyspice_runner.motor.motor import Motor
 
 MOST_POINTS = 20_000  # ngspice searches them at every step
 _MOST_BYTES = 2**25  # of a file: that many points with all signals of a run
-MOST_BURSTS = 100
-EDGE = 0.05  # of a period: a jump would charge the clamped capacitances by an infinite current
 COLUMNS = ("time_s", "voltage_a_v", "voltage_b_v")
 _EVER = 1e9  # s
 _ON_A_LINE = 6
 
 
-class _Shaped(UniformSource):
-    """Voltages that are functions of time: a subclass has ``drive`` and ``voltages``."""
-
-    def voltages(self) -> tuple[str, str]:
-        """Return both voltages over ``time``, as ngspice writes expressions."""
-        raise NotImplementedError
-
-    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
-        """Add the two sources ``Va`` and ``Vb``."""
-        for group, pin, voltage in zip("ab", pins, self.voltages(), strict=True):
-            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V={voltage}\n"
-            circuit.V(group, pin, f"drive_{group}", "DC 0")
-
-
 @dataclass(frozen=True)
-class Burst(_Shaped):
-    """A two-phase drive that is on for a number of cycles, once or at regular intervals.
-
-    Its amplitude falls within the last twentieth of the last cycle; later bursts rise likewise.
-
-    Attributes:
-        drive: the drive.
-        cycles: number of periods of the drive in a burst.
-        interval_s: time in s between the starts of two bursts.
-        count: number of bursts.
-
-    Raises:
-        ParameterError: by the constructor, for a number out of range, or an interval shorter than a burst.
-    """
-
-    drive: TwoPhaseDrive
-    cycles: int
-    interval_s: float | None = None
-    count: int = 1
-
-    def __post_init__(self) -> None:
-        if self.cycles < 1:
-            raise ParameterError(f"cycles = {self.cycles} is out of range: it must be a whole number ≥ 1.")
-        if not 1 <= self.count <= MOST_BURSTS:
-            raise ParameterError(f"count = {self.count} is out of range: it must be from 1 to {MOST_BURSTS}.")
-        length = self.cycles * self.drive.period
-        if (self.interval_s is None) != (self.count == 1):
-            raise ParameterError("interval_s belongs to two bursts or more: give interval_s and count, or neither.")
-        if self.interval_s is not None and not self.interval_s >= length:
-            raise ParameterError(
-                f"interval_s = {self.interval_s:g} s is out of range: a burst takes {length:g} s; give at least that."
-            )
-
-    @property
-    def label(self) -> str:
-        """Drive and length of the bursts."""
-        often = "" if self.interval_s is None else f", {self.count} times every {1e3 * self.interval_s:g} ms"
-        return f"{self.drive.label}, on for {self.cycles} cycles{often}"
-
-    def voltages(self) -> tuple[str, str]:
-        """Return the sines, switched on and off."""
-        length, every, edge = self.cycles * self.drive.period, self.interval_s or 0.0, EDGE * self.drive.period
-        gates = []
-        for at in range(self.count):
-            on, off = f"(time-{at * every!r})/{edge!r}", f"({at * every + length!r}-time)/{edge!r}"
-            gates.append(f"max(0,min(1,min({on},{off})))" if at else f"max(0,min(1,{off}))")
-        found = [
-            f"({'+'.join(gates)})*{tone.amplitude!r}*sin({2.0 * pi * tone.frequency!r}*time+{tone.phase!r})"
-            for tone in (*self.drive.tones_a, *self.drive.tones_b)
-        ]
-        return found[0], found[1]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return drive and burst, JSON-ready."""
-        return super().to_dict() | {"cycles": self.cycles, "interval_s": self.interval_s, "count": self.count}
-
-
-@dataclass(frozen=True)
-class Waveform(_Shaped):
+class Waveform(UniformSource):
     """Voltages at given times, with linear interpolation; the last values hold afterwards.
 
     Attributes:
@@ -149,15 +74,15 @@ class Waveform(_Shaped):
         """Number of points and end time."""
         return f"waveform of {len(np.asarray(self.time_s))} points to {1e3 * np.asarray(self.time_s)[-1]:g} ms"
 
-    def voltages(self) -> tuple[str, str]:
-        """Return both as ``pwl`` of the time, over many lines."""
-        found = []
-        for values in (self.voltage_a_v, self.voltage_b_v):
+    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+        """Add the two sources ``Va`` and ``Vb`` as ``pwl`` of the time, over many lines."""
+        for group, pin, values in zip("ab", pins, (self.voltage_a_v, self.voltage_b_v), strict=True):
             times, volts = np.append(np.asarray(self.time_s), _EVER), np.append(values, np.asarray(values)[-1])
             pairs = [f"{at!r},{volt!r}" for at, volt in zip(times.tolist(), volts.tolist(), strict=True)]
             lines = [",".join(pairs[place : place + _ON_A_LINE]) for place in range(0, len(pairs), _ON_A_LINE)]
-            found.append("pwl(time,\n+ " + ",\n+ ".join(lines) + ")")
-        return found[0], found[1]
+            voltage = "pwl(time,\n+ " + ",\n+ ".join(lines) + ")"
+            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V={voltage}\n"
+            circuit.V(group, pin, f"drive_{group}", "DC 0")
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return U_A and U_B at t = 0."""

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.waveforms import Burst, Waveform, read_waveform
+from pyspice_runner.circuit.waveforms import Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
@@ -19,7 +19,6 @@ from pyspice_runner.errors import Interrupted
 # options of a run cycle by cycle, which an averaged one does not have
 _OF_CYCLES = (
     "waveform",
-    "burst",
     "sliders",
     "step",
     "accuracy",
@@ -54,10 +53,6 @@ def simulate(
             rich_help_panel="Drive",
         ),
     ] = None,
-    burst: Annotated[
-        int | None,
-        typer.Option(help="Two-phase: number of cycles after which the drive is off.", rich_help_panel="Drive"),
-    ] = None,
     averaged: Annotated[
         bool,
         typer.Option("--averaged", help="Average over the drive's period, for runs over seconds."),
@@ -79,7 +74,7 @@ def simulate(
     driver.check(context)
     loaded, in_front = driver.applied(motor, changes)
     excitation = drive.stated(loaded)
-    shaped = _shaped(context, excitation, waveform, burst)
+    shaped = _shaped(context, excitation, waveform)
     if averaged:
         common.refuse_idle(context, "with --averaged", *_OF_CYCLES)
         chosen = engine.engine if common.is_stated(context, "engine") else "auto"
@@ -122,15 +117,12 @@ def simulate(
 
 
 def _shaped(
-    context: typer.Context, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, waveform: Path | None, burst: int | None
-) -> pr.TwoPhaseDrive | pr.TwoToneDrive | Waveform | Burst:
-    """Return the drive, or what a file or a number of cycles makes of it."""
-    if waveform is None and burst is None:
+    context: typer.Context, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, waveform: Path | None
+) -> pr.TwoPhaseDrive | pr.TwoToneDrive | Waveform:
+    """Return the drive, or the waveform of a file."""
+    if waveform is None:
         return drive
     if not isinstance(drive, pr.TwoPhaseDrive):
-        raise pr.ParameterError("--waveform and --burst need a two-phase drive. Add --drive two-phase.")
-    if waveform is None:
-        assert burst is not None
-        return Burst(drive, burst)
-    common.refuse_idle(context, "with --waveform", "voltage", "phase", "ratio_b", "soft_start", "burst")
+        raise pr.ParameterError("--waveform needs a two-phase drive. Add --drive two-phase.")
+    common.refuse_idle(context, "with --waveform", "voltage", "phase", "ratio_b", "soft_start")
     return read_waveform(waveform, drive.frequency)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
 from pyspice_runner.circuit.law import ContactLaw
-from pyspice_runner.circuit.waveforms import Burst, Waveform
+from pyspice_runner.circuit.waveforms import Waveform
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.interrupts import held
@@ -40,7 +40,7 @@ _FEWEST_KEPT = 10  # points of an interrupted run; fewer show nothing
 @checked
 def simulate(
     motor: Motor,
-    drive: Drive | Driver | Tracker | Waveform | Burst,
+    drive: Drive | Driver | Tracker | Waveform,
     duration: float,
     *,
     contact: ContactLaw | None = "spring-slider",
@@ -66,7 +66,7 @@ def simulate(
     Args:
         motor: the motor.
         drive: the voltages of both groups, or what makes them: a driver circuit, or a tracker of the last mode; also a
-            waveform or a burst (:mod:`pyspice_runner.circuit.waveforms`).
+            waveform (:class:`pyspice_runner.circuit.waveforms`).
         duration: simulated time in s.
         contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
             ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from pyspice_runner.averaged.run import AveragedRun
 from pyspice_runner.control.loop import ControlLoop
 from pyspice_runner.control.run import ControlledRun
-from pyspice_runner.drivers.burst import BurstReport
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array, Waveforms
@@ -246,22 +245,6 @@ def drive_report(report: DriveReport) -> Sheet:
     if report.edge:
         panels["edge"] = partial(_edge, report)
     return Sheet(panels, 1, (6.5, 3.0), report.motor["name"])
-
-
-def burst(report: BurstReport) -> Sheet:
-    """Return the amplitude of the tip over time, of a plain burst and of one that starts and stops fast."""
-    return Sheet({"amplitude": partial(_burst, report)}, 1, (6.5, 3.5), str(report.motor["name"]))
-
-
-def _burst(report: BurstReport, ax: Axes) -> None:
-    curves, label = report.curves, Label("amplitude of the tip", "µm", 1e6)
-    lines = [
-        (curves["plain_amplitude_m"], {"color": BLUE, "label": "plain"}),
-        (curves["fast_amplitude_m"], {"color": VERMILION, "linestyle": "--", "label": "boost and resistors"}),
-    ]
-    title = f"{report.boost:g} times the voltage for {1e3 * report.boost_s:.3g} ms"
-    draw_lines(ax, (LABELS["time_ms"], curves["time_s"]), label, lines, title)
-    ax.axvline(1e3 * report.run["stops_s"], color=GREY, linestyle=":", linewidth=1.0)
 
 
 def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -> None:

@@ -19,7 +19,6 @@ from pyspice_runner.calibration.result import Calibration
 from pyspice_runner.control.loop import ControlLoop
 from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.datasets import Branch, Curves, Sweep, WorkingPoints
-from pyspice_runner.drivers.burst import BurstReport
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.impedance.admittance import Admittance
@@ -60,7 +59,6 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
     ControlLoop: plot_runs.control_loop,
     Tracking: plot_runs.tracking,
     DriveReport: plot_runs.drive_report,
-    BurstReport: plot_runs.burst,
     Admittance: plot_spectra.admittance,
     Spectrum: plot_spectra.spectrum,
     SpectrumFit: plot_spectra.spectrum_fit,

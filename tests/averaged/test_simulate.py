@@ -275,7 +275,11 @@ def test_a_burst_of_few_periods_is_not_trusted(cycles: int, trusted: bool) -> No
     drive = pr.default_drive(motor).model_copy(update={"voltage": 70.0})
     length = cycles / drive.frequency
     end = length + 1.4e-3  # s, until the rotor stands
-    full = pr.simulate(motor, pr.Burst(drive, cycles=cycles), duration=end, signals=["rotor_speed_rad_s"])
+    time = np.linspace(0.0, length, 200 * cycles + 1)
+    volts = [np.where(time < length, tone.amplitude * np.sin(2.0 * np.pi * drive.frequency * time + tone.phase), 0.0)
+             for tone in (*drive.tones_a, *drive.tones_b)]  # fmt: skip
+    shape = pr.Waveform(time, volts[0], volts[1], frequency=drive.frequency)
+    full = pr.simulate(motor, shape, duration=end, signals=["rotor_speed_rad_s"])
     turned = float(np.trapezoid(full.rotor_speed_rad_s, full.time_s))
     course = {"voltage": [(0.0, 70.0), (length, 70.0), (length + 1e-7, 0.0)]}
     run = simulate_averaged(motor, drive, end, courses=course)

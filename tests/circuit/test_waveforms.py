@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.waveforms import Burst, Waveform, read_waveform
+from pyspice_runner.circuit.waveforms import Waveform, read_waveform
 from pyspice_runner.cli import run
 
 DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)
@@ -49,19 +49,6 @@ def test_the_voltages_stay_after_the_last_point(motor: pr.Motor) -> None:
     assert found.voltage_a_v[found.time_s < 50e-6] == pytest.approx(0.0)
 
 
-def test_bursts_are_on_for_their_cycles_only(motor: pr.Motor) -> None:
-    burst = Burst(DRIVE, cycles=5, interval_s=0.2e-3, count=2)
-    found = pr.simulate(motor, burst, duration=0.4e-3)
-    step = np.diff(found.time_s).max()
-    since = np.where(found.time_s < 0.2e-3, found.time_s, found.time_s - 0.2e-3)
-    on, off = (since > 0.05 * DRIVE.period) & (since < 4.95 * DRIVE.period), since > 5 * DRIVE.period + step
-    expected = 150.0 * np.sin(2.0 * np.pi * DRIVE.frequency * found.time_s)
-    first = found.time_s < 0.2e-3 - step
-    np.testing.assert_allclose(found.voltage_a_v[on & first], expected[on & first], atol=0.2)
-    assert np.abs(found.voltage_a_v[off & (since < 0.2e-3 - step)]).max() < 1e-6
-    assert np.abs(found.voltage_a_v[on & ~first]).max() > 149.0
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -91,28 +78,14 @@ def test_a_file_that_is_missing_or_binary_is_an_error(tmp_path: Path) -> None:
         read_waveform("/dev/zero", 54e3)
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"cycles": 0}, "cycles = 0 is out of range"),
-        ({"cycles": 5, "count": 3}, "interval_s belongs to two bursts or more"),
-        ({"cycles": 5, "interval_s": 1e-6, "count": 2}, "interval_s = 1e-06 s is out of range"),
-        ({"cycles": 5, "interval_s": 1e-3, "count": 1000}, "count = 1000 is out of range"),
-    ],
-)
-def test_a_burst_that_makes_no_sense_is_an_error(values: dict[str, float], message: str) -> None:
-    with pytest.raises(pr.ParameterError, match=message):
-        Burst(DRIVE, **values)  # type: ignore[arg-type]
-
-
 def test_the_command_replays_what_it_has_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written, again = str(tmp_path / "run.csv"), str(tmp_path / "again.csv")
     plain = "simulate andersen2002 --frequency 54e3 --duration 0.2e-3"
-    assert run(f"{plain} --voltage 150 --burst 5 --output {written}".split()) == 0
+    assert run(f"{plain} --voltage 150 --output {written}".split()) == 0
     assert run(f"{plain} --waveform {written} --output {again}".split()) == 0
     first, second = (np.genfromtxt(path, delimiter=",", names=True) for path in (written, again))
     assert np.abs(first["tip_y_m"] - second["tip_y_m"]).max() <= 2e-3 * np.abs(first["tip_y_m"]).max()
     capsys.readouterr()
     assert run(f"{plain} --waveform {written} --voltage 100".split()) == 2
     assert "--voltage has no effect with --waveform" in capsys.readouterr().err
-    assert run(f"{plain} --averaged --burst 5".split()) == 2
+    assert run(f"{plain} --averaged --waveform {written}".split()) == 2
