@@ -282,7 +282,7 @@ def _derived(motor: Motor) -> str:
         ),
         ("tangential compliance K_t", compliance, "m/N^(2/3)", "K_t1 + K_t2"),
         ("static penetration δ₀", law.static_penetration(contact), "m", "(F₀/K_N)^(2/3)"),
-        ("static bending Δ_C", law.static_deflection(contact, modes), "m", "F₀ Σ Y²/k"),
+        ("static bending Δ_C", motor.deflection_m, "m", "F₀ Σ Y²/k"),
         ("normal stiffness at the preload k_c", law.normal_stiffness_at_preload(contact), "N/m", "3F₀/(2δ₀)"),
         (
             "tangential stiffness at the preload k_t",
@@ -299,7 +299,7 @@ def _derived(motor: Motor) -> str:
             f"f √(1 + k_c Y²/k) of {modes[0].name}",
         ),
     ]
-    resonances = law.linearised_resonances(contact, modes, rotor, motor.mount)
+    resonances = motor.pressed_stator.resonances()
     rows += [
         (f"resonance {number} of modes, rotor and carrier in stick", float(f), "Hz", "linearised at the preload")
         for number, f in enumerate(resonances, start=1)

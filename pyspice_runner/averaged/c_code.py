@@ -21,8 +21,8 @@ from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms,
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers, modes_on_carrier
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, equations, translated
 from pyspice_runner.spice.library import data_path, slider_words
@@ -109,7 +109,7 @@ def variables(
 def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str, float]:
     """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
     drive, contact = default_two_phase(motor), motor.contact
-    motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
+    motor = motor.on_carrier()
     body = thermal or Thermal.of(motor)
     values = {
         "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,

@@ -25,8 +25,8 @@ from pyspice_runner.averaged.circuit_c import NETWORK, TRACKER, Parts, circuit_p
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Course, Terms, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.spice.compiler import kept_library

@@ -39,8 +39,8 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers, modes_on_carrier
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, Pin, check_name, read_library
 
@@ -264,7 +264,7 @@ class AveragedSubCircuit(Assembly):
         name: str = SUBCIRCUIT,
     ) -> None:
         require_averaged(motor)
-        motor = motor.model_copy(update={"modes": modes_on_carrier(motor.modes, motor.mount)})
+        motor = motor.on_carrier()
         contact = motor.contact
         values = {
             "preload": contact.preload_n, "friction": contact.friction,
@@ -342,7 +342,7 @@ class AveragedSubCircuit(Assembly):
 
     def _add_contact(self, motor: Motor, library: Library, nodes: list[str]) -> None:
         contact, preload = motor.contact, motor.contact.preload_n
-        sway = contact_law.static_sway(contact, motor.modes) / preload
+        sway = motor.sway_m / preload
         if sway:  # the crown of the rotor is above the tip at rest
             self.V("sway", "x_0", CROWN, f"DC {{{1e6 * sway:.10g}*preload}}")
             nodes[0] = CROWN
@@ -363,7 +363,7 @@ class AveragedSubCircuit(Assembly):
         values: dict[str, float | str] = {
             "compliance": contact_law.total_compliance(contact), "mu": "{friction}",
             "damping": contact_law.normal_damping(contact),
-            "deflection": f"{{{1e6 * contact_law.static_deflection(contact, motor.modes) / preload:.10g}*preload}}",
+            "deflection": f"{{{1e6 * motor.deflection_m / preload:.10g}*preload}}",
         }  # fmt: skip
         if contact.series_compliance_m_per_n:
             values["series"] = contact.series_compliance_m_per_n

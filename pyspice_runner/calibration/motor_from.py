@@ -45,7 +45,6 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.impedance.fit import fit_spectrum
 from pyspice_runner.impedance.spectrum import Connection, Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_two_port
-from pyspice_runner.motor.contact import linearised_resonances
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor, Provenance
@@ -422,7 +421,7 @@ class _Shift:
 
     def computed(self, motor: Motor) -> dict[str, float]:
         """Return the resonances in Hz of a preloaded motor with a linear contact, each closest to a measured one."""
-        found = linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+        found = motor.pressed_stator.resonances()
         distances = np.abs(np.log(np.array(list(self.measured.values()))[:, None] / np.maximum(found, 1e-9)))
         rows, columns = linear_sum_assignment(distances)
         names = list(self.measured)

@@ -5,7 +5,7 @@ The values are those of a fast model, with the difference to ngspice that :meth:
 parameters. The search is repeated until this difference stays the same; so its result is that of ngspice, and its cost
 that of the fast model.
 
-The fast model of a spectrum is its closed form (:mod:`~pyspice_runner.motor.two_port`), that of a run-up the averaged
+The fast model of a spectrum is its closed form (:meth:`.Stator.admittance`), that of a run-up the averaged
 motor (:mod:`.run_up`), that of a point is harmonic balance (:mod:`~pyspice_runner.steady.balanced`). Where that has
 no solution, or is far from ngspice, it is ngspice itself at a coarse step: all points of many motors are one call of
 :func:`~pyspice_runner.steady.steady.steady_states`, and a perturbed motor starts from the solution of the unperturbed
@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,6 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.impedance.spectrum import Connection, Spectrum, State, connect
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.motor.two_port import closed_two_port
 from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.two_port import sweep_two_port, two_port, two_port_bench
 from pyspice_runner.run.waveforms import Array
@@ -92,9 +92,13 @@ class Band:
 
     def predicted(self, motor: Motor, *, fine: bool) -> Array:
         """Return the parts of a motor's admittance at the measured frequencies: in closed form, or by ngspice."""
-        frequency, preloaded = self.spectrum.frequency_hz, self.state == "preloaded"
-        matrix = None if fine else closed_two_port(motor, frequency, preloaded=preloaded)
-        own = self._by_ngspice(motor) if matrix is None else connect(matrix, self.connection)
+        frequency = self.spectrum.frequency_hz
+        if fine:
+            own = self._by_ngspice(motor)
+        else:
+            pressed = self.state == "preloaded"
+            stator = motor.pressed_stator if pressed else motor.stator.with_carrier(motor.mount)
+            own = connect(stator.admittance(2.0 * pi * frequency), self.connection)
         if self.condition.level_v:
             own = own + added(motor, frequency, self.connection, self.condition.level_v)
         return np.concatenate([own.real, own.imag])

@@ -21,9 +21,8 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.state import PLATES, Discretisation, motor_states, plate_nodes, stems, written
 from pyspice_runner.circuit.veriloga import WRITTEN, module_source, module_values
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 
 # states and pins that a motor may not need: their nodes, and the comment before their equations
 _CARRIER = ("carrier on plate springs", ("carrier", "carrier_velocity"))
@@ -168,7 +167,7 @@ def module_signals(motor: Motor, discretisation: Discretisation | None, instance
             for shape, mode in zip(shapes, motor.modes, strict=True)
         )
         if axis == "x":  # which is 0 where it differs from 0 only by rounding
-            bending = bending if contact_law.static_sway(motor.contact, motor.modes) else 0.0
+            bending = bending if motor.sway_m else 0.0
         found[f"v({instance}.{axis})"] = Signal(terms, -1e6 * bending * motor.contact.preload_n)
     for node, variable in (("friction", "tangential"), ("state", "state"), ("xcontact.delta", "delta")):
         found[f"v({instance}.{node})"] = Signal({f"@n.{instance}.n1[{variable}]": 1.0})

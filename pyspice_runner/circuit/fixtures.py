@@ -16,7 +16,7 @@ from pyspice_runner.circuit.state import Discretisation, plate_nodes, stems
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Drive, Tone
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, read_library
 

@@ -39,10 +39,9 @@ from pyspice_runner.circuit.state import (
     static_sway,
     stems,
     written,
-    written_recoils,
+    written_stator,
 )
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.motor import Motor
@@ -168,7 +167,7 @@ class MotorSubCircuit(Assembly):
         name: str = "",
         prefix: str = "",
     ) -> None:
-        flexibility = sum(mode.tip_y**2 / written(mode, discretisation)[1] for mode in motor.modes)
+        flexibility = float(written_stator(motor, discretisation).flexibility[1, 1])
         flexibility += motor.contact.series_compliance_m_per_n
         preload = motor.contact.preload_n
         library = contact_library(law, motor.contact) if law else None
@@ -245,10 +244,10 @@ class MotorSubCircuit(Assembly):
 
     def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
-        for index, mode in enumerate(self._motor.modes, start=1):
+        shaking = written_stator(self._motor, self._discretisation, self._mount).carrier_recoil.T.tolist()
+        for index, (mode, (along_y, along_x)) in enumerate(zip(self._motor.modes, shaking, strict=True), start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
             values = mode_values(mode, self._discretisation) | {"preload": preload}
-            along_y, along_x = written_recoils(mode, self._mount, self._discretisation)
             base: str | int = "base" if self._mount else self.gnd
             if along_y and along_x:
                 base = self._add_slant(index, along_x / along_y)
@@ -406,14 +405,14 @@ def require_linear(motor: Motor, what: str) -> None:
 def contact_nodes(motor: Motor) -> dict[str, str]:
     """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy."""
     nodes = {name: name for name in ("x", "y", "vx", "vy")}
-    if contact_law.static_sway(motor.contact, motor.modes):
+    if motor.sway_m:
         nodes["x"] = CROWN
     return nodes | (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})
 
 
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s at which an exported motor gives right results, with two digits."""
-    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    resonances = motor.pressed_stator.resonances()
     return float(f"{1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))):.2g}")
 
 

@@ -14,9 +14,9 @@ from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_PO
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.powers import Power
 from pyspice_runner.motor.drive import Drive, check_together
+from pyspice_runner.motor.groups import GROUPS as GROUPS
 from pyspice_runner.motor.motor import Motor
 
-GROUPS = ("a", "b")
 Pins = tuple[str, str]  # nodes of groups A and B
 
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import copysign, cos, pi, sin, sqrt, tan
 from typing import Literal
 
 from pyspice_runner.circuit.law import LIBRARIES, Law
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode, Mount
-from pyspice_runner.motor.recoil import carriers, recoils
+from pyspice_runner.motor.stator import Stator, carriers, discretised
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
@@ -28,9 +27,8 @@ Kind = Literal["mode", "contact", "stem", "mount", "rotor", "bearing", "group"]
 class Discretisation:
     """Adaptation of the netlist to a run with a uniform step; an exported motor has none.
 
-    The trapezoidal rule with step h shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
-    k′ = (4m/h²) sin²(ωh/2) the discretised mode resonates at ω exactly. The time constant of
-    the slider is h/2, with which the slider follows its limit without ringing.
+    The modes are those of :meth:`.Stator.adapted`. The time constant of the slider is h/2, with which the slider
+    follows its limit without ringing.
     """
 
     step: float  # time step h in s
@@ -40,8 +38,8 @@ class Discretisation:
         """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
         if not self.exact_resonance:
             return mode.mass_kg, mode.stiffness_n_per_m
-        half_angle = pi * mode.frequency_hz * self.step
-        return mode.mass_kg * cos(half_angle) ** 2, 4.0 * mode.mass_kg / self.step**2 * sin(half_angle) ** 2
+        mass, stiffness = discretised(mode.mass_kg, mode.stiffness_n_per_m, self.step)
+        return float(mass), float(stiffness)
 
     @property
     def slider_time(self) -> float:
@@ -54,26 +52,12 @@ def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tupl
     return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
 
 
-def written_recoils(mode: Mode, mount: Mount | None, discretisation: Discretisation | None) -> tuple[float, float]:
-    """Return the recoil in kg of a mode in the netlist, along y and x.
-
-    With it the discretised mode on its carrier is exact, too. The recoil raises a mode from ω to ω/√(1 − s), with s the
-    sum of Γ²/(m m_c) along y and x, if the springs of the carrier are soft.
-    """
-    moving = carriers(mount)
-    given = [mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0][: len(moving)]
-    whole = sum(recoil**2 for recoil in given)
-    if whole and mount and discretisation and discretisation.exact_resonance:
-        share = whole / (mode.mass_kg * mount.mass_kg)
-        half_angle = pi * mode.frequency_hz * discretisation.step
-        share = 1.0 - (tan(half_angle) / tan(half_angle / sqrt(1.0 - share))) ** 2
-        mass = discretisation.mode(mode)[0]
-        given = [
-            copysign(sqrt(share * (recoil**2 / whole) * mass * discretisation.mode(along)[0]), recoil)
-            for recoil, along in zip(given, moving, strict=True)
-        ]
-    along_y, along_x = (*given, 0.0, 0.0)[:2]
-    return along_y, along_x
+def written_stator(motor: Motor, discretisation: Discretisation | None, mount: Mount | None = None) -> Stator:
+    """Return the stator of a motor in the netlist, on its carrier if it has a mount."""
+    stator = motor.stator.with_carrier(mount)
+    if discretisation is None or not discretisation.exact_resonance:
+        return stator
+    return stator.adapted(discretisation.step)
 
 
 def stems(motor: Motor, law: Law | None) -> dict[str, float]:
@@ -114,15 +98,14 @@ def first_guess(
 
 def carrier(motor: Motor, law: Law | None) -> Mount | None:
     """Return the mount of a motor in the netlist: a free tip, without a law, has one only if its modes shake it."""
-    return motor.mount if law or recoils(motor.modes)[: len(carriers(motor.mount))].any() else None
+    return motor.mount if law or motor.stator.recoil[:, : len(carriers(motor.mount))].any() else None
 
 
 def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
     """Return the sideways displacement in m of the tip under the preload, above which the rotor's crown stands."""
     if law is None:
         return 0.0
-    stiffnesses = [written(mode, discretisation)[1] for mode in motor.modes]
-    return contact_law.static_sway(motor.contact, motor.modes, stiffnesses)
+    return float(-motor.contact.preload_n * written_stator(motor, discretisation).flexibility[0, 1])
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ from pyspice_runner.circuit.motor import (
     rounded,
     spring_values,
 )
-from pyspice_runner.circuit.state import Discretisation, stems, written_recoils
+from pyspice_runner.circuit.state import Discretisation, stems, written_stator
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, equations, translated
 from pyspice_runner.spice.library import LibraryParameter, check_name, data_path, read_library, slider_words
@@ -213,11 +213,12 @@ def module_values(
             "drift_k": thermal.coupling_drift_per_k,
             "drift_c": thermal.capacitance_drift_per_k,
         }
-    for number, mode in enumerate(motor.modes, start=1):
+    shaking = written_stator(motor, discretisation, motor.mount).carrier_recoil.T
+    for number, (mode, recoil) in enumerate(zip(motor.modes, shaking.tolist(), strict=True), start=1):
         of_mode = {
             **mode_values(mode, discretisation), "softening": mode.softening_per_m2,
             "growth": mode.damping_growth_per_m2,
         }  # fmt: skip
-        of_mode |= dict(zip(("recoil", "recoil_x"), written_recoils(mode, motor.mount, discretisation), strict=True))
+        of_mode |= dict(zip(("recoil", "recoil_x"), recoil, strict=True))
         values |= {f"{parameter}_{number}": rounded(value) for parameter, value in of_mode.items()}
     return values

@@ -19,7 +19,6 @@ from pyspice_runner.circuit.bench import Bench, motor_bench
 from pyspice_runner.circuit.source import Pins, UniformSource
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.drivers.driver import Driver, add_channels
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
@@ -136,7 +135,5 @@ def controlled_bench(
 
 def _approach(motor: Motor, preload: Course) -> str:
     """Return the value of a source that moves the stator so that its preload follows a course."""
-    moved = [
-        (time, 1e6 * contact_law.approach(motor.contact, motor.modes, motor.mount, value)) for time, value in preload
-    ]
+    moved = [(time, 1e6 * motor.approach_m(value)) for time, value in preload]
     return course_text(moved)

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 from pyspice_runner.averaged.c_code import MOUNTS, OF_SPRINGS, Variable
 from pyspice_runner.averaged.library import HARMONICS
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 
 Version = Literal[2, 3]
 VERSIONS: tuple[Version, ...] = (2, 3)

@@ -30,7 +30,6 @@ from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.one_thread import one_thread
 from pyspice_runner.motor.parameters import Mode
-from pyspice_runner.motor.recoil import modes_on_carrier
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.solid.residual_modes import with_outside_modes
 from pyspice_runner.result import Audit, Result
@@ -218,12 +217,12 @@ class _Expected:
 
 def _expected(motor: Motor, preloaded: bool) -> list[_Expected]:
     """Return every mode with its expected resonance."""
-    modes = modes_on_carrier(motor.modes, motor.mount)
+    modes = motor.on_carrier().modes
     bandwidth = [mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi) for mode in modes]
     if not preloaded:
         return [_Expected(mode, mode.frequency_hz, width) for mode, width in zip(modes, bandwidth, strict=True)]
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
-    frequencies = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    frequencies = motor.pressed_stator.resonances()
     normal = contact_law.normal_stiffness_at_preload(motor.contact)
     tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
     alone = [  # under preload, without the other modes

@@ -25,15 +25,13 @@ Mechanics*, Springer 2019, §2.5 and §4.3.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from math import asinh, cbrt, log1p, nan, pi, sinh, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.motor.parameters import Contact, Mode, Mount, Rotor
-from pyspice_runner.motor.recoil import carriers, mass_matrix
+from pyspice_runner.motor.parameters import Contact, Mode
 from pyspice_runner.motor.roots import root
 
 Array = NDArray[np.float64]
@@ -166,38 +164,19 @@ def static_penetration(contact: Contact) -> float:
     return penetration(contact, contact.preload_n)
 
 
-def static_deflection(contact: Contact, modes: tuple[Mode, ...]) -> float:
-    """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
-    return contact.preload_n * sum(mode.tip_y**2 / mode.stiffness_n_per_m for mode in modes)
-
-
-def approach(contact: Contact, modes: tuple[Mode, ...], mount: Mount | None, preload_n: float) -> float:
-    """Return the motion in m of the stator's support towards the rotor that changes the preload to another, N.
-
-    Of a stator on a mount, the fixed end of the springs moves; otherwise the stator itself.
-    """
-    if mount:
-        return (preload_n - contact.preload_n) / mount.stiffness_n_per_m
-    deeper = penetration(contact, preload_n) - static_penetration(contact)
-    return deeper + static_deflection(contact, modes) * (preload_n / contact.preload_n - 1.0)
-
-
-def static_sway(contact: Contact, modes: Sequence[Mode], stiffnesses: Sequence[float] = ()) -> float:
-    """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
-
-    The stiffnesses in N/m are by default those of the modes; a time step has others. The crown of the rotor is above
-    the tip at rest. Values that differ from 0 only by rounding are 0.
-    """
-    stiffnesses = stiffnesses or [mode.stiffness_n_per_m for mode in modes]
-    shares = [mode.tip_x * mode.tip_y / one for mode, one in zip(modes, stiffnesses, strict=True)]
-    sizes = [(mode.tip_x**2 + mode.tip_y**2) / one for mode, one in zip(modes, stiffnesses, strict=True)]
-    return -contact.preload_n * sum(shares) if abs(sum(shares)) > 1e-12 * sum(sizes) else 0.0
-
-
 def _stiffness(contact: Contact) -> float:
     """Return dF_N/dδ = 3/2 K_N √(q + β) under the preload, in N/m; 3F₀/(2δ₀) for a new tip."""
     radius = sqrt(_root(contact, contact.preload_n) ** 2 + flat_length(contact))
     return 1.5 * contact.normal_stiffness_n_per_m15 * radius
+
+
+def stiffnesses_at_preload(contact: Contact) -> tuple[float, float]:
+    """Tangential stiffness in stick and normal stiffness at the operating point without compliances in series, N/m.
+
+    dF_T/du = 2 G* a and dF_N/dδ = 2 E* a.
+    """
+    normal = _stiffness(contact)
+    return normal * contact.friction / limit_ratio(contact), normal
 
 
 def normal_stiffness_at_preload(contact: Contact) -> float:
@@ -208,7 +187,7 @@ def normal_stiffness_at_preload(contact: Contact) -> float:
 
 def tangential_stiffness_at_preload(contact: Contact) -> float:
     """Tangential stiffness in stick at the operating point, in N/m: dF_T/du = 2 G* a and the compliance in series."""
-    alone = _stiffness(contact) * contact.friction / limit_ratio(contact)
+    alone = stiffnesses_at_preload(contact)[0]
     return alone / (1.0 + alone * contact.tangential_series_compliance_m_per_n)
 
 
@@ -219,39 +198,3 @@ def resonance_under_preload(contact: Contact, mode: Mode) -> float:
     """
     stiffness = mode.stiffness_n_per_m + normal_stiffness_at_preload(contact) * mode.tip_y**2
     return sqrt(stiffness / mode.mass_kg) / (2.0 * pi)
-
-
-def linearised(
-    contact: Contact, modes: tuple[Mode, ...], rotor: Rotor, mount: Mount | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return mass and stiffness of modes, carriers and rotor coupled by the sticking contact at its operating point.
-
-    The last coordinate is the surface of the rotor; units are kg and N/m.
-    """
-    moving = carriers(mount)
-    springs: list[Mode | Mount] = [*modes, *moving]
-    mass = np.diag([*(spring.mass_kg for spring in springs), rotor.inertia_kg_m2 / rotor.radius_m**2])
-    mass[:-1, :-1] = mass_matrix(modes, mount)
-    normal = np.array([*(mode.tip_y for mode in modes), *(1.0, 0.0)[: len(moving)], 0.0])
-    tangential = np.array([*(mode.tip_x for mode in modes), *(0.0, 1.0)[: len(moving)], -1.0])
-    stiffness = (
-        np.diag([*(spring.stiffness_n_per_m for spring in springs), 0.0])
-        + normal_stiffness_at_preload(contact) * np.outer(normal, normal)
-        + tangential_stiffness_at_preload(contact) * np.outer(tangential, tangential)
-    )
-    return mass, stiffness
-
-
-def linearised_resonances(
-    contact: Contact, modes: tuple[Mode, ...], rotor: Rotor, mount: Mount | None = None
-) -> NDArray[np.float64]:
-    """Undamped resonances in Hz, ascending, of modes and rotor coupled by the sticking contact at its operating point.
-
-    The rotor on the contact's tangential spring adds one to those of the modes. A carrier on springs adds another, the
-    lowest if the carrier is heavy: it moves on the contact's normal stiffness.
-    """
-    mass, stiffness = linearised(contact, modes, rotor, mount)
-    scale = np.sqrt(np.outer(np.diag(mass), np.diag(mass)))
-    factor = np.linalg.inv(np.linalg.cholesky(mass / scale))  # the unit matrix without recoil
-    squares = np.linalg.eigvalsh(factor @ (stiffness / scale) @ factor.T)
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi))

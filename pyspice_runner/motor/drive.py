@@ -10,6 +10,8 @@ from fractions import Fraction
 from math import hypot, pi, radians, sin, sqrt
 from typing import Any
 
+import numpy as np
+
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.contact import static_penetration
 from pyspice_runner.motor.motor import Motor
@@ -48,14 +50,19 @@ class Drive(Stated):
     )
 
     @property
+    def tones(self) -> tuple[tuple[Tone, ...], ...]:
+        """For each group the sines whose sum is its voltage."""
+        raise NotImplementedError
+
+    @property
     def tones_a(self) -> tuple[Tone, ...]:
         """Sines whose sum is U_A."""
-        raise NotImplementedError
+        return self.tones[0]
 
     @property
     def tones_b(self) -> tuple[Tone, ...]:
         """Sines whose sum is U_B."""
-        raise NotImplementedError
+        return self.tones[1]
 
     @property
     def label(self) -> str:
@@ -65,7 +72,7 @@ class Drive(Stated):
     @property
     def frequencies(self) -> tuple[float, ...]:
         """Frequencies present, in Hz."""
-        return tuple(sorted({tone.frequency for tone in (*self.tones_a, *self.tones_b)}))
+        return tuple(sorted({tone.frequency for tones in self.tones for tone in tones}))
 
     @property
     def period(self) -> float:
@@ -82,7 +89,7 @@ class Drive(Stated):
         """Return U_A and U_B just after t = 0, in V."""
         if self.soft_start > 0.0:
             return 0.0, 0.0
-        a, b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in (self.tones_a, self.tones_b))
+        a, b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in self.tones)
         return a, b
 
 
@@ -106,14 +113,12 @@ class TwoPhaseDrive(Drive):
         return self.ratio_b * self.voltage
 
     @property
-    def tones_a(self) -> tuple[Tone, ...]:
-        """The sine of group A."""
-        return (Tone(self.voltage, self.frequency, 0.0),)
-
-    @property
-    def tones_b(self) -> tuple[Tone, ...]:
-        """The sine of group B."""
-        return (Tone(self.voltage_b, self.frequency, radians(self.phase_deg)),)
+    def tones(self) -> tuple[tuple[Tone, ...], ...]:
+        """One sine for each group."""
+        return (
+            (Tone(self.voltage, self.frequency, 0.0),),
+            (Tone(self.voltage_b, self.frequency, radians(self.phase_deg)),),
+        )
 
 
 def two_phases(drive: Any) -> dict[str, float]:
@@ -141,18 +146,11 @@ class TwoToneDrive(Drive):
         return f"{common} ± {self.voltage_2:g} V at {self.frequency_2 / 1e3:g} kHz, {self.phase_deg:g}°"
 
     @property
-    def tones_a(self) -> tuple[Tone, ...]:
-        """The two sines whose sum drives group A."""
-        return (
-            Tone(self.voltage_1, self.frequency_1, 0.0),
-            Tone(self.voltage_2, self.frequency_2, radians(self.phase_deg)),
-        )
-
-    @property
-    def tones_b(self) -> tuple[Tone, ...]:
-        """The two sines whose sum drives group B."""
-        common, opposed = self.tones_a
-        return (common, Tone(-opposed.amplitude, opposed.frequency, opposed.phase))
+    def tones(self) -> tuple[tuple[Tone, ...], ...]:
+        """The two sines whose sum drives a group, for each group."""
+        common = Tone(self.voltage_1, self.frequency_1, 0.0)
+        signs, phase = (1.0, -1.0), radians(self.phase_deg)
+        return tuple((common, Tone(sign * self.voltage_2, self.frequency_2, phase)) for sign in signs)
 
 
 DRIVES: dict[str, type[TwoPhaseDrive] | type[TwoToneDrive]] = {"two-phase": TwoPhaseDrive, "two-tone": TwoToneDrive}
@@ -173,17 +171,12 @@ def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
 def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
     """Return upper bounds of the velocity (m/s) and amplitude (m) of a free tip in steady state."""
     velocity = swing = 0.0
-    for tone_a, tone_b in zip(drive.tones_a, drive.tones_b, strict=True):
-        omega = 2.0 * pi * tone_a.frequency
-        along = towards = 0.0
-        for mode in motor.modes:
-            force = sum(
-                coupling * tone.amplitude * exp(1j * tone.phase)
-                for coupling, tone in ((mode.coupling_a_n_per_v, tone_a), (mode.coupling_b_n_per_v, tone_b))
-            )
-            stiffness = mode.stiffness_n_per_m - mode.mass_kg * omega**2 + 1j * omega * mode.damping_n_s_per_m
-            along += abs(mode.tip_x * force / stiffness)
-            towards += abs(mode.tip_y * force / stiffness)
+    stator = motor.stator
+    for tones in zip(*drive.tones, strict=True):
+        omega = 2.0 * pi * tones[0].frequency
+        forces = stator.coupling @ [tone.amplitude * exp(1j * tone.phase) for tone in tones]
+        moved = forces / (stator.stiffness - stator.mass * omega**2 + 1j * omega * stator.damping)
+        along, towards = np.abs(stator.contact * moved).sum(axis=1).tolist()
         swing += hypot(along, towards)
         velocity += omega * hypot(along, towards)
     return velocity, swing

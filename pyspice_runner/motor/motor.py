@@ -17,6 +17,7 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
@@ -31,10 +32,10 @@ from pyspice_runner.motor.parameters import (
     Slider,
     Tip,
 )
-from pyspice_runner.motor.recoil import carriers, recoils, unknown_recoil
 from pyspice_runner.motor.refusal import allowed_range, build, checked, limited, positive, quoted, refusal, schema_of
 from pyspice_runner.motor.save import motor_toml
 from pyspice_runner.motor.solid.parameters import Solid
+from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, unknown_recoil
 from pyspice_runner.units import engineering
 
 # Relations between the values of a motor.
@@ -167,14 +168,16 @@ class Motor(Shown, Parameters):
                 f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
             )
         self._check_groups()
-        shaking = recoils(self.modes)[: len(carriers(self.mount))] / np.sqrt([mode.mass_kg for mode in self.modes])
+        stator = self.stator
+        carried = stator.with_carrier(self.mount)
+        shaking = stator.recoil[:, : carried.carriers] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
             raise ValueError(
                 f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
                 f"{self.mount.mass_kg:g} kg, which contains the stator, must exceed it: correct one of them"
             )
-        seat = contact_law.static_penetration(self.contact) + contact_law.static_deflection(self.contact, self.modes)
+        seat = contact_law.static_penetration(self.contact) + self.deflection_m
         seat += self.contact.series_compliance_m_per_n * self.contact.preload_n
         deepest = DEEPEST_SLIDER_M if self.slider else 0.1 * self.rotor.radius_m
         if seat > deepest:
@@ -183,7 +186,7 @@ class Motor(Shown, Parameters):
                 f"contact.preload_n = {self.contact.preload_n:g} N presses the tip {seat:.3g} m into the "
                 f"{self.moved}; at most {most or f'{deepest:g} m'} is allowed, so lower the preload"
             )
-        fastest = float(contact_law.linearised_resonances(self.contact, self.modes, self.rotor, self.mount)[-1])
+        fastest = float(self.pressed_stator.resonances()[-1])
         if fastest > STIFFEST_CONTACT * highest:
             raise ValueError(
                 f"pressed on the {self.moved} the tip swings at {fastest:.4g} Hz, more than {STIFFEST_CONTACT:g} times "
@@ -195,18 +198,69 @@ class Motor(Shown, Parameters):
         return self
 
     def _check_groups(self) -> None:
-        for group in ("a", "b"):
-            clamped: float = getattr(self.piezo, f"capacitance_{group}_f")
-            motional = sum(
-                getattr(mode, f"coupling_{group}_n_per_v") ** 2 / mode.stiffness_n_per_m for mode in self.modes
-            )
-            coupling = motional / (clamped + motional)
+        stator = self.stator
+        clamped, motional = np.diag(stator.capacitance), np.sum(stator.coupling.T**2 / stator.stiffness, axis=1)
+        for group, coupling in zip(GROUPS, motional / (clamped + motional), strict=True):
             if coupling > CLOSEST_COUPLING:
                 raise ValueError(
                     f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
                     f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
+
+    @property
+    def stator(self) -> Stator:
+        """The matrices of the free stator, without its carrier."""
+        return Stator.of_modes(self.modes, self.piezo, self.contact)
+
+    @property
+    def pressed_stator(self) -> Stator:
+        """The matrices of stator, carrier and rotor, which the contact couples at its operating point, where it sticks.
+
+        The last coordinate is the surface of the rotor. Along the normal the contact has the damping of impacts.
+        """
+        contact, rotor = self.contact, self.rotor
+        return self.stator.with_carrier(self.mount).pressed(
+            contact_law.stiffnesses_at_preload(contact),
+            (0.0, contact_law.normal_damping(contact) * contact.preload_n),
+            rotor.inertia_kg_m2 / rotor.radius_m**2,
+            rotor.bearing_damping_n_m_s / rotor.radius_m**2,
+        )
+
+    @property
+    def deflection_m(self) -> float:
+        """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
+        return float(self.contact.preload_n * self.stator.flexibility[1, 1])
+
+    @property
+    def sway_m(self) -> float:
+        """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
+
+        The crown of the rotor is above the tip at rest.
+        """
+        return float(-self.contact.preload_n * self.stator.flexibility[0, 1])
+
+    def approach_m(self, preload_n: float) -> float:
+        """Return the motion in m of the stator's support towards the rotor that changes the preload to another, N.
+
+        Of a stator on a mount, the fixed end of the springs moves; otherwise the stator itself.
+        """
+        if self.mount:
+            return (preload_n - self.contact.preload_n) / self.mount.stiffness_n_per_m
+        deeper = contact_law.penetration(self.contact, preload_n) - contact_law.static_penetration(self.contact)
+        return deeper + self.deflection_m * (preload_n / self.contact.preload_n - 1.0)
+
+    def on_carrier(self) -> Motor:
+        """Return the motor with the modes that its stator has on its carrier, which then shake it no more."""
+        free = self.stator
+        stator = free.on_carrier(self.mount)
+        if stator is free:
+            return self
+        modes = tuple(
+            mode.model_copy(update=dict(zip(MODE_COLUMNS, map(float, row), strict=True)))
+            for mode, row in zip(self.modes, stator.mode_rows, strict=True)
+        )
+        return self.model_copy(update={"modes": modes})
 
     @property
     def moved(self) -> str:
@@ -223,15 +277,14 @@ class Motor(Shown, Parameters):
     @property
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
-        springs: list[Any] = [*self.modes, *carriers(self.mount)]
-        return float(max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+        return self.stator.with_carrier(self.mount).decay_s
 
     @property
     def cautions(self) -> tuple[str, ...]:
         """What is not known of the motor, and where the theory of its beam ends; every result repeats it."""
         of_beam: tuple[str, ...] = ()
-        if (stator := self.structure) is not None:
-            of_beam = beam_cautions(stator.beam, stator.patches, stator.tip, len(self.modes))
+        if (structure := self.structure) is not None:
+            of_beam = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
         return (*unknown_recoil(self.modes, self.mount), *of_beam)
 
     def summary(self) -> dict[str, str]:
@@ -240,7 +293,7 @@ class Motor(Shown, Parameters):
             f"{engineering(mode.frequency_hz, 'Hz')} (Q {mode.quality_factor:.3g})" for mode in self.modes
         )
         rotor = self.rotor
-        capacitances = (engineering(value, "F") for value in (self.piezo.capacitance_a_f, self.piezo.capacitance_b_f))
+        capacitances = (engineering(value, "F") for value in self.piezo.capacitances)
         return {
             "name": self.name,
             "modes": modes,

@@ -188,6 +188,11 @@ class Mode(Parameters):
     )  # fmt: skip
 
     @property
+    def couplings(self) -> tuple[float, ...]:
+        """Force per volt of each group in N/V."""
+        return self.coupling_a_n_per_v, self.coupling_b_n_per_v
+
+    @property
     def linear(self) -> bool:
         """Whether stiffness and damping do not depend on the amplitude."""
         return self.softening_per_m2 == self.damping_growth_per_m2 == 0.0
@@ -219,13 +224,24 @@ class Piezo(Parameters):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        smaller = min(self.capacitance_a_f, self.capacitance_b_f)
+        smaller = min(self.capacitances)
         if abs(self.capacitance_ab_f) >= smaller:
             raise ValueError(
                 f"capacitance_ab_f = {self.capacitance_ab_f:g} F is a part of the capacitances of both groups, and the "
                 f"smaller is {smaller:g} F; correct one of them"
             )
         return self
+
+    @property
+    def capacitances(self) -> tuple[float, ...]:
+        """Clamped capacitance of each group in F, the others shorted."""
+        return self.capacitance_a_f, self.capacitance_b_f
+
+    @property
+    def matrix(self) -> tuple[tuple[float, ...], ...]:
+        """Charges of the groups per volt on each, in F."""
+        between = -self.capacitance_ab_f
+        return (self.capacitance_a_f, between), (between, self.capacitance_b_f)
 
 
 # K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
-from pyspice_runner.motor.contact import elastic_energy, linearised_resonances, penetration, static_deflection
+from pyspice_runner.motor.contact import elastic_energy, penetration
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.waveforms import ENERGY_BOUND, Array, EnergyBalance
 
@@ -118,7 +118,7 @@ def audit_impact(before_j: float, after_j: float) -> tuple[str, ...]:
 
 def pressed_j(motor: Motor, force_n: float) -> float:
     """Return the energy in J that a normal force stores in the contact and in the bending of the stator."""
-    bending = static_deflection(motor.contact.model_copy(update={"preload_n": force_n}), motor.modes)
+    bending = force_n * float(motor.stator.flexibility[1, 1])
     depth = np.array([penetration(motor.contact, force_n)])
     bending += motor.contact.series_compliance_m_per_n * force_n
     return float(0.5 * force_n * bending + elastic_energy(motor.contact, depth)[0])
@@ -126,7 +126,7 @@ def pressed_j(motor: Motor, force_n: float) -> float:
 
 def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[str, ...]:
     loaded = motor.contact.model_copy(update={"preload_n": max(force, motor.contact.preload_n)})
-    fastest = float(linearised_resonances(loaded, motor.modes, motor.rotor, motor.mount)[-1])
+    fastest = float(motor.model_copy(update={"contact": loaded}).pressed_stator.resonances()[-1])
     if step * fastest * FEWEST_POINTS_PER_PERIOD <= 1.0 + 1e-9:
         return ()
     allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # rounded down to three digits

@@ -22,7 +22,7 @@ from pyspice_runner.circuit.source import Source
 from pyspice_runner.circuit.state import PLATES, Motion, motion_of, motor_states
 from pyspice_runner.motor import strength, wear
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers, recoils
+from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.point import Point
 
@@ -296,14 +296,11 @@ def stored_energy(
     rises_m_s: Sequence[float],
 ) -> float:
     """Return the energy in J in the modes and the mount, whose carrier has displacements along y and x."""
-    energy, velocities = 0.0, list(velocities_m_s)
-    for mode, r, v in zip(motor.modes, displacements_m, velocities, strict=True):
-        energy += 0.5 * (
-            mode.mass_kg * v**2 + mode.stiffness_n_per_m * r**2 * (1.0 - 0.5 * mode.softening_per_m2 * r**2)
-        )
-    momenta = (recoils(motor.modes) @ np.array(velocities)).tolist()
-    for along, lift, rise, momentum in zip(carriers(motor.mount), lifts_m, rises_m_s, momenta, strict=False):
-        energy += 0.5 * (along.mass_kg * rise**2 + along.stiffness_n_per_m * lift**2) + rise * momentum
+    stator = motor.stator.with_carrier(motor.mount if lifts_m else None)
+    moved, velocity = np.array([*displacements_m, *lifts_m]), np.array([*velocities_m_s, *rises_m_s])
+    energy = 0.5 * (velocity @ square(stator.mass) @ velocity + moved @ square(stator.stiffness) @ moved)
+    softer = np.array([mode.stiffness_n_per_m * mode.softening_per_m2 for mode in motor.modes])
+    energy -= 0.25 * softer @ moved[: len(softer)] ** 4
     if motor.mount and lifts_m:
         energy -= motor.contact.preload_n * lifts_m[0]
     return float(energy)

@@ -30,7 +30,7 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.spice import Engine

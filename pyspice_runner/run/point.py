@@ -15,7 +15,6 @@ from pyspice_runner.circuit.source import Source
 from pyspice_runner.circuit.state import Discretisation, Motion, motion, state_vectors
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
@@ -148,7 +147,7 @@ class Point:
         motor = self.motor
         frequencies = [*self.source.frequencies, *(mode.frequency_hz for mode in motor.modes)]
         if self.law:
-            loaded = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+            loaded = motor.pressed_stator.resonances()
             frequencies += loaded.tolist()
         return 1.0 / max(frequencies)
 

@@ -12,11 +12,12 @@ import numpy as np
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_branches
 from pyspice_runner.circuit.source import Source
-from pyspice_runner.circuit.state import Discretisation, Kind, motor_states, static_sway
+from pyspice_runner.circuit.state import Discretisation, Kind, motor_states, static_sway, written_stator
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.groups import GROUPS, column
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import carriers, recoils
+from pyspice_runner.motor.stator import square
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.sequences import recursion
@@ -36,9 +37,8 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
     "temperature_k": ("v(temperature)",),
 }
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
-_OF_MODES = ("mass_kg", "stiffness_n_per_m", "damping_n_s_per_m", "softening_per_m2", "damping_growth_per_m2")
 _MOTOR = "xmotor"  # the instance of the motor
-_CURRENTS = {"current_a_a": "a", "current_b_a": "b"}
+_CURRENTS = {column("current", group, "a"): group for group in GROUPS}
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Recording:
     def vectors(self, signals: Sequence[str] | None) -> list[str]:
         """Return the vectors to record: those of some columns, or of all, and then the states of the modes too."""
         names: list[str] = []
-        for column in self.all_columns if signals is None else signals:
-            names += self._current(column)[:1] if column in _CURRENTS else VECTORS[column]
+        for name in self.all_columns if signals is None else signals:
+            names += self._current(name)[:1] if name in _CURRENTS else VECTORS[name]
         if signals is None:
             states = motor_states(self.motor, self.law, ("mode", "mount", "bearing"))
             names += [state.within(_MOTOR) for state in states]
@@ -74,7 +74,7 @@ class Recording:
     def columns(self, samples: Mapping[str, Array], names: Iterable[str]) -> dict[str, Array]:
         """Return time and columns in SI units; each is the one copy that is made of the raw file's vector."""
         voltage_a, voltage_b = self.source.initial_voltages()
-        deflection = sum(self._preload * mode.tip_y**2 / self.discretisation.mode(mode)[1] for mode in self.motor.modes)
+        deflection = self._preload * float(written_stator(self.motor, self.discretisation).flexibility[1, 1])
         first = {
             "voltage_a_v": voltage_a,
             "voltage_b_v": voltage_b,
@@ -168,10 +168,9 @@ class _Terms:
         self.share = recording._courses(samples, "bearing")
         self.penetration = recording._penetration(samples)
         self.temperature = samples.get("v(temperature)") if recording.thermal else None
-        self.masses, self.stiffnesses, self.dampings, softening, growth = (
-            np.array([getattr(mode, name) for mode in motor.modes]) for name in _OF_MODES
-        )
-        self.softening, self.growth = softening[:, np.newaxis], growth[:, np.newaxis]
+        self.stator = motor.stator
+        self.softening = np.array([[mode.softening_per_m2] for mode in motor.modes])
+        self.growth = np.array([[mode.damping_growth_per_m2] for mode in motor.modes])
 
     def work(self, power: Array) -> float:
         """Return the energy that a power in W carries over the run."""
@@ -189,9 +188,9 @@ class _Terms:
         return EnergyBalance(
             electrical=self.work(electrical),
             dielectric=self.dielectric(),
-            kinetic=_change(0.5 * self.masses @ self.velocity**2),
-            elastic=_change(0.5 * self.stiffnesses @ (squared - 0.5 * self.softening * squared**2)),
-            damping=self.work(self.dampings @ (self.velocity**2 * (1.0 + self.growth * squared))),
+            kinetic=_change(0.5 * self.stator.mass @ self.velocity**2),
+            elastic=_change(0.5 * self.stator.stiffness @ (squared - 0.5 * self.softening * squared**2)),
+            damping=self.work(self.stator.damping @ (self.velocity**2 * (1.0 + self.growth * squared))),
             contact_elastic=self.contact_elastic(),
             contact_damping=float(np.trapezoid(normal - self.hertz, self.penetration)),
             friction=self.friction(),
@@ -233,14 +232,13 @@ class _Terms:
         if not self.recording.started or thermal is not None:
             # of a run that continues another, or whose capacitances drift, only what the pins take is known
             drifting = 1.0 if thermal is None or warm is None else 1.0 + thermal.coupling_drift_per_k * warm
-            for group in "ab":
-                couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in self.motor.modes])
-                own = self.waves[f"current_{group}_a"] - drifting * (couplings @ self.velocity)
-                energy += self.work(self.waves[f"voltage_{group}_v"] * own)
+            for group, coupling in zip(GROUPS, self.stator.coupling.T, strict=True):
+                own = self.waves[column("current", group, "a")] - drifting * (coupling @ self.velocity)
+                energy += self.work(self.waves[column("voltage", group, "v")] * own)
             return energy
-        u, v = (self.waves[f"voltage_{group}_v"] for group in "ab")
+        u, v = (self.waves[column("voltage", group, "v")] for group in GROUPS)
         share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
-        for a, b in zip(*(dielectric_branches(self.motor, group) for group in "ab"), strict=True):
+        for a, b in zip(*(dielectric_branches(self.motor, group) for group in GROUPS), strict=True):
             lag = a.resistance_ohm * a.capacitance_f
             at_a, at_b = (plate_voltage(self.time, voltage, lag) for voltage in (u, v))
             energy += _change(0.5 * (a.capacitance_f * at_a * (at_a - 2.0 * share * at_b) + b.capacitance_f * at_b**2))
@@ -255,7 +253,7 @@ class _Terms:
         if thermal is None or warm is None:
             return 0.0
         softer = thermal.frequency_drift_per_k * warm
-        force = self.stiffnesses[:, np.newaxis] * self.displacement
+        force = self.stator.stiffness[:, np.newaxis] * self.displacement
         return self.work(softer * (2.0 + softer) * np.sum(force * self.velocity, axis=0))
 
     def mount(self) -> tuple[float, float]:
@@ -263,12 +261,12 @@ class _Terms:
         if not len(self.carrier):
             return 0.0, 0.0
         change, loss = -_change(self.recording._preload * self.carrier[0]), 0.0
-        momenta = recoils(self.motor.modes) @ self.velocity
-        for number, along in enumerate(carriers(self.motor.mount)):
-            lift, rise = self.carrier[2 * number : 2 * number + 2]
-            stored = 0.5 * (along.mass_kg * rise**2 + along.stiffness_n_per_m * lift**2) + rise * momenta[number]
-            change += _change(stored)
-            loss += self.work(along.damping_n_s_per_m * rise**2)
+        carried = self.stator.with_carrier(self.motor.mount)
+        mass, damping, stiffness = map(square, (carried.mass, carried.damping, carried.stiffness))
+        for at, (lift, rise) in enumerate(zip(self.carrier[::2], self.carrier[1::2], strict=True), len(self.velocity)):
+            momentum = mass[at, : len(self.velocity)] @ self.velocity
+            change += _change(0.5 * (mass[at, at] * rise**2 + stiffness[at, at] * lift**2) + rise * momentum)
+            loss += self.work(damping[at, at] * rise**2)
         return change, loss
 
     def contact_elastic(self) -> float:
@@ -279,8 +277,7 @@ class _Terms:
 
     def friction(self) -> float:
         """Return the work of the friction force on the motion of the tip against the rotor."""
-        along, towards = (np.array([getattr(mode, name) for mode in self.motor.modes]) for name in ("tip_x", "tip_y"))
-        vx, vy = along @ self.velocity, towards @ self.velocity
+        vx, vy = self.stator.contact @ self.velocity
         x = self.waves["tip_x_m"] - self.recording.sway
         if len(self.carrier):
             vy = vy + self.carrier[1]

@@ -20,8 +20,7 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.state import MICRO, static_sway
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Tone
-from pyspice_runner.motor.parameters import Mode, Mount
-from pyspice_runner.motor.recoil import carriers, mass_matrix
+from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.spice.library import Library
 from pyspice_runner.steady.copies import Plant
 
@@ -119,13 +118,12 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     for plant in plants:
         motor, contact = plant.motor, plant.motor.contact
         preload, radius = contact.preload_n, motor.rotor.radius_m
-        springs: list[Mode | Mount] = [*motor.modes, *carriers(plant.mount)]
         rows.append((
             *linear(plant, grid.omega, grid.orders, most), preload, contact.friction * preload,
             contact_law.static_penetration(contact), static_sway(motor, plant.law, None), radius,
             (plant.load.speed or 0.0) * radius / grid.omega, float(plant.turns),
             motor.rotor.bearing_damping_n_m_s / radius**2, (plant.load.torque or 0.0) / radius,
-            max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs),
+            motor.stator.with_carrier(plant.mount).decay_s,
         ))  # fmt: skip
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     contacts = [plant.motor.contact for plant in plants]
@@ -138,37 +136,26 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
 def contact_parameters(plants: Sequence[Plant], law: Law) -> dict[str, Array]:
     """Return the parameters of the library of a law, each of shape (points,)."""
     motors = [plant.motor for plant in plants]
-    bent = [
-        contact_law.static_deflection(motor.contact, motor.modes)
-        + motor.contact.preload_n * motor.contact.series_compliance_m_per_n
-        for motor in motors
-    ]
+    bent = [motor.deflection_m + motor.contact.preload_n * motor.contact.series_compliance_m_per_n for motor in motors]
     return parameter_columns(law, motors, bent)
 
 
 def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex]:
     """Return the first four fields of :class:`Stators` of one point, with so many coordinates."""
-    motor, moving = plant.motor, carriers(plant.mount)
-    springs: list[Mode | Mount] = [*motor.modes, *moving]
-    count, modes = len(springs), plant.modes
+    stator, modes = plant.motor.stator.with_carrier(plant.mount), plant.modes
+    count = len(stator.mass)
     stiffness, damping, mass = np.eye(most), np.zeros((most, most)), np.zeros((most, most))
-    place = np.arange(count)
-    stiffness[place, place] = [spring.stiffness_n_per_m for spring in springs]
-    damping[place, place] = [spring.damping_n_s_per_m for spring in springs]
-    mass[:count, :count] = mass_matrix(motor.modes, plant.mount)
+    for padded, own in ((stiffness, stator.stiffness), (damping, stator.damping), (mass, stator.mass)):
+        padded[:count, :count] = square(own)
     rates = 1j * omega * orders[:, np.newaxis, np.newaxis]
-    tip = np.zeros((2, most))
-    tip[:, :modes] = [[mode.tip_x for mode in motor.modes], [mode.tip_y for mode in motor.modes]]
-    for number in range(len(moving)):
-        tip[1 - number, modes + number] = 1.0  # the carrier along y, then along x
+    tip = np.pad(stator.contact, ((0, 0), (0, most - count)))
     forces = np.zeros((len(orders), most), dtype=complex)
-    for group in "ab":
-        coupling = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in motor.modes])
-        for tone in getattr(plant.drive, f"tones_{group}"):
+    for tones, coupling in zip(plant.drive.tones, stator.coupling.T, strict=True):
+        for tone in tones:
             order, phasor = tone_phasor(tone, omega)
-            forces[order, :modes] += coupling * phasor
-    if moving:
-        forces[0, modes] = motor.contact.preload_n
+            forces[order, :count] += coupling * phasor
+    if stator.carriers:
+        forces[0, modes] = plant.motor.contact.preload_n
     return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces
 
 

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library
 from pyspice_runner.circuit.state import MICRO
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.spice.library import Library
 from pyspice_runner.steady.balance_equations import (
     Array,

@@ -26,10 +26,9 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.circuit.law import LIBRARIES, contact_library, unplotted
 from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
-from pyspice_runner.circuit.state import MICRO, Discretisation, static_sway, stems, written, written_recoils
+from pyspice_runner.circuit.state import MICRO, Discretisation, static_sway, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.motor.parameters import Mode, Mount
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import square
 from pyspice_runner.spice.library import read_library
 from pyspice_runner.steady.copies import Plant
 
@@ -103,20 +102,25 @@ class _Group:
         names = [plant.motor_name for plant in self.plants]
         self.which = np.array([names.index(course.plant.motor_name) for course in courses])  # motor of each run
 
+    @property
+    def places(self) -> list[int]:
+        """Places of the displacements of modes and carriers in the state."""
+        return [*range(self.plant.modes), *range(self.plant.carrier.start, self.plant.carrier.stop, 2)]
+
+    @property
+    def speeds(self) -> list[int]:
+        """Places of their velocities."""
+        modes, carrier = self.plant.modes, self.plant.carrier
+        return [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]
+
     @cached_property
     def tip(self) -> Array:
         """What each state moves the contact's x, y (µm), vx, vy (m/s) and the shaft (rad/s), shape (runs, 5, order)."""
         found = np.zeros((len(self.plants), 5, self.plant.order))
-        modes, carrier = self.plant.modes, self.plant.carrier.start
         for one, plant in enumerate(self.plants):
-            along = [mode.tip_x for mode in plant.motor.modes]
-            towards = [mode.tip_y for mode in plant.motor.modes]
-            for shift, scale, place in ((0, 1.0 / MICRO, 0), (2, 1.0, modes)):
-                found[one, shift, place : place + modes] = scale * np.array(along)
-                found[one, shift + 1, place : place + modes] = scale * np.array(towards)
-        for number in range(len(carriers(self.plant.mount))):  # along y, then along x
-            found[:, 1 - number, carrier + 2 * number] = 1.0 / MICRO
-            found[:, 3 - number, carrier + 2 * number + 1] = 1.0
+            contact = plant.motor.stator.with_carrier(plant.mount).contact
+            found[one][np.ix_((0, 1), self.places)] = contact / MICRO
+            found[one][np.ix_((2, 3), self.speeds)] = contact
         if self.plant.turns:
             found[:, 4, -1] = 1.0
         return np.asarray(found[self.which])
@@ -228,10 +232,7 @@ class _Group:
         law, step = self.law, self.discretisation
         bent = [
             motor.contact.preload_n
-            * (
-                sum(mode.tip_y**2 / written(mode, step)[1] for mode in motor.modes)
-                + motor.contact.series_compliance_m_per_n
-            )
+            * (float(written_stator(motor, step).flexibility[1, 1]) + motor.contact.series_compliance_m_per_n)
             for motor in motors
         ]
         columns = parameter_columns(law, motors, bent, step.slider_time)
@@ -250,33 +251,18 @@ class _Group:
 
         The shapes are (runs, order, order) and (runs, order, outputs).
         """
-        plant, modes, runs = self.plant, self.plant.modes, len(self.plants)
-        carrier = plant.carrier.start
-        moving = len(carriers(plant.mount))
+        plant, places, speeds, runs = self.plant, self.places, self.speeds, len(self.plants)
         rates = np.zeros((runs, plant.order, plant.order))
         inputs = np.zeros((runs, plant.order, 4 + len(self.inner)))
-        places = np.array([*range(modes), *range(carrier, carrier + 2 * moving, 2)])
-        speeds = np.array([*range(modes, 2 * modes), *range(carrier + 1, carrier + 1 + 2 * moving, 2)])
         rates[:, places, speeds] = 1.0
         for run, one in enumerate(self.plants):
-            motor, mount = one.motor, one.mount
-            springs: list[Mode | Mount] = [*motor.modes, *carriers(mount)]
-            values = np.array([written(spring, self.discretisation) for spring in springs])
-            mass = np.diag(values[:, 0])
-            for number, mode in enumerate(motor.modes):
-                recoil = written_recoils(mode, mount, self.discretisation)[:moving]
-                mass[modes:, number] = mass[number, modes:] = recoil
-            inverse = np.linalg.inv(mass)
-            damping = np.array([spring.damping_n_s_per_m for spring in springs])
-            rates[run][np.ix_(speeds, places)] = -inverse * values[:, 1]
-            rates[run][np.ix_(speeds, speeds)] = -inverse * damping
-            pushed = np.zeros((len(springs), 2))
-            pushed[:modes] = [(mode.tip_x, mode.tip_y) for mode in motor.modes]
-            for number in range(moving):
-                pushed[modes + number, 1 - number] = 1.0
-            inputs[run][np.ix_(speeds, np.arange(2))] = inverse @ pushed
+            stator = written_stator(one.motor, self.discretisation, one.mount)
+            inverse = np.linalg.inv(square(stator.mass))
+            rates[run][np.ix_(speeds, places)] = -inverse @ square(stator.stiffness)
+            rates[run][np.ix_(speeds, speeds)] = -inverse @ square(stator.damping)
+            inputs[run][np.ix_(speeds, (0, 1))] = inverse @ stator.contact.T
             if plant.turns:
-                rotor = motor.rotor
+                rotor = one.motor.rotor
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
                 inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
         inputs[:, self.inner, 4:] = np.eye(len(self.inner))

@@ -15,7 +15,7 @@ import numpy as np
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.circuit.state import Discretisation, static_sway
 from pyspice_runner.motor import strength, wear
-from pyspice_runner.motor.recoil import carriers
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
 from pyspice_runner.run.window import Array
 from pyspice_runner.steady.copies import Plant, drive_voltage, phasor_at

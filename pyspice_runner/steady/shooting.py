@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.motor.parameters import Mode, Mount
-from pyspice_runner.motor.recoil import carriers, mass_matrix
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.sequences import interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import harmonic_starts
@@ -385,17 +384,10 @@ def start_point(plant: Plant) -> Point:
     preload = motor.contact.preload_n if plant.law else 0.0
     state = np.zeros(plant.order)
     amplitudes = np.zeros(n)
-    springs: list[Mode | Mount] = [*motor.modes, *carriers(plant.mount)]
     places = [*range(n), *range(plant.carrier.start, plant.carrier.stop, 2)]
-    elastic, damping = (
-        np.diag([getattr(spring, name) for spring in springs]) for name in ("stiffness_n_per_m", "damping_n_s_per_m")
-    )
-    couplings = np.zeros((len(springs), 2))
-    couplings[:n] = [(mode.coupling_a_n_per_v, mode.coupling_b_n_per_v) for mode in motor.modes]
-    for tones in zip(plant.drive.tones_a, plant.drive.tones_b, strict=True):
-        omega = 2.0 * pi * tones[0].frequency
-        dynamic = elastic - omega**2 * mass_matrix(motor.modes, plant.mount) + 1j * omega * damping
-        gains = np.linalg.solve(dynamic, couplings)
+    stator = motor.stator.with_carrier(plant.mount)
+    for tones in zip(*plant.drive.tones, strict=True):
+        gains = np.linalg.solve(stator.dynamic_stiffness(2.0 * pi * tones[0].frequency), stator.coupling)
         for place, gain in zip(places, gains, strict=True):
             for tone, one in zip(tones, gain, strict=True):
                 displacement, velocity = phasor_at(tone, one, 0.0)
@@ -577,8 +569,7 @@ class Shooting:
         """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
-            springs: list[Mode | Mount] = [*point.plant.motor.modes, *carriers(point.plant.mount)]
-            longest = max(longest, decays * max(2.0 * spring.mass_kg / spring.damping_n_s_per_m for spring in springs))
+            longest = max(longest, decays * point.plant.motor.stator.with_carrier(point.plant.mount).decay_s)
             point.restart(_rest(point.plant))
         periods = max(10, ceil(longest / self.map.period))
         ends = self.map.settled([Copy(point.plant, point.state, point.begun) for point in points], periods)
@@ -618,8 +609,8 @@ def _nearest(point: Point, points: Sequence[Point]) -> list[Point]:
 def _rest(plant: Plant) -> Array:
     state = np.zeros(plant.order)
     if plant.law:
-        for index, mode in enumerate(plant.motor.modes):
-            state[index] = -mode.tip_y * plant.motor.contact.preload_n / mode.stiffness_n_per_m
+        stator = plant.motor.stator
+        state[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
     return state
 
 

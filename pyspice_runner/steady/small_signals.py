@@ -27,7 +27,6 @@ from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.recoil import modes_on_carrier
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
 from pyspice_runner.run.point import Point as OperatingPoint
@@ -431,7 +430,7 @@ def cold_admittance(motor: Motor, frequency: float) -> Complex:
     """Return the admittance matrix in S of the free stator at rest at a frequency in Hz."""
     omega = 2.0 * pi * frequency
     matrix = dielectric_matrix(motor, frequency)
-    for mode in modes_on_carrier(motor.modes, motor.mount):
+    for mode in motor.on_carrier().modes:
         coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
         stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
         matrix = matrix + np.outer(coupling, coupling) * 1j * omega / stiffness

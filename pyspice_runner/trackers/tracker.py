@@ -25,7 +25,6 @@ from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
 from pyspice_runner.circuit.source import GROUPS, Pins, Source
 from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated
@@ -455,7 +454,7 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
         circuit.I("load", "shaft", circuit.gnd, ramp(disturbance.load_torque_n_m))
     if disturbance.kind == "preload":
         preload = (1.0 + disturbance.preload_change) * motor.contact.preload_n
-        moved = contact_law.approach(motor.contact, motor.modes, motor.mount, preload)
+        moved = motor.approach_m(preload)
         circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
         return ("approach",)
     if disturbance.kind == "temperature":

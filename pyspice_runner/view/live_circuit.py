@@ -58,7 +58,7 @@ def laws(motor: Motor) -> list[str]:
 
 def fastest(motor: Motor) -> float:
     """Return the highest frequency in Hz of the modes, free and under preload."""
-    resonances = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    resonances = motor.pressed_stator.resonances()
     return max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))
 
 

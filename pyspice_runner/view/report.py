@@ -18,7 +18,6 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_netcdf
 from pyspice_runner.impedance.admittance import Admittance, admittance
 from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -140,7 +139,7 @@ def report(
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
     """Return the two-port over all modes, with some points within every bandwidth."""
     frequencies = [mode.frequency_hz for mode in motor.modes]
-    pressed = contact_law.linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)
+    pressed = motor.pressed_stator.resonances()
     start, stop = 0.5 * frequencies[0], 1.4 * max(frequencies[-1], float(pressed[-1]))
     bandwidth = min(mode.frequency_hz / mode.quality_factor for mode in motor.modes)
     points = int(np.clip(_POINTS_PER_BANDWIDTH * (stop - start) / bandwidth, _FEWEST_POINTS, _MOST_POINTS))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.motor.contact import limit_ratio, linearised_resonances, static_penetration
+from pyspice_runner.motor.contact import limit_ratio, static_penetration
 from pyspice_runner.run.impact import Throw
 from pyspice_runner.spice.library import data_path
 from tests.reference.row import throw as exact_throw
@@ -114,7 +114,7 @@ def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: b
     result = measured(name, tmp_path)
     frequencies = [mode.frequency_hz for mode in motor.modes]
     if preloaded:  # the two lowest are the carrier and the rotor on the contact's springs
-        frequencies = list(linearised_resonances(motor.contact, motor.modes, motor.rotor, motor.mount)[2:])
+        frequencies = list(motor.pressed_stator.resonances()[2:])
     for number, (mode, frequency) in enumerate(zip(motor.modes, frequencies, strict=True), start=1):
         assert result[f"conductance_bending_{number}_s at"] == pytest.approx(frequency, abs=10.0)  # step of the sweep
         if preloaded:  # the carrier's damping takes part; pr.admittance is compared with the closed form elsewhere

@@ -14,7 +14,8 @@ from scipy.integrate import quad
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as law
 from pyspice_runner.motor.load import Materials
-from pyspice_runner.motor.parameters import Contact, Mount, Rotor
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Contact, Mode, Mount, Rotor
 from tests.motors import mode, motor
 
 # two different bodies: a glass lens on a bronze cylinder
@@ -105,11 +106,16 @@ def test_stiffnesses_are_the_derivatives_of_the_laws(preload: float, hertz: floa
     assert law.tangential_stiffness_at_preload(contact) == pytest.approx(friction_force / little, rel=1e-4)
 
 
+def pressed(*modes: Mode, **parts: object) -> Motor:
+    """Return the motor with other modes or parts."""
+    return motor().model_copy(update={"modes": modes, **parts})
+
+
 def test_static_deflection_is_that_of_all_springs() -> None:
     subject = motor()
     expected = 8.0 * sum(m.tip_y**2 / m.stiffness_n_per_m for m in subject.modes)
-    assert law.static_deflection(subject.contact, subject.modes) == pytest.approx(expected, rel=1e-14)
-    assert law.static_deflection(subject.contact, (mode("m", 2e4, 0.003, 50.0, tip_x=1.0),)) == 0.0
+    assert subject.deflection_m == pytest.approx(expected, rel=1e-14)
+    assert pressed(mode("m", 2e4, 0.003, 50.0, tip_x=1.0)).deflection_m == 0.0
 
 
 def test_a_pressed_mode_on_a_rigid_rotor_has_its_closed_form() -> None:
@@ -119,7 +125,7 @@ def test_a_pressed_mode_on_a_rigid_rotor_has_its_closed_form() -> None:
     spring = 1.5 * contact.preload_n / law.static_penetration(contact)
     expected = sqrt((vertical.stiffness_n_per_m + 0.49 * spring) / 0.0042) / (2.0 * pi)
     assert law.resonance_under_preload(contact, vertical) == pytest.approx(expected, rel=1e-12)
-    found = law.linearised_resonances(contact, (vertical,), motor().rotor)
+    found = pressed(vertical).pressed_stator.resonances()
     # the rotor is not driven by a vertical motion: it turns freely, but for its own contact spring
     rotor_alone = sqrt(law.tangential_stiffness_at_preload(contact) * 0.013**2 / 3e-6) / (2.0 * pi)
     np.testing.assert_allclose(found, sorted([rotor_alone, expected]), rtol=1e-9)
@@ -130,10 +136,10 @@ def test_a_carrier_bounces_on_the_contact() -> None:
     contact = motor().contact
     stiff = mode("m", 1e5, 1e3, 70.0, tip_y=1.0)
     mount = Mount(stiffness_n_per_m=3e6, mass_kg=0.05, damping_n_s_per_m=50.0)
-    found = law.linearised_resonances(contact, (stiff,), motor().rotor, mount)
+    found = pressed(stiff, mount=mount).pressed_stator.resonances()
     expected = sqrt((law.normal_stiffness_at_preload(contact) + 3e6) / 0.05) / (2.0 * pi)
     assert found[0] == pytest.approx(expected, rel=1e-6)  # the stator is 2e4 times as heavy
-    without = law.linearised_resonances(contact, (stiff,), motor().rotor)
+    without = pressed(stiff).pressed_stator.resonances()
     np.testing.assert_allclose(found[1:], without, rtol=1e-6)
 
 
@@ -145,13 +151,13 @@ def test_tangential_mode_and_rotor_are_a_two_mass_system() -> None:
     heavy = 4e-7 / 0.02**2
     b, c = (k + kappa) / m + kappa / heavy, k * kappa / (m * heavy)
     squares = [(b - sqrt(b * b - 4.0 * c)) / 2.0, (b + sqrt(b * b - 4.0 * c)) / 2.0]
-    found = law.linearised_resonances(contact, (sideways,), rotor)
+    found = pressed(sideways, rotor=rotor).pressed_stator.resonances()
     np.testing.assert_allclose(found, np.sqrt(squares) / (2.0 * pi), rtol=1e-9)
 
 
 def test_contact_adds_one_resonance_and_they_are_in_rising_order() -> None:
     subject = motor()
-    found = law.linearised_resonances(subject.contact, subject.modes, subject.rotor)
+    found = subject.pressed_stator.resonances()
     assert len(found) == 4
     assert np.all(np.diff(found) > 0.0)
     # springs are added, no mass is: the free stator's resonances lie below the upper three (Rayleigh)

@@ -13,7 +13,6 @@ from pyspice_runner.circuit.bench import DriveSource, motor_bench
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor.load import changed_motor
-from pyspice_runner.motor.recoil import modes_on_carrier
 from pyspice_runner.run.kernel import transient
 from tests.reference.integrator import Tone, integrate
 from tests.runs import simulated
@@ -87,14 +86,14 @@ def test_a_run_with_recoil_is_that_of_the_equivalent_motor(pair: str) -> None:
 
 def test_the_modes_on_the_carrier_are_those_of_the_equivalent_motor() -> None:
     for pair, equivalent in PAIRS.values():
-        ours, exact = modes_on_carrier(pair.modes, pair.mount), {mode.name: mode for mode in equivalent.modes}
+        ours, exact = pair.on_carrier().modes, {mode.name: mode for mode in equivalent.modes}
         for mode in ours:
             left_out = {"name", "recoil_x_kg"} if exact[mode.name].recoil_x_kg is None else {"name"}
             assert mode.model_dump(exclude=left_out) == pytest.approx(
                 exact[mode.name].model_dump(exclude=left_out), rel=1e-9, abs=1e-9
             )
-    held = FLAGSHIP.updated({"mount": None}).modes
-    assert modes_on_carrier(held, None) is held
+    held = FLAGSHIP.updated({"mount": None})
+    assert held.on_carrier() is held
 
 
 POINTS: dict[str, tuple[pr.TwoPhaseDrive, dict[str, float], dict[str, float]]] = {

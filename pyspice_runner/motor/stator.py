@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+r"""The linear stator as matrices: n coordinates, g electrical groups, k contacts.
+
+.. math::
+    M\ddot r + B\dot r + K r = \Theta U + P^T F, \qquad Q = C U + \Theta^T r + S^T F, \qquad u = P r + R F + S U
+
+with r the coordinates, U and Q the voltages and charges of the groups, F and u the forces and motions of the contacts.
+R and S are of the modes that are left out. A beam, a solid, measured modes or a fitted spectrum end in the modes of a
+motor, and :attr:`.Motor.stator` makes these arrays of them.
+
+**Recoil.** The modes shake the carrier that holds their supports. With z the displacement of the carrier and
+:math:`w_n` the shape of mode n, the kinetic energy
+
+.. math::
+    T = \tfrac12\int\mu\,(\dot z + \dot w)^2\,dx = \tfrac12 m_c\dot z^2 + \dot z\sum\Gamma_n\dot r_n
+    + \tfrac12\sum m_n\dot r_n^2, \qquad \Gamma_n = \int\mu\,w_n\,dx + m_t w_n(x_t)
+
+has a cross term; the mass :math:`m_c` of the carrier contains that of the stator. A single mode has the equivalent
+without recoil :math:`m' = m - \Gamma^2/m_c`, :math:`Y' = Y - \Gamma/m_c`, exact for soft springs: its other coordinate
+is the centre of mass, :math:`z + \Gamma r/m_c`. A carrier that moves along the rotor has the same term with
+:math:`\Gamma_x` there. ``docs/mount.md`` derives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import atan, pi
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pyspice_runner.motor.parameters import Contact, Mode, Mount, Piezo
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+CAPACITANCE_AT = 100e3  # Hz, of :attr:`Stator.capacitance`
+MODE_COLUMNS = (  # of a mode, in the order of :attr:`Stator.mode_rows`
+    "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v", "tip_x", "tip_y",
+    "recoil_kg", "recoil_x_kg",
+)  # fmt: skip
+ROUNDING = 1e-12  # of the trace of the flexibility: an element that differs from 0 only by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Stator:
+    """Matrices of a stator with n coordinates, g groups and k contacts.
+
+    ``mass``, ``damping`` and ``stiffness`` have the shape (n,) if they are diagonal, else (n, n). The rows of
+    ``contact`` are the tangential and the normal motion of each contact, x₁, y₁, x₂, y₂ and so on.
+    """
+
+    mass: Array  # M, kg
+    damping: Array  # B, N·s/m
+    stiffness: Array  # K with all groups shorted, N/m
+    coupling: Array  # Θ, shape (n, g), N/V
+    contact: Array  # P, shape (2k, n): motion of the contacts per coordinate
+    capacitance: Array  # C of the clamped stator at 100 kHz, shape (g, g), F
+    recoil: Array  # momentum along y and along x per velocity of a coordinate, shape (n, 2), kg
+    residual: Array  # R, shape (2k, 2k), m/N
+    residual_per_volt: Array  # S, shape (2k, g), m/V
+    loss_tangent: float = 0.0  # of the clamped capacitances, the same at all frequencies
+    carriers: int = 0  # number of coordinates of the carrier, the last ones: along y, then along x
+
+    @classmethod
+    def of_modes(cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact) -> Self:
+        """Return the stator of modes with two groups and one contact; a recoil that is not known is 0."""
+        return cls(
+            mass=np.array([mode.mass_kg for mode in modes]),
+            damping=np.array([mode.damping_n_s_per_m for mode in modes]),
+            stiffness=np.array([mode.stiffness_n_per_m for mode in modes]),
+            coupling=np.array([mode.couplings for mode in modes]),
+            contact=np.array([(mode.tip_x, mode.tip_y) for mode in modes]).T,
+            capacitance=np.array(piezo.matrix),
+            recoil=np.array([(mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0) for mode in modes]),
+            residual=np.diag([contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n]),
+            residual_per_volt=np.zeros((2, len(piezo.matrix))),
+            loss_tangent=piezo.loss_tangent,
+        )
+
+    def with_carrier(self, mount: Mount | None) -> Self:
+        """Return the stator on its carrier, whose coordinates are the last: along y and, unless it is held, along x."""
+        if not (moving := carriers(mount)):
+            return self
+        n, count, contacts = len(self.mass), len(moving), len(self.contact) // 2
+        mass, damping, stiffness = (
+            np.pad(square(one), (0, count)) for one in (self.mass, self.damping, self.stiffness)
+        )
+        mass[n:, :n] = self.recoil.T[:count]
+        mass[:n, n:] = mass[n:, :n].T
+        for place, along in enumerate(moving, start=n):
+            mass[place, place], damping[place, place] = along.mass_kg, along.damping_n_s_per_m
+            stiffness[place, place] = along.stiffness_n_per_m
+        moved = np.tile([[0.0, 1.0], [1.0, 0.0]], (contacts, 1))[:, :count]
+        return replace(
+            self, mass=mass, damping=damping, stiffness=stiffness, coupling=np.pad(self.coupling, ((0, count), (0, 0))),
+            contact=np.hstack([self.contact, moved]), recoil=np.zeros((n + count, 2)), carriers=count,
+        )  # fmt: skip
+
+    def pressed(self, stiffness: ArrayLike, damping: ArrayLike, surface_kg: float, surface_n_s_per_m: float) -> Self:
+        """Return the stator with its contacts stuck to the surface of a rotor, which is one more coordinate, the last.
+
+        Args:
+            stiffness: of each contact along x₁, y₁, x₂ and so on, without R, in N/m.
+            damping: of each contact likewise, in N·s/m.
+            surface_kg: mass of the rotor at its surface.
+            surface_n_s_per_m: damping of its bearing there.
+        """
+        springs = np.diag(np.asarray(stiffness, dtype=float))
+        springs = springs @ np.linalg.inv(np.eye(len(springs)) + self.residual @ springs)
+        along = np.hstack([self.contact, np.tile([[-1.0], [0.0]], (len(springs) // 2, 1))])
+        mass, losses, elastic = (np.pad(square(one), (0, 1)) for one in (self.mass, self.damping, self.stiffness))
+        mass[-1, -1], losses[-1, -1] = surface_kg, surface_n_s_per_m
+        more = ((0, 1), (0, 0))
+        held = springs @ self.residual_per_volt  # forces of the contacts per volt
+        return replace(
+            self, mass=mass, damping=losses + along.T @ np.diag(np.asarray(damping, dtype=float)) @ along,
+            stiffness=elastic + along.T @ springs @ along,
+            coupling=np.pad(self.coupling, more) - along.T @ held, contact=along, recoil=np.pad(self.recoil, more),
+            capacitance=self.capacitance - self.residual_per_volt.T @ held, carriers=0,
+        )  # fmt: skip
+
+    def adapted(self, step: float) -> Self:
+        """Return the stator, on its carrier, that a netlist needs so that the trapezoidal rule is exact at resonances.
+
+        With a step h the rule shifts a resonance ω to (2/h) atan(ω h/2). With m′ = m cos²(ωh/2) and
+        k′ = (4m/h²) sin²(ωh/2) the discretised coordinate resonates at ω. The recoil raises a mode from ω to
+        ω/√(1 − s), with s the sum of Γ²/(m m_c) along y and x, if the springs of the carrier are soft; Γ′ is such that
+        the discretised one is raised alike.
+        """
+        whole, elastic = square(self.mass), np.diag(square(self.stiffness))
+        own, n = np.diag(whole), len(whole) - self.carriers
+        half = 0.5 * step * np.sqrt(elastic / own)
+        written, springs = discretised(own, elastic, step)
+        mass = np.diag(written)
+        recoil = whole[n:, :n]
+        square_kg2 = np.sum(recoil**2, axis=0)
+        shaking = np.flatnonzero(square_kg2)
+        if len(shaking):
+            share = square_kg2[shaking] / (own[shaking] * own[n])
+            share = 1.0 - (np.tan(half[shaking]) / np.tan(half[shaking] / np.sqrt(1.0 - share))) ** 2
+            parts = recoil[:, shaking] ** 2 / square_kg2[shaking]
+            exact = np.sqrt(share * parts * written[shaking] * written[n:, np.newaxis])
+            mass[n:, shaking] = np.copysign(exact, recoil[:, shaking])
+            mass[:n, n:] = mass[n:, :n].T
+        return replace(self, mass=mass if self.carriers else written, stiffness=springs)
+
+    def dynamic_stiffness(self, omega: ArrayLike) -> Complex:
+        """Return K − ω²M + jωB in N/m at angular frequencies in rad/s, shape (…, n, n)."""
+        rate = 1j * np.asarray(omega, dtype=float)[..., np.newaxis, np.newaxis]
+        return np.asarray(square(self.stiffness) + rate * square(self.damping) + rate**2 * square(self.mass))
+
+    def admittance(self, omega: ArrayLike) -> Complex:
+        """Return the admittance matrices of the groups in S at angular frequencies in rad/s, shape (…, g, g).
+
+        Y = jω (1 − j tan δ) (f/f₀)^(−2δ/π) C + jω Θᵀ (K − ω²M + jωB)⁻¹ Θ. The factor of C is that of a loss tangent
+        that is the same at all frequencies; f₀ is the frequency at which C holds.
+        """
+        angular = np.asarray(omega, dtype=float)[..., np.newaxis, np.newaxis]
+        exponent = -2.0 / pi * atan(self.loss_tangent)
+        dispersed = (angular / (2.0 * pi * CAPACITANCE_AT)) ** exponent * self.capacitance
+        dynamic = self.dynamic_stiffness(omega)
+        motion = np.linalg.solve(dynamic, np.broadcast_to(self.coupling, (*dynamic.shape[:-1], self.coupling.shape[1])))
+        return np.asarray(1j * angular * ((1.0 - 1j * self.loss_tangent) * dispersed + self.coupling.T @ motion))
+
+    def resonances(self) -> Array:
+        """Return the undamped resonances in Hz with all groups shorted, ascending."""
+        mass, stiffness = square(self.mass), square(self.stiffness)
+        scale = np.sqrt(np.outer(np.diag(mass), np.diag(mass)))
+        factor = np.linalg.inv(np.linalg.cholesky(mass / scale))  # the unit matrix without recoil
+        squares = np.linalg.eigvalsh(factor @ (stiffness / scale) @ factor.T)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi))
+
+    def on_carrier(self, mount: Mount | None) -> Self:
+        """Return the stator of the modes that this one has on its carrier, without recoil, in the order of its own.
+
+        They are the normal modes of stator, carrier and springs. What the damping couples between them is left out.
+        """
+        carried = self.with_carrier(mount)
+        if not self.recoil[:, : carried.carriers].any():
+            return self
+        from scipy.linalg import eigh  # takes long to load
+        from scipy.optimize import linear_sum_assignment
+
+        n, stiffness = len(self.mass), square(carried.stiffness)
+        _, shapes = eigh(stiffness, carried.mass)
+        shares = np.diag(stiffness)[:, np.newaxis] * shapes**2
+        shapes = shapes[:, linear_sum_assignment(shares / shares.sum(axis=0), maximize=True)[1]]
+        shapes = (shapes / np.diag(shapes))[:, :n]
+        mass, damping, elastic = (
+            np.sum(shapes * (square(one) @ shapes), axis=0) for one in (carried.mass, carried.damping, stiffness)
+        )
+        return replace(
+            self, mass=mass, damping=damping, stiffness=elastic, coupling=shapes.T @ carried.coupling,
+            contact=carried.contact @ shapes, recoil=np.zeros((n, 2)),
+        )  # fmt: skip
+
+    @property
+    def flexibility(self) -> Array:
+        """P K⁻¹ Pᵀ in m/N: static motion of the contacts per force, without R; shape (2k, 2k).
+
+        Elements that differ from 0 only by rounding are 0.
+        """
+        if self.stiffness.ndim == 1:
+            found = (self.contact / self.stiffness) @ self.contact.T
+        else:
+            found = self.contact @ np.linalg.solve(self.stiffness, self.contact.T)
+        return np.where(np.abs(found) > ROUNDING * np.trace(found), found, 0.0)
+
+    @property
+    def carrier_recoil(self) -> Array:
+        """Recoil of the modes along y and x on the carrier in kg, shape (2, modes); 0 where nothing moves."""
+        n = len(self.mass) - self.carriers
+        found = np.zeros((2, n))
+        if self.carriers:
+            found[: self.carriers] = self.mass[n:, :n]
+        return found
+
+    @property
+    def mode_rows(self) -> Array:
+        """Values of the modes of a stator with diagonal matrices, columns :data:`MODE_COLUMNS`."""
+        return np.column_stack(
+            [self.mass, self.damping, self.stiffness, self.coupling, self.contact[:2].T, self.recoil]
+        )
+
+    @property
+    def decay_s(self) -> float:
+        """Longest time in s in which a coordinate alone decays by e, 2m/c."""
+        return float(np.max(2.0 * np.diag(square(self.mass)) / np.diag(square(self.damping))))
+
+
+def discretised(mass_kg: ArrayLike, stiffness_n_per_m: ArrayLike, step: float) -> tuple[Array, Array]:
+    """Return the mass (kg) and stiffness (N/m) whose resonance by the trapezoidal rule is that of the given ones."""
+    half = 0.5 * step * np.sqrt(np.divide(stiffness_n_per_m, mass_kg))
+    return np.multiply(mass_kg, np.cos(half) ** 2), np.multiply(4.0 / step**2 * np.sin(half) ** 2, mass_kg)
+
+
+def square(values: Array) -> Array:
+    """Return the matrix of a diagonal, or the matrix itself."""
+    return np.diag(values) if values.ndim == 1 else values
+
+
+def carriers(mount: Mount | None) -> tuple[Mount, ...]:
+    """Return the springs of the carrier along y and, unless it is held along the rotor, along x."""
+    return tuple(along for along in (mount, mount and mount.tangential) if along)
+
+
+def unknown_recoil(modes: Sequence[Mode], mount: Mount | None) -> tuple[str, ...]:
+    """Return one sentence for each mode whose recoil is not known and may shift it by half a bandwidth or more.
+
+    Its estimate is that of a mode whose mass moves with the tip.
+    """
+    found = []
+    for mode in modes:
+        along = (("recoil_kg", mode.tip_y), ("recoil_x_kg", mode.tip_x))
+        for carrier, (name, moves) in zip(carriers(mount), along, strict=False):
+            if getattr(mode, name) is not None or not moves:
+                continue
+            estimate = mode.mass_kg * moves / (mode.tip_x**2 + mode.tip_y**2)
+            shift = 0.5 * estimate**2 / (mode.mass_kg * carrier.mass_kg)
+            if 2.0 * shift * mode.quality_factor > 1.0:
+                found.append(
+                    f"The recoil of mode {mode.name} on the carrier is not known: one of {1e3 * abs(estimate):.2g} g, "
+                    f"an estimate, would raise its frequency by {100.0 * shift:.2g} %; half its bandwidth is "
+                    f"{50.0 / mode.quality_factor:.2g} %. State {name} of the mode, or beam.recoil = true for a beam."
+                )
+    return tuple(found)
