@@ -17,6 +17,9 @@ from matplotlib.axes import Axes
 from style import BLACK, BLUE, ORANGE, VERMILION, canvas, draft, drive_words, main, write
 
 import pyspice_runner as pr
+from pyspice_runner.run.dynamometer import Dynamometer, off_beat
+from pyspice_runner.run.point import Point
+from pyspice_runner.steady.settling import Settling, settle
 
 VOLTAGE = 30.0
 LOW, HIGH = (17.9e3, 17.93e3) if draft() else (16.2e3, 18.4e3)  # Hz
@@ -84,11 +87,14 @@ def draw(folder: Path) -> list[str]:
 
 def _swept(motor: pr.Motor, drive: pr.TwoPhaseDrive, grid: np.ndarray) -> xarray.Dataset:
     """Let transients follow the frequency up and then down, with the shaft held."""
-    there_and_back = np.concatenate([grid, grid[::-1]])
-    return pr.speed_torque(
-        motor, drive, speeds=[0.0], over={"drive.frequency": there_and_back}, mode="settle", follow="drive.frequency",
-        **SETTLING,
-    ).isel(speed_rad_s=0)  # fmt: skip
+    there_and_back, motion, rows = np.concatenate([grid, grid[::-1]]), None, []
+    for frequency in there_and_back.tolist():
+        point = Point.of(motor, drive.updated({"frequency": frequency}), speed=0.0)
+        row, last = settle(Dynamometer(off_beat(point)), 0.0, motion, Settling(**SETTLING))
+        motion = last.end
+        rows.append({name: row[name] for name in ("settled", *(name for name, *_ in ROWS))})
+    columns = {name: ("drive.frequency", [row[name] for row in rows]) for name in rows[0]}
+    return xarray.Dataset(columns, {"drive.frequency": there_and_back})
 
 
 def _line(panel: Axes, branch: xarray.Dataset, name: str, factor: float) -> None:

@@ -14,7 +14,6 @@ from pyspice_runner.circuit.evaluated import Plotted, plotted_nodes
 from pyspice_runner.circuit.fixtures import (
     METERED,
     TRANSIENT_OPTIONS,
-    SpeedRamp,
     add_cooling,
     add_drive,
     add_meters,
@@ -153,7 +152,7 @@ def dynamometer_bench(
     motor: Motor,
     source: Source,
     *,
-    speed: float | SpeedRamp | None,
+    speed: float | None,
     load_torque: float = 0.0,
     law: Law = PAPER_LAW,
     meters: bool = True,

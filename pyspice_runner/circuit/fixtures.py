@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from math import degrees, pi
 from sys import float_info
 
@@ -75,27 +74,14 @@ def not_below_rounding(
     return found
 
 
-@dataclass(frozen=True)
-class SpeedRamp:
-    """A commanded speed that rises or falls linearly."""
-
-    first: float  # speed at the start of the run, rad/s
-    last: float  # speed after ``duration``, rad/s
-    duration: float  # time in s that the ramp takes
-
-
 def brake_parts(*, meters: bool) -> list[Library]:
     """Return the libraries of a dynamometer, and those of the meters if asked for."""
     return [read_library(name) for name in ("piezomotor_dynamometer", *(_METERS if meters else ()))]
 
 
-def add_set_speed(circuit: Netlist, speed: float | SpeedRamp | None) -> None:
+def add_set_speed(circuit: Netlist, speed: float | None) -> None:
     """Put the commanded speed of a dynamometer, in rad/s, at the node ``set``."""
-    if isinstance(speed, SpeedRamp):
-        slope = (speed.last - speed.first) / speed.duration
-        circuit.raw_spice += f"Bset set 0 V=({speed.first!r})+({slope!r})*time\n"
-    else:
-        circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
+    circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
 
 
 def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:

@@ -158,11 +158,11 @@ def speed_torque(
         typer.Option(metavar="PATH=VALUES", help="A further axis, as drive.voltage=40,60,80. Repeatable."),
     ] = None,
     mode: Annotated[
-        Literal["steady", "settle", "ramp"], typer.Option(help="steady: solve; settle: run until settled; ramp.")
+        Literal["steady", "settle"], typer.Option(help="steady: solve; settle: run until settled.")
     ] = "steady",
     follow: Annotated[
         str | None,
-        typer.Option(metavar="AXIS", help="Go on from point to point along this axis; with steady, through folds."),
+        typer.Option(metavar="AXIS", help="Follow the branch of steady states along this axis, through folds."),
     ] = None,
     tolerance: Annotated[float, typer.Option(help="Largest change from block to block of a settled point.")] = 1e-3,
     patience: Annotated[int, typer.Option(help="Number of blocks after which a point counts as not settled.")] = 40,
@@ -180,16 +180,27 @@ def speed_torque(
     loaded = common.load_changed(motor, changes)
     excitation, axes = drive.stated(loaded), common.axes_of(over)
     common.refuse_covered(context, axes)
+    turning = common.grid("--speeds", speeds or ("-0.2:0.4:7" if loaded.slider else "-5:10:7"))
+    if follow is not None:
+        of_speed = canonical(follow) == "load.speed"
+        along = turning if of_speed else axes.pop(follow, None)
+        if along is None or axes or (len(turning) > 1 and not of_speed):
+            raise pr.ParameterError(f"--follow {follow} needs --over {follow}=VALUES alone, and one value of --speeds.")
+        branch = pr.steady_branch(
+            loaded, excitation, follow=follow, start=along[0], stop=along[-1], speed=None if of_speed else turning[0],
+            **period.settings,
+        )  # fmt: skip
+        targets.deliver(branch.piezomotor, branch.attrs["title"])
+        return 0
     status = 0
     with common.points_progress() as progress:
         try:
             curve = pr.speed_torque(
                 loaded,
                 excitation,
-                speeds=common.grid("--speeds", speeds or ("-0.2:0.4:7" if loaded.slider else "-5:10:7")),
+                speeds=turning,
                 over=axes,
                 mode=mode,
-                follow=follow,
                 tolerance=tolerance,
                 patience=patience,
                 progress=progress,
@@ -204,9 +215,6 @@ def speed_torque(
             common.complain(f"piezomotor: {fault}")
     result = curve.piezomotor
     common.caution(result)
-    if "folds" in curve.attrs:
-        targets.deliver(result, curve.attrs["title"])
-        return 0
     shown = curve[_SHOWN]
     if result.linear:
         shown = shown.swap_dims(speed_rad_s="speed_m_s").drop_vars("speed_rad_s").rename(torque_n_m="force_n")

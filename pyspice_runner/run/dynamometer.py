@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.circuit.bench import dynamometer_bench
-from pyspice_runner.circuit.fixtures import SpeedRamp
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
 from pyspice_runner.circuit.source import Source
 from pyspice_runner.circuit.state import PLATES, Motion, motion_of, motor_states
@@ -151,7 +150,7 @@ class Dynamometer:
         plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.source.initial_voltages())
         return replace(rest, speed_rad_s=speed, plates_a_v=plates_a, plates_b_v=plates_b)
 
-    def run(self, start: Motion, speed: float | SpeedRamp, begun: float, *, meters: bool = True) -> Block:
+    def run(self, start: Motion, speed: float, begun: float, *, meters: bool = True) -> Block:
         """Run one block.
 
         The shaft is held at ``speed`` (rad/s); the source was switched on ``begun`` seconds ago. Without ``meters``
@@ -186,7 +185,7 @@ class Dynamometer:
         return found
 
     def _run(
-        self, start: Motion, speed: float | SpeedRamp, duration: float, begun: float, *, meters: bool, end_only: bool
+        self, start: Motion, speed: float, duration: float, begun: float, *, meters: bool, end_only: bool
     ) -> Outcome:
         setup = self.setup
         assert setup.law is not None

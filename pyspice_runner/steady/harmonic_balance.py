@@ -9,8 +9,8 @@ response to the voltages and, for h = 0, to the preload,
     D_h = D^0_h + C_h F_h(D), \qquad C_h = P\,(K - (h\omega)^2 M + jh\omega B)^{-1} P^T .
 
 A compliance in series with the contact is a part of :math:`C_h`. The forces are those of the spring-slider's library at
-some phases of the period, in the end those of a brush (:mod:`.balance_row`); the relative motion moves its slider, and
-its limit clips it. Newton's method, with the derivative of these equations, finds the harmonics. It begins at rest, and
+some phases of the period; the relative motion moves its slider, and its limit clips it. A brush starts from the motion
+of a single slider. Newton's method, with the derivative of these equations, finds the harmonics. It begins at rest, and
 amplitudes follow their slow equations
 
 .. math::
@@ -54,7 +54,6 @@ from pyspice_runner.steady.balance_equations import (
     tone_phasor,
     touching_contact,
 )
-from pyspice_runner.steady.balance_row import Row
 from pyspice_runner.steady.copies import Plant
 
 MOST_TONES = 4  # periods of the highest tone in that of the drive; beyond, the equations are too many
@@ -63,7 +62,6 @@ QUICK, MOST_STEPS = 5, 12  # Newton steps below which the voltage may rise faste
 FIRST_STEP, SHORTEST_STEP = 4.0, 0.1  # of the slow equations, in periods of the drive
 LONGEST_STEP = 10.0  # of them, in decay times; beyond, the steady state is sought
 GROWTH, MOST_TIMES = 2.0, 60  # by which a step may grow, and number of steps
-ABOVE = 2.0  # of the free stator's motion, from which a point runs down
 LEAST_DAMPING = 1.0 / 64.0
 
 
@@ -72,29 +70,14 @@ def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
 
     The drives have the same period. A free tip and laws without sliders have no such start.
     """
-    return [None if found is None else found.state for found in balanced(plants, rows=True)]
+    return [None if found is None else found.state for found in balanced(plants)]
 
 
-def start_from_above(plant: Plant) -> Array | None:
-    """Return a state at t = 0 as :func:`harmonic_starts`, of a motion that decays from twice that of the free stator.
-
-    Where two motions are stable, this is as a rule the one whose contact is open for longer.
-    """
-    if not (plant.law and plant.law.sliding and tones(plant)):
-        return None
-    points = _Points([plant], Grid(plant.drive.period, tones(plant), contact_library(PAPER_LAW, plant.motor.contact)))
-    points.unknowns, points.found = _run_up(points.stators, points.grid, ABOVE)
-    (found,) = points.balances(rows=True)
-    return found.state if found else None
-
-
-def balanced(
-    plants: Sequence[Plant], near: Sequence[Balance | None] = (), *, rows: bool = False
-) -> list[Balance | None]:
+def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> list[Balance | None]:
     """Return the balanced motions of operating points whose drives have the same period; ``None`` where there is none.
 
     A point starts from that of ``near``. Without one, the point with the middle speed of each curve runs up from rest,
-    and the others start from it. A brush of sliders is balanced as a single one, or with ``rows`` as it is.
+    and the others start from it. A brush of sliders is balanced as a single one.
     """
     found: list[Balance | None] = [None] * len(plants)
     groups: dict[tuple[Library, Law], list[int]] = {}
@@ -105,7 +88,7 @@ def balanced(
         some = [plants[place] for place in places]
         points = _Points(some, Grid(some[0].drive.period, max(map(tones, some)), library))
         points.solve([near[place] if near else None for place in places])
-        for place, balance in zip(places, points.balances(rows=rows), strict=True):
+        for place, balance in zip(places, points.balances(), strict=True):
             found[place] = balance
     return found
 
@@ -171,10 +154,10 @@ def _coordinates(stators: Stators, grid: Grid, response: Response, forces: Force
     return np.asarray(response.coordinates + np.einsum("phnm,phm->phn", response.gains, pushed))
 
 
-def _run_up(stators: Stators, grid: Grid, begin: float = 0.0) -> tuple[Array, NDArray[np.bool_]]:
+def _run_up(stators: Stators, grid: Grid) -> tuple[Array, NDArray[np.bool_]]:
     """Return the unknowns of points that run to their steady state, and whether they reached it.
 
-    They begin at rest, or at a multiple of the free stator's motion. The amplitudes follow their slow equations by the
+    They begin at rest. The amplitudes follow their slow equations by the
     implicit Euler rule, with steps that grow.
     """
     count = len(stators.depth)
@@ -185,10 +168,6 @@ def _run_up(stators: Stators, grid: Grid, begin: float = 0.0) -> tuple[Array, ND
     pressed = stators.forces[:, 0] - stators.preload * stators.tip[:, 1]
     coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
     unknowns[:, grid.shape.shape[1]] = np.einsum("pn,pn->p", stators.tip[:, 1], coordinates[:, 0].real)
-    if begin:
-        free = response_of(stators, np.zeros(count), np.zeros_like(coordinates)).coordinates
-        coordinates[:, 1:] = begin * free[:, 1:]
-        unknowns[:, :-1] = real_parts(np.einsum("pxn,phn->phx", stators.tip, coordinates))
     step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
     reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     for _ in range(MOST_TIMES):
@@ -260,8 +239,8 @@ class _Points:
             own = self.stators.of(some), self.grid, self.steady.of(some)
             self.unknowns[some], self.found[some], _ = _newton(*own, guess)
 
-    def balances(self, *, rows: bool = False) -> list[Balance | None]:
-        """Return the motions that were found; with ``rows`` those with the row of sliders of a brush."""
+    def balances(self) -> list[Balance | None]:
+        """Return the motions that were found."""
         found: list[Balance | None] = [None] * len(self.plants)
         places = np.flatnonzero(self.found)
         if not len(places):
@@ -269,11 +248,6 @@ class _Points:
         own, unknowns, steady = self.stators.of(places), self.unknowns[places], self.steady.of(places)
         touching = touching_contact(own, self.grid, unknowns)
         forces, sliders = Forces(*(getattr(touching, one.name) for one in fields(Forces))), touching.slider[:, :1]
-        plants = [self.plants[place] for place in places.tolist()]
-        if rows and plants[0].law and plants[0].law.sliders:
-            inverse = np.asarray(np.linalg.inv(_residual(own, self.grid, steady, unknowns)[1]))
-            row = Row(plants, own, self.grid, steady)
-            unknowns, forces, sliders = row.balanced(unknowns, forces, inverse)
         coordinates = _coordinates(own, self.grid, steady, forces)
         for number, place in enumerate(places.tolist()):
             found[place] = Balance(

@@ -1,32 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points of a curve that run on the dynamometer until they have settled, or while the speed slowly changes."""
+"""Points of a curve that run on the dynamometer until they have settled."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import nullcontext
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import ceil
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
-
-from pyspice_runner.circuit.fixtures import SpeedRamp
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.run.audit import audit_point
-from pyspice_runner.run.dynamometer import UNITS, Block, Dynamometer, quantities
-from pyspice_runner.run.waveforms import Array
+from pyspice_runner.run.dynamometer import Block, Dynamometer, quantities
 from pyspice_runner.steady.period_map import cores
 
 Progress = Callable[[int, int], None]
 
 TOLERANCE = 1e-3
 PATIENCE = 40
-RAMP_BLOCKS = 16  # of a ramp from the lowest speed to the highest, at least
 _FEWEST_BLOCKS = 4  # of patience
 _APPROACH = 100.0  # times a motion may be nearer after a block: e at least, 20 to 100 while the driven modes settle
 _SMALL = 0.02  # of the friction torque that the mean normal force allows; drifts below tolerance times this are noise
@@ -133,129 +126,36 @@ def _audited(blocks: list[Block]) -> dict[str, Any]:
     return {**means, "audit_passed": not findings, "findings": findings}
 
 
-def _ramp(
-    bench: Dynamometer, speeds: Sequence[float], settling: Settling, falling: bool, stop: Callable[[], bool]
-) -> list[dict[str, Any]]:
-    """Let the speed rise or fall slowly through its whole range; return the outcomes at the speeds.
-
-    Each block spans one interval of speed; its means stand for the middle of that.
-    """
-    low, high = min(speeds), max(speeds)
-    middles = np.linspace(low, high, max(RAMP_BLOCKS, len(speeds) - 1) + 1)
-    half = 0.5 * (middles[1] - middles[0])
-    edges = np.append(middles - half, high + half)
-    if falling:
-        edges = edges[::-1]
-    first, last = settle(bench, float(edges[0]), None, settling, stop)
-    found = []
-    for before, after in pairwise(edges.tolist()):
-        if stop():
-            raise SimulationError("The run was stopped because another one failed.")
-        last = bench.run(last.end, SpeedRamp(before, after, bench.duration), last.ended)
-        found.append(_audited([last]))
-    if falling:
-        found.reverse()
-    curves = {name: np.interp(speeds, middles, [means[name] for means in found]) for name in UNITS}
-    findings = tuple(dict.fromkeys(finding for means in found for finding in means["findings"]))
-    first |= {"audit_passed": not findings, "findings": findings}
-    of_run = first | {"torque_drift_n_m": 0.0, "simulated_s": last.ended, "deck_sha256": last.deck_sha256}
-    return [of_run | {name: float(curve[index]) for name, curve in curves.items()} for index in range(len(speeds))]
-
-
-def _between(up: dict[str, Any], down: dict[str, Any]) -> dict[str, Any]:
-    """Return the mean of a rising and a falling ramp; the lag of the motion behind the speed drops out of it."""
-    outcome = up | {name: 0.5 * (up[name] + down[name]) for name in UNITS}
-    for name in ("settled", "audit_passed"):
-        outcome[name] = up[name] and down[name]
-    outcome["findings"] = tuple(dict.fromkeys((*up["findings"], *down["findings"])))
-    outcome["torque_drift_n_m"] = 0.5 * (down["torque_n_m"] - up["torque_n_m"])
-    outcome["simulated_s"] = up["simulated_s"] + down["simulated_s"]
-    return outcome
-
-
-@dataclass(frozen=True)
-class Task:
-    """Points that one worker runs, one after the other: a chain, a ramp, or a single point."""
-
-    places: tuple[int, ...]
-    points: tuple[Dynamometer, ...]
-    settling: Settling
-    ramp: Literal["up", "down"] | None = None
-
-    def __call__(self, stop: Callable[[], bool] = bool) -> list[dict[str, Any]]:
-        """Run the points and return their outcomes; ``stop`` tells whether to end early."""
-        if self.ramp:
-            speeds = [bench.speed for bench in self.points]
-            return _ramp(self.points[0], speeds, self.settling, self.ramp == "down", stop)
-        outcomes: list[dict[str, Any]] = []
-        motion = None
-        for bench in self.points:
-            outcome, last = settle(bench, bench.speed, motion, self.settling, stop)
-            motion = last.end
-            outcomes.append(outcome)
-        return outcomes
-
-
-def tasks_of(
-    points: Sequence[Dynamometer],
-    axes: Mapping[str, Array],
-    mode: str,
-    follow: str | None,
-    settling: Settling,
-) -> list[Task]:
-    """Return the tasks of the points: ramps in both directions, chains along an axis, or single points."""
-    ways: tuple[Literal["up", "down"] | None, ...] = (None,)
-    if mode == "ramp":
-        *_, follow = axes
-        ways = ("up", "down")
-    places = np.arange(len(points)).reshape([len(axis) for axis in axes.values()])
-    chains = np.moveaxis(places, list(axes).index(follow), -1) if follow else places[..., np.newaxis]
-    rows = chains.reshape(-1, chains.shape[-1]).tolist()
-    return [Task(tuple(row), tuple(points[place] for place in row), settling, way) for row in rows for way in ways]
-
-
-def run_tasks(
-    tasks: Sequence[Task], executor: Executor | None, progress: Progress, answers: dict[int, list[dict[str, Any]]]
+def settle_points(
+    points: Mapping[int, Dynamometer], settling: Settling, progress: Progress, outcomes: dict[int, dict[str, Any]]
 ) -> None:
-    """Run the tasks and add their outcomes to ``answers``, by the number of the task.
+    """Let points settle, each from rest, and add their outcomes by place to ``outcomes``.
 
-    If a task fails, or the user interrupts, the running ones stop at the end of their block and the others are
-    cancelled. ``answers`` then has the outcomes of those that were finished.
+    If one fails, or the user interrupts, the running ones stop at the end of their block and the others are cancelled.
+    ``outcomes`` then has those that are finished.
     """
-    done, total = 0, sum(len(task.places) for task in tasks)
-    progress(0, total)
-    if executor is None and len(tasks) == 1:  # in this thread, which an interrupt reaches at once
-        answers[0] = tasks[0]()
-        progress(total, total)
+    progress(0, len(points))
+    if len(points) == 1:  # in this thread, which an interrupt reaches at once
+        ((place, bench),) = points.items()
+        outcomes[place] = settle(bench, bench.speed, None, settling)[0]
+        progress(1, 1)
         return
     stop = threading.Event()
-    futures: list[Future[list[dict[str, Any]]]] = []
+    futures: dict[int, Future[tuple[dict[str, Any], Block]]] = {}
     try:
-        with nullcontext(executor) if executor else ThreadPoolExecutor(min(cores(), len(tasks))) as pool:
-            assert pool is not None
-            arguments = () if executor else (stop.is_set,)  # an event does not reach another process
+        with ThreadPoolExecutor(min(cores(), len(points))) as pool:
             try:
-                futures += (pool.submit(task, *arguments) for task in tasks)
-                for future in futures:
-                    done += len(future.result())
-                    progress(done, total)
+                for place, bench in points.items():
+                    futures[place] = pool.submit(settle, bench, bench.speed, None, settling, stop.is_set)
+                for done, future in enumerate(futures.values(), start=1):
+                    future.result()
+                    progress(done, len(points))
             except BaseException:
                 stop.set()
-                for future in futures:
+                for future in futures.values():
                     future.cancel()
                 raise
     finally:
-        for number, future in enumerate(futures):
+        for place, future in futures.items():
             if future.done() and not future.cancelled() and future.exception() is None:
-                answers[number] = future.result()
-
-
-def outcomes_of(tasks: list[Task], answers: Mapping[int, list[dict[str, Any]]]) -> dict[int, dict[str, Any]]:
-    """Return by place what is finished there; of a ramp both ways."""
-    ways: dict[int, list[dict[str, Any]]] = {}
-    for number, answer in sorted(answers.items()):
-        for place, outcome in zip(tasks[number].places, answer, strict=True):
-            ways.setdefault(place, []).append(outcome)
-    if not any(task.ramp for task in tasks):
-        return {place: outcome for place, (outcome,) in ways.items()}
-    return {place: _between(*both) for place, both in ways.items() if len(both) == 2}
+                outcomes[place] = future.result()[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed–torque curves: steady states found by shooting (:mod:`.steady`), after settling or in ramps (:mod:`.settling`).
+"""Speed–torque curves: steady states found by shooting (:mod:`.steady`), or after settling (:mod:`.settling`).
 
 The torque is that of the contact on the rotor, R·F_T; the bearing takes its share of it, and what remains is the load
 torque. Both are positive where they drive the rotor, or the load, in the positive direction.
@@ -8,7 +8,6 @@ torque. Both are positive where they drive the rotor, or the load, in the positi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -32,15 +31,15 @@ from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
-from pyspice_runner.steady.branch import dataset_of, followed_branch
-from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, outcomes_of, run_tasks, tasks_of
+from pyspice_runner.steady.branch import dataset_of
+from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, settle_points
 from pyspice_runner.steady.steady import steady_states
 from pyspice_runner.units import with_linear
 
 if TYPE_CHECKING:
     import xarray
 
-Method = Literal["steady", "settle", "ramp", "hold"]  # the last is the former name of settle
+Method = Literal["steady", "settle"]
 
 SPEED = "speed_rad_s"
 _MOST_POINTS = 100_000
@@ -52,7 +51,7 @@ OUTCOME = {
     "audit_passed": ("1", "whether the means passed the physical audit"),
     "torque_error_n_m": ("N·m", "estimated error of the mean torque by the time step; NaN where it was not estimated"),
     "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
-    "torque_drift_n_m": ("N·m", "change of the mean torque from block to block; of a ramp, half of fall less rise"),
+    "torque_drift_n_m": ("N·m", "change of the mean torque from block to block"),
     "simulated_s": ("s", "time that was simulated"),
 }
 _MISSING = dict.fromkeys(OUTCOME, float("nan")) | {
@@ -68,12 +67,10 @@ def speed_torque(
     speeds: SkipValidation[ArrayLike | None] = None,
     over: Mapping[str, SkipValidation[Sequence[float] | Array]] | None = None,
     mode: Method = "steady",
-    follow: str | None = None,
     contact: ContactLaw | None = "spring-slider",
     step: float | None = None,
     tolerance: float = TOLERANCE,
     patience: int = PATIENCE,
-    executor: Executor | None = None,
     progress: Progress | None = None,
     timeout: float | None = None,
     audit: bool = True,
@@ -96,14 +93,7 @@ def speed_torque(
         speeds: at which the shaft is held, rad/s; by default the values of ``load.speed`` in ``over``.
         over: further axes: dotted path → values; the motor's as in :meth:`Motor.updated`, the drive's as
             ``drive.voltage``, those of a driver's parts as ``drive.bridge.dead_time``.
-        mode: ``"steady"``, which takes drivers and voltages with a common period; ``"settle"``, which takes any; or
-            ``"ramp"``: the speed rises slowly through the whole range, and in a second run it falls. The mean of both
-            is returned; half their difference is ``torque_drift_n_m``.
-        follow: axis along which points go on from the one before: ``"load.speed"`` or one of ``over``. With
-            ``"settle"`` each begins where the one before it ended, which shows hysteresis if the axis goes up and down
-            again. With ``"steady"`` the branch of steady states from the first to the last value of the axis is
-            followed through its folds, stable or not; the result is that of :func:`.steady_branch`, and every other
-            axis has one value.
+        mode: ``"steady"``, which takes drivers and voltages with a common period, or ``"settle"``, which takes any.
         contact: law of the contact, as in ``simulate``.
         step: longest time step in s; by default that of ``simulate``.
         tolerance: change from block to block that still counts as settled: of the normal force relative to itself, of
@@ -111,7 +101,6 @@ def speed_torque(
             energy stored in the modes may change by four times as much. What is left of the start is at most 0.6 of
             the tolerance, or about twice the tolerance where the carrier vibrates on the contact longer than a block.
         patience: number of blocks after which a point counts as not settled.
-        executor: executor that runs the points; by default one thread per core, each with its own ngspice process.
         progress: called with the number of finished points and of all points.
         timeout: wall time in s after which ngspice is stopped, per block.
         audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit_passed`` is false
@@ -130,19 +119,15 @@ def speed_torque(
     law = touching_law(contact, _NO_TORQUE)
     axes = _axes(speeds, over or {})
     mode = _way(mode, drive)
-    if follow is not None and canonical(follow) == "load.speed":
-        follow = SPEED
-    _check(axes, drive, mode, follow)
+    _check(axes)
     base = Point.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
-    if mode == "steady" and follow is not None:
-        return _branch(on_engine(base, engine, "A branch is followed with the B-sources."), axes, follow)
     base = on_engine(base, engine, _without_form(mode, drive))
     *further, _ = axes
     points: list[Dynamometer] = []
     for values in product(*(axes[path].tolist() for path in further)):
         there = base.updated(dict(zip(further, values, strict=True)))
         points += [_dynamometer(there.updated({"load.speed": speed})) for speed in axes[SPEED].tolist()]
-    found, fault = _measured(points, axes, mode, follow, Settling(tolerance, patience), executor, progress)
+    found, fault = _measured(points, mode, Settling(tolerance, patience), progress)
     if fault is not None and not found:
         raise fault
     outcomes = [found.get(place, _MISSING) for place in range(len(points))]
@@ -158,8 +143,8 @@ def speed_torque(
         audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, greatest), *_cautions(points, outcomes)],
         method=[outcome["method"] for outcome in outcomes],
         run={
-            "mode": mode, "follow": follow, **law.to_dict(), "step_s": step, "tolerance": tolerance,
-            "patience": patience, "engine": "compiled" if base.solver.compiled else "spice",
+            "mode": mode, **law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience,
+            "engine": "compiled" if base.solver.compiled else "spice",
         },
     )  # fmt: skip
     if fault is None:
@@ -178,23 +163,10 @@ def _without_form(mode: str, drive: Drive | Driver) -> str:
     return "" if mode == "steady" else f"The meters of mode = {mode!r} need the B-sources."
 
 
-def _branch(base: Point, axes: Mapping[str, Array], follow: str) -> xarray.Dataset:
-    """Follow the branch of steady states along one axis."""
-    along, others = axes[follow], {path: values for path, values in axes.items() if path != follow}
-    for path, values in others.items():
-        if len(values) > 1:
-            raise ParameterError(
-                f"{path} has {len(values)} values: a branch along {follow} is followed at one value. Give one, or take "
-                "mode = 'settle'."
-            )
-    point = base.updated({path: float(values[0]) for path, values in others.items()})
-    return followed_branch(point, "speed" if follow == SPEED else follow, float(along[0]), float(along[-1]))
-
-
 def _way(mode: Method, drive: Drive | Driver) -> Method:
     """Return how the points are measured: a driver whose states are not known settles."""
     unknown = isinstance(drive, Driver) and drive.own
-    return "settle" if mode == "hold" or (mode == "steady" and unknown) else mode
+    return "settle" if unknown else mode
 
 
 @checked
@@ -203,7 +175,7 @@ def operating_point(
     drive: Drive | Driver,
     *,
     speed: float = 0.0,
-    mode: Literal["steady", "settle", "hold"] = "steady",
+    mode: Method = "steady",
     contact: ContactLaw | None = "spring-slider",
     step: float | None = None,
     tolerance: float = TOLERANCE,
@@ -214,18 +186,17 @@ def operating_point(
 ) -> dict[str, Any]:
     """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
 
-    The arguments are those of :func:`speed_torque`, without ``"ramp"``. ``audit`` of the result has its findings.
+    The arguments are those of :func:`speed_torque`. ``audit`` of the result has its findings.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    mode = _way(mode, drive)  # type: ignore[assignment]
+    mode = _way(mode, drive)
     bench = _held(
         motor, drive, mode=mode, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit, engine=engine
     )
-    axes = {SPEED: np.array([speed])}
-    found, fault = _measured([bench], axes, mode, None, Settling(tolerance, patience), None, None)
+    found, fault = _measured([bench], mode, Settling(tolerance, patience), None)
     if fault is not None:
         raise fault
     return _reported(bench, found[0])
@@ -241,7 +212,7 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
         with suppress(ParameterError, SimulationError, TypeError, ValueError):
             benches[place] = _held(motor, drive, **settings)
     try:
-        found = _steady(list(benches.values()), None)
+        found = _steady(list(benches.values()))
     except (ParameterError, SimulationError):
         return [None] * len(points)
     answers: list[dict[str, Any] | None] = [None] * len(points)
@@ -289,33 +260,24 @@ def _cautions(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, An
 
 
 def _measured(
-    points: Sequence[Dynamometer],
-    axes: Mapping[str, Array],
-    mode: str,
-    follow: str | None,
-    settling: Settling,
-    executor: Executor | None,
-    progress: Progress | None,
+    points: Sequence[Dynamometer], mode: str, settling: Settling, progress: Progress | None
 ) -> tuple[dict[int, dict[str, Any]], KeyboardInterrupt | SimulationError | None]:
     """Return the outcomes by place, and the error or interrupt if some are missing."""
     tell = progress or (lambda *_: None)
-    tasks = tasks_of(points, axes, mode, follow, settling)
-    answers: dict[int, list[dict[str, Any]]] = {}
     found: dict[int, dict[str, Any]] = {}
     fault: KeyboardInterrupt | SimulationError | None = None
     try:
         if mode == "steady":
             tell(0, len(points))
-            found = _steady(points, executor)
-            tasks = [task for task in tasks if task.places[0] not in found]
+            found = _steady(points)
+        others = {place: bench for place, bench in enumerate(points) if place not in found}
         finished = len(found)
-        if tasks:
-            run_tasks(tasks, executor, lambda done, total: tell(finished + done, finished + total), answers)
+        if others:
+            settle_points(others, settling, lambda done, _: tell(finished + done, len(points)), found)
         else:
             tell(len(points), len(points))
     except (KeyboardInterrupt, SimulationError) as error:
         fault = error
-    found |= outcomes_of(tasks, answers)
     for place in sorted(found):
         bench = points[place]
         if bench.setup.solver.audit and found[place]["findings"]:
@@ -326,10 +288,9 @@ def _measured(
     return found, fault
 
 
-def _steady(points: Sequence[Dynamometer], executor: Executor | None) -> dict[int, dict[str, Any]]:
+def _steady(points: Sequence[Dynamometer]) -> dict[int, dict[str, Any]]:
     """Return by place the outcomes of the points that have a stable steady state."""
     setups = [replace(bench.setup, solver=replace(bench.setup.solver, audit=False)) for bench in points]
-    states = steady_states(setups) if executor is None else executor.submit(steady_states, setups).result()
     return {
         place: {
             **state.quantities, "settled": True, "audit_passed": bool(state.audit.passed),
@@ -338,7 +299,7 @@ def _steady(points: Sequence[Dynamometer], executor: Executor | None) -> dict[in
             "simulated_s": state.provenance["simulated_s"], "deck_sha256": state.provenance["deck_sha256"],
             "method": state.method,
         }
-        for place, state in enumerate(states)
+        for place, state in enumerate(steady_states(setups))
         if state.stable
     }  # fmt: skip
 
@@ -381,22 +342,11 @@ def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:
     return {**axes, SPEED: axis(name, values)}
 
 
-def _check(axes: Mapping[str, Array], drive: Drive | Driver, mode: str, follow: str | None) -> None:
-    if isinstance(drive, Driver) and (mode == "ramp" or follow):
-        raise ParameterError(
-            "A driver circuit does not go on from another point: mode must be 'steady' or 'settle', and follow must be "
-            "left out."
-        )
-    if follow is not None and follow not in axes:
-        raise ParameterError(f"follow = {quoted(follow)} is not valid: it must be one of {', '.join(axes)}.")
-    if mode == "ramp" and follow is not None:
-        raise ParameterError("A ramp goes on from speed to speed by itself; leave out follow, or take mode = 'settle'.")
-    if mode == "ramp" and np.ptp(axes[SPEED]) == 0.0:
-        raise ParameterError("A ramp needs two different speeds at least; give them, or take another mode.")
+def _check(axes: Mapping[str, Array]) -> None:
     count = int(np.prod([len(axis) for axis in axes.values()]))
     if count > _MOST_POINTS:
         raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
-    check_distinct({path: values for path, values in axes.items() if path != follow})  # it may go up and down again
+    check_distinct(axes)
 
 
 def _dynamometer(point: Point) -> Dynamometer:

@@ -40,7 +40,6 @@ from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.steady.period_map import PeriodMap, cores
 from pyspice_runner.steady.period_means import current, extrapolated, means, phases, quantities, speed, tip
-from pyspice_runner.steady.second_motion import caution, second_motion
 from pyspice_runner.steady.shooting import Point, Shooting, start_point
 from pyspice_runner.steady.threads import in_threads
 from pyspice_runner.units import engineering
@@ -76,7 +75,6 @@ class SteadyState(Quantities, Result):
         waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
         provenance: settings, numbers of runs and hashes, JSON-ready.
         solution: the solved point at the coarse step; ``None`` without a solution.
-        second: another stable motion at the coarse step, which :func:`steady_state` seeks; ``None`` if it finds none.
     """
 
     motor: Motor = field(repr=False)
@@ -93,7 +91,6 @@ class SteadyState(Quantities, Result):
     waveforms: Waveforms | None = field(default=None, repr=False)
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
     solution: Point | None = field(default=None, repr=False)
-    second: Point | None = field(default=None, repr=False)
     current_a_phase_deg: float = float("nan")
     current_b_phase_deg: float = float("nan")
 
@@ -160,7 +157,7 @@ class SteadyState(Quantities, Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, failed convergence, instability, a second motion, and exceeded limits."""
+        """Findings of the audit, failed convergence, instability, and exceeded limits."""
         found = list(self.audit.findings)
         if not self.converged:
             found.append("No steady state was found. Run simulate to see how the motor moves.")
@@ -168,8 +165,6 @@ class SteadyState(Quantities, Result):
             found.append(f"The steady state is not stable: {self.instability}.")
         elif self.held_by_friction:
             found.append(STUCK)
-        if self.second is not None:
-            found.append(caution(self.second))
         limits = exceeded(self.motor, self.quantities)
         fast = too_fast(self.motor.to_dict(), self.speed_rad_s)
         return self._told((*found, *delivering([self.quantities]), *limits, *fast))
@@ -240,13 +235,7 @@ def steady_state(
         motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
     point = on_engine(point, engine, BEHIND_DRIVER if isinstance(drive, Driver) else "")
-    state = steady_states([point], accuracy=accuracy, waveforms=True)[0]
-    solved = state.solution
-    if not state.stable or solved is None or solved.trace is None:
-        return state
-    steps = len(solved.trace.time) - 1
-    coarse = PeriodMap(solved.plant.drive.period, steps, timeout, compiled=point.solver.compiled)
-    return replace(state, second=second_motion(solved, coarse))
+    return steady_states([point], accuracy=accuracy, waveforms=True)[0]
 
 
 def steady_states(
@@ -567,7 +556,7 @@ def _result(
         speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
-        audit=audit, waveforms=None, provenance=provenance, solution=None, second=None,
+        audit=audit, waveforms=None, provenance=provenance, solution=None,
     )  # fmt: skip
 
 

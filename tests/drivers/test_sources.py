@@ -100,11 +100,6 @@ def test_operating_point_behind_a_driver_is_that_of_its_drive() -> None:
     assert behind["current_b_peak_a"] == pytest.approx(direct["current_b_peak_a"], rel=0.01)
 
 
-def test_a_motor_behind_a_driver_has_no_ramp() -> None:
-    with pytest.raises(pr.ParameterError, match="mode must be 'steady' or 'settle'"):
-        pr.speed_torque(MOTOR, driver("half-bridge", network="llcc"), speeds=[0.0, 1.0], mode="ramp")
-
-
 @pytest.mark.slow
 @pytest.mark.soak  # the test before the last has a driver that settles, test_steady.py one that switches
 def test_speed_torque_behind_a_half_bridge() -> None:

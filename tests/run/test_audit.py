@@ -280,18 +280,6 @@ def test_a_point_that_is_not_true_is_withheld_or_marked(
     assert captured.err.startswith("piezomotor: the result failed the audit: The powers miss")
 
 
-def test_a_ramp_is_audited_all_along(monkeypatch: pytest.MonkeyPatch) -> None:
-    ramp: dict[str, Any] = {"speeds": [1.0, 2.0], "mode": "ramp", "patience": 4, "tolerance": 0.1, "step": 4e-7}
-    blocks = iter(range(1000))
-    falsify(
-        monkeypatch, settling_module, "quantities",
-        lambda means: means | ({"normal_force_n": -1.0} if next(blocks) == 7 else {}),
-    )  # fmt: skip
-    curve = pr.speed_torque(DAMPED, DRIVE, **ramp, audit=False)
-    assert not curve["audit_passed"].any()
-    assert "On average the contact pulls with 1 N" in curve.attrs["audit"]
-
-
 def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
     driver = pr.Driver(kind="linear", voltage=50.0, frequency=51.7e3)
     settings: dict[str, Any] = {"duration": 2e-4}

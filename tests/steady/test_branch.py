@@ -13,11 +13,14 @@ import xarray
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import Law
+from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Load
+from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.branch import folds
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.period_map import PeriodMap
+from pyspice_runner.steady.settling import Settling, settle
 from tools.benches import duffing
 from tools.decks import SOFTENING
 
@@ -77,18 +80,18 @@ def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
 @pytest.mark.soak
 def test_the_folds_are_where_sweeps_up_and_down_jump() -> None:
     step = 50.0
-    whole = pr.speed_torque(
-        MOTOR, DRIVE, speeds=[0.0], over={"drive.frequency": [17e3, 16.5e3]}, follow="drive.frequency"
-    )
+    whole = pr.steady_branch(MOTOR, DRIVE, follow="drive.frequency", start=17e3, stop=16.5e3, speed=0.0)
     lower, upper = whole.piezomotor.folds
     down, up = np.arange(17.2e3, 16.39e3, -step), np.arange(16.3e3, 17.11e3, step)
     for fold, frequencies in ((lower, down), (upper, up)):
-        swept = pr.speed_torque(
-            MOTOR, DRIVE, speeds=[0.0], over={"drive.frequency": frequencies}, mode="settle", follow="drive.frequency",
-            patience=12,
-        )  # fmt: skip
-        jump = int(np.abs(np.diff(swept["separated"].values[:, 0])).argmax())
-        ends = swept["drive.frequency"].values[jump : jump + 2]
+        motion, separated = None, []
+        for frequency in frequencies.tolist():  # each transient continues the one before
+            point = Point.of(MOTOR, DRIVE.updated({"frequency": frequency}), speed=0.0)
+            outcome, last = settle(Dynamometer(off_beat(point)), 0.0, motion, Settling(patience=12))
+            motion = last.end
+            separated.append(outcome["separated"])
+        jump = int(np.abs(np.diff(separated)).argmax())
+        ends = frequencies[jump : jump + 2]
         assert min(ends) - step <= fold <= max(ends) + step, (fold, ends)  # required: one step
 
 
@@ -129,5 +132,5 @@ def test_wrong_requests_say_what_is_allowed() -> None:
         pr.steady_branch(MOTOR, DRIVE, follow="drive.voltage", start=30.0, stop=20.0, points=1)
     with pytest.raises(pr.ParameterError, match=r"load.speed is given twice. Give it once."):
         pr.steady_branch(MOTOR, DRIVE, follow="load.speed", start=0.0, stop=2.0, speed=1.0)
-    with pytest.raises(pr.ParameterError, match="speed_rad_s has 2 values: a branch"):
-        pr.speed_torque(MOTOR, DRIVE, speeds=[0.0, 1.0], over={"drive.voltage": [30.0, 20.0]}, follow="drive.voltage")
+    words = ["speed-torque", "andersen2002", "--over", "drive.voltage=30,20", "--follow", "drive.voltage"]
+    assert run([*words, "--speeds=0,1"]) == 2

@@ -75,12 +75,3 @@ def test_a_free_tip_and_a_law_without_sliders_have_no_such_start() -> None:
     motor = pr.load_motor("beam40")
     plants = [Plant(motor, pr.default_drive(motor), Load(1.0), law) for law in (None, Law("coulomb"))]
     assert harmonic_starts(plants) == [None, None]
-
-
-def test_a_brush_starts_from_the_motion_of_its_own_row() -> None:
-    motor = pr.load_motor("beam40")  # near its resonance, where some percent of a force move the tip far
-    for speed in (-20.0, 10.0, 40.0):
-        plant = Plant(motor, pr.default_drive(motor), Load(speed=speed), Law("brush", 8))  # type: ignore[arg-type]
-        (state,) = harmonic_starts([plant])
-        assert state is not None
-        assert gap(plant, state) < 2e-4  # 1.4e-3 to 2.0e-3 from the motion with a single slider

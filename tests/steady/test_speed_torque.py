@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed–torque curves: against spin-ups under load and a ramp, their power balance, what the paper's figure 6 finds.
+"""Speed–torque curves: against spin-ups under load, their power balance, what the paper's figure 6 finds.
 
 Against the independent integrator: :mod:`.test_speed_torque_reference`.
 """
@@ -7,9 +7,7 @@ Against the independent integrator: :mod:`.test_speed_torque_reference`.
 from __future__ import annotations
 
 import json
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -78,22 +76,6 @@ def test_rotors_spun_up_under_load_lie_on_the_fixed_speed_curve() -> None:
 
 def dynamometer(excitation: pr.TwoPhaseDrive | pr.TwoToneDrive, law: Law = PAPER_LAW) -> Dynamometer:
     return Dynamometer(off_beat(Point(MOTOR, DriveSource(excitation), law=law)))
-
-
-@pytest.mark.slow
-@pytest.mark.soak
-def test_a_ramp_gives_the_same_curve(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(settling, "RAMP_BLOCKS", 7)  # as steep as 16 blocks over the whole range of SPEEDS
-    speeds = SPEEDS[2:6]  # where the curve bends
-    held = curve(46e3).sel(speed_rad_s=list(speeds))
-    stall = stall_torque(curve(46e3))
-    # four times the step of the held curve, which costs 0.5 % here and takes a quarter of the time
-    step = 4.0 * dynamometer(drive(46e3)).setup.step
-    ramp = pr.speed_torque(MOTOR, drive(46e3), speeds=speeds, mode="ramp", step=step)
-    # required; measured: 0.7 % of the stall torque, most where the curve bends between two blocks of the ramp
-    assert ramp["torque_n_m"].values == pytest.approx(held["torque_n_m"].values, abs=0.02 * stall)
-    assert ramp["settled"].all()
-    assert np.abs(ramp["torque_drift_n_m"]).max() < 0.02 * stall
 
 
 @pytest.mark.parametrize("frequency", [44.5e3, 46e3])
@@ -277,16 +259,6 @@ def test_the_command_prints_the_names_that_others_rely_on(tmp_path: Path, capsys
     assert (tmp_path / "curve.png").stat().st_size > 20_000
 
 
-@pytest.mark.parametrize("mode", ["steady", pytest.param("settle", marks=pytest.mark.soak)])
-def test_any_executor_gives_the_same_to_the_last_bit(mode: Any) -> None:
-    run_of = {"speeds": SPEEDS[2:3], "mode": mode, "patience": 4}
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        points = pr.speed_torque(MOTOR, drive(46e3), **run_of, executor=pool)
-    here = pr.speed_torque(MOTOR, drive(46e3), **run_of)
-    for name in points.data_vars:
-        assert np.array_equal(points[name], here[name], equal_nan=points[name].dtype == float), name
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "mount",
@@ -312,13 +284,13 @@ def test_steady_states_are_where_the_points_settle(mount: Any) -> None:
 
 
 @pytest.mark.soak
-def test_following_points_start_from_the_motion_before() -> None:
-    points = pr.speed_torque(MOTOR, drive(46e3), speeds=[5.0, 6.0], mode="settle", follow="speed_rad_s")
-    assert points["settled"].all()
-    assert float(points["simulated_s"][1]) <= float(points["simulated_s"][0])
-    # there is no hysteresis here: the second point is where a start from rest leads as well
+def test_a_point_that_begins_with_the_motion_of_another_settles_where_one_from_rest_does() -> None:
+    bench = dynamometer(drive(46e3))
+    _, last = settling.settle(bench, 5.0, None, settling.Settling())
+    point, _ = settling.settle(bench, 6.0, last.end, settling.Settling())
+    assert point["settled"]
     alone = float(curve(46e3)["torque_n_m"].sel(speed_rad_s=6.0))
-    assert float(points["torque_n_m"][1]) == pytest.approx(alone, rel=2e-3)
+    assert point["torque_n_m"] == pytest.approx(alone, rel=2e-3)
 
 
 def test_two_tones_that_beat_never_settle_and_say_so() -> None:
@@ -351,11 +323,7 @@ def test_progress_is_told() -> None:
         ({"speeds": [0.0, float("nan")]}, "is not valid: it must be one or more numbers"),
         ({"speeds": ["fast"]}, "is not valid: it must be one or more numbers"),
         ({"speeds": [2e6]}, "speeds has 2e+06 rad/s, which is not valid"),
-        ({"mode": "glide"}, "mode = 'glide' is not valid: it must be 'steady', 'settle', 'ramp'"),
-        ({"mode": "ramp"}, "A ramp needs two different speeds"),
-        ({"mode": "ramp", "speeds": [0.0, 1.0], "follow": "speed_rad_s"}, "leave out follow"),
-        ({"follow": "speed_rad_s"}, "start = 0 and stop = 0 are not valid"),
-        ({"follow": "voltage"}, "follow = 'voltage' is not valid: it must be one of speed_rad_s"),
+        ({"mode": "glide"}, "mode = 'glide' is not valid: it must be 'steady' or 'settle'"),
         ({"tolerance": 0.0}, "tolerance = 0 is not valid"),
         ({"patience": 1}, "patience = 1 is not valid"),
         ({"step": 1e-5}, "step = 1e-05 s is too coarse"),
@@ -384,26 +352,18 @@ def test_a_failure_ends_the_other_points_at_once() -> None:
         pr.speed_torque(MOTOR, drive(46e3), speeds=np.linspace(0.0, 1.0, 50), timeout=0.05)
 
 
-def test_an_interrupt_hands_over_the_points_that_are_finished() -> None:
+def test_an_interrupt_hands_over_the_points_that_are_finished(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settling, "cores", lambda: 1)
+
     def interrupt(done: int, _: int) -> None:
         if done:
             raise KeyboardInterrupt
 
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=46e3, phase_deg=90.0)
     damped = MOTOR.updated({f"modes.{mode}.damping_n_s_per_m": 200.0 for mode in range(3)})  # short blocks
-    with (
-        ThreadPoolExecutor(1) as one,  # at a time
-        pytest.raises(Interrupted, match=r"The curve was interrupted\.") as stopped,
-    ):
+    with pytest.raises(Interrupted, match=r"The curve was interrupted\.") as stopped:
         pr.speed_torque(
-            damped,
-            drive,
-            speeds=[0.0, 1.0, 2.0, 3.0],
-            mode="settle",
-            patience=4,
-            tolerance=0.1,
-            progress=interrupt,
-            executor=one,
+            damped, drive, speeds=[0.0, 1.0, 2.0, 3.0], mode="settle", patience=4, tolerance=0.1, progress=interrupt
         )
     partial = stopped.value.partial
     assert partial["torque_n_m"].notnull().values.tolist() == [True, False, False, False]
