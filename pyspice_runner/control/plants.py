@@ -17,7 +17,7 @@ from pyspice_runner.control.circuit import CHECKED, COMMANDS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import ShaftLoad
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.session import Session
+from pyspice_runner.spice.process import Session
 
 
 @dataclass(frozen=True)

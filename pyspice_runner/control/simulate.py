@@ -42,7 +42,7 @@ from pyspice_runner.run.kernel import transient_timing
 from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice import Engine
-from pyspice_runner.spice.session import Session
+from pyspice_runner.spice.process import Session
 
 IDEAL_ROUNDING = Rounding(IDEAL)
 MOST_SAMPLES = 100_000

@@ -3,8 +3,11 @@
 
 Each run is a separate process ``ngspice -b -n -r`` in a separate folder, so that concurrent runs do not interfere and
 the user's start-up file is not read. ngspice's exit status and the presence of a raw file do not mean success. A run is
-valid only if the netlist has none of the faults that ngspice ignores (:mod:`.silent`), the status is 0, the log has no
-complaint, every requested vector is present and finite, and the analysis reached its end.
+valid only if the netlist has none of the faults that ngspice ignores (:mod:`.deck_lint`), the status is 0, the log has
+no complaint, every requested vector is present and finite, and the analysis reached its end.
+
+:func:`run_deck` is the only way from the text of a deck to waveforms: an engine other than the native program takes its
+place there.
 """
 
 from __future__ import annotations
@@ -19,23 +22,22 @@ import subprocess
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import IO
 
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.process import FREE_SPACE, answer, end, new_folder, start
+from pyspice_runner.spice.process import FREE_SPACE, KeptProcesses, end, new_folder, start
+from pyspice_runner.spice.process import find_ngspice as find_ngspice
+from pyspice_runner.spice.process import version_of as version_of
 from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
-OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
-_VERSION_TIMEOUT = 20.0  # s; ngspice answers within some 5 ms
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
-_INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
 
 # Words by which ngspice 36 to 46 reports a problem, on standard output or standard error.
 _TROUBLE = re.compile(
@@ -65,14 +67,6 @@ class SpiceRun:
     ngspice_version: str  # version of ngspice
 
 
-def find_ngspice() -> str:
-    """Return the path of the ngspice executable. Raise SimulationError if there is none on the PATH."""
-    found = shutil.which("ngspice")
-    if found is None:
-        raise SimulationError(f"ngspice is not on the PATH. {_INSTALL_HINT}")
-    return str(Path(found).absolute())  # an entry of PATH may be relative, and a run has a working folder of its own
-
-
 def ngspice_version() -> str:
     """Return ngspice's version, such as "39".
 
@@ -80,22 +74,6 @@ def ngspice_version() -> str:
         SimulationError: if ngspice is missing, does not answer, or is older than version 36.
     """
     return version_of(find_ngspice())
-
-
-@cache
-def version_of(executable: str) -> str:
-    """Return the version of the ngspice at a path.
-
-    Raises:
-        SimulationError: if it does not answer, or is older than version 36.
-    """
-    said = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
-    match = re.search(r"ngspice-(\d+)([.\d+]*)", said)
-    if not match:
-        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=said)
-    if int(match.group(1)) < OLDEST_VERSION:
-        raise SimulationError(f"ngspice {match.group(1)} is too old; version {OLDEST_VERSION} or later is needed.")
-    return match.group(1) + match.group(2).rstrip("+.")
 
 
 def run_deck(
@@ -109,18 +87,23 @@ def run_deck(
     keep_partial: bool = False,
     executable: str = "",
     modules: Sequence[Path] = (),
+    processes: KeptProcesses | None = None,
 ) -> SpiceRun:
     """Run a netlist and return its vectors, or raise.
 
     The netlist has ``.save`` and one analysis, which must reach ``stop_time`` in s or ``stop_frequency`` in Hz. The
     ``vectors``, as ``.save`` takes them (``v(out)``, ``out``, ``i(v1)``, ``@r1[i]``), must be present and finite.
     ``timeout`` is wall time in s. ``progress`` is called several times a second with the simulated time in s. The deck
-    loads the ``modules`` by their names.
+    loads the ``modules`` by their names. A transient may run in one of the ``processes``; if it fails there, it runs
+    again in a process of its own, whose message names the cause.
 
     Raises:
         SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
         Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`SpiceRun` that ended too early.
     """
+    fault = silent_fault(deck)
+    if processes and not fault and (found := processes.run(deck, partial(_verified_transient, vectors, stop_time))):
+        return found
     executable = executable or find_ngspice()
     version = version_of(executable)
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
@@ -130,7 +113,6 @@ def run_deck(
         try:
             deck_path.write_text(deck, encoding="utf-8")
             _link(modules, folder, deck)
-            fault = silent_fault(deck)
             if fault:
                 raise SimulationError(fault)
             started = time.perf_counter()
@@ -141,7 +123,7 @@ def run_deck(
                     raise
                 raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started, version) from interrupt
             _check_status(status, log)
-            raw = verified_run(folder / "out.raw", log, vectors, stop_time, stop_frequency)
+            raw = _verified(folder / "out.raw", log, vectors, stop_time, stop_frequency)
         except SimulationError as error:
             keep = True
             full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {FREE_SPACE}"
@@ -218,8 +200,8 @@ def _wait(
         except subprocess.TimeoutExpired:
             if ends is not None and time.monotonic() >= ends:
                 raise
-        told = os.pread(log_file.fileno(), 200, max(os.fstat(log_file.fileno()).st_size - 200, 0))
-        reached = re.findall(rb"Reference value : +(\d\S*e\S+)", told)
+        tail = os.pread(log_file.fileno(), 200, max(os.fstat(log_file.fileno()).st_size - 200, 0))
+        reached = re.findall(rb"Reference value : +(\d\S*e\S+)", tail)
         if reached and reached[-1] != last:
             last = reached[-1]
             progress(float(last))
@@ -253,7 +235,13 @@ def _check_status(status: int, log: str) -> None:
         raise SimulationError(f"ngspice {how}{_quoted(_spoken(log))}.", log=log)
 
 
-def verified_run(
+def _verified_transient(
+    vectors: Sequence[str], stop_time: float | None, path: Path, log: str, seconds: float, version: str
+) -> SpiceRun:
+    return SpiceRun(_verified(path, log, vectors, stop_time), seconds, log, version)
+
+
+def _verified(
     path: Path, log: str, vectors: Sequence[str], stop_time: float | None = None, stop_frequency: float | None = None
 ) -> RawFile:
     """Return the vectors of a raw file; the arguments are those of :func:`run_deck`.

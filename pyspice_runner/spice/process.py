@@ -1,24 +1,52 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Processes of ngspice and of compilers: their folder, environment, output and end."""
+"""Processes of ngspice: one that ends with its deck, one that stays for the next, and one that pauses at samples.
+
+A process that stays is ``ngspice -p``, which takes commands on its standard input.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import os
+import re
+import selectors
 import shutil
 import signal
 import subprocess
 import tempfile
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from functools import cache
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
 from pyspice_runner.errors import SimulationError
+from pyspice_runner.interrupts import held
+from pyspice_runner.spice.deck_lint import silent_fault
 
 FREE_SPACE = "Free some space or set TMPDIR."
+OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
+_VERSION_TIMEOUT = 20.0  # s; ngspice answers within about 5 ms
+_INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
+
+_HANDSHAKE = 5.0  # s in which a new process must answer; it takes 10 ms
+_LONGEST = 600.0  # s for a run or between two samples
+_MOST_FAILURES = 3  # processes that failed, after which no further one is started
+
+_TROUBLE = re.compile(r"error|singular|too small|no such|unrecognized|cannot|can't|aborted|not available", re.I)
+_ECHO = re.compile(r"ngspice \d+ -> ")  # ngspice 46 repeats a command behind its prompt
+_HARMLESS = "no graphics interface"  # a message of ngspice where there is no display
+_NAME = re.compile(r"[a-z][a-z0-9_]*", re.ASCII)
+_VECTOR = re.compile(r"[vi]\([a-z][a-z0-9_.]*\)", re.ASCII)
+_STOPPED = re.compile(r"(\d+) *: condition met: stop")
+_ALMOST = 1.0 - 1e-9  # of a sample time: ngspice's own sum of steps may end a rounding before it
+T = TypeVar("T")
+
+
+# --- programs ---
 
 
 def answer(
@@ -38,6 +66,30 @@ def answer(
         if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
             hint = "Raise the limit of open files, as by `ulimit -n 1024`."
         raise SimulationError(f"{what or command[0]} does not run: {error}. {hint}") from error
+
+
+def find_ngspice() -> str:
+    """Return the path of the ngspice executable. Raise SimulationError if there is none on the PATH."""
+    found = shutil.which("ngspice")
+    if found is None:
+        raise SimulationError(f"ngspice is not on the PATH. {_INSTALL_HINT}")
+    return str(Path(found).absolute())  # an entry of PATH may be relative, and a run has a working folder of its own
+
+
+@cache
+def version_of(executable: str) -> str:
+    """Return the version of the ngspice at a path.
+
+    Raises:
+        SimulationError: if it does not answer, or is older than version 36.
+    """
+    said = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
+    match = re.search(r"ngspice-(\d+)([.\d+]*)", said)
+    if not match:
+        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=said)
+    if int(match.group(1)) < OLDEST_VERSION:
+        raise SimulationError(f"ngspice {match.group(1)} is too old; version {OLDEST_VERSION} or later is needed.")
+    return match.group(1) + match.group(2).rstrip("+.")
 
 
 def new_folder() -> Path:
@@ -84,3 +136,214 @@ def end(process: subprocess.Popen[bytes]) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+
+
+# --- a process that stays ---
+
+
+class Server:
+    """A process ``ngspice -p`` in a folder of its own. ``timeout`` is wall time in s for one call of :meth:`send`.
+
+    It ends with its standard input, hence also with this process.
+
+    Raises:
+        SimulationError: if ngspice fails; the process is ended.
+    """
+
+    def __init__(self, timeout: float = _HANDSHAKE) -> None:
+        executable = find_ngspice()
+        self.version = version_of(executable)
+        self.timeout = timeout
+        self._marks = 0
+        self._buffer = b""
+        self.folder = new_folder()
+        # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
+        self._terminal: int | None
+        self._terminal, terminal = os.openpty()
+        try:
+            self._process = start(
+                ["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), executable, "-p", "-n"],
+                self.folder, ends_with_thread=False, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+            )  # fmt: skip
+        finally:
+            os.close(terminal)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End ngspice and delete its files. A second call closes nothing, since the descriptor may be another's."""
+        end(self._process)
+        if self._terminal is not None:
+            os.close(self._terminal)
+            self._terminal = None
+        for stream in (self._process.stdin, self._process.stdout):
+            with contextlib.suppress(OSError):
+                if stream is not None:
+                    stream.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def send(self, *commands: str) -> list[str]:
+        """Write commands and return ngspice's output until they are done."""
+        self._marks += 1
+        mark = f"done-{self._marks}."
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write("".join(f"{command}\n" for command in (*commands, f"echo {mark}")).encode())
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise self.failure("ngspice ended", []) from None
+        said = self._listen(mark)
+        complaint = [line for line in said if _TROUBLE.search(line) and _HARMLESS not in line]
+        if complaint:
+            raise self.failure("ngspice complained", complaint)
+        return said
+
+    def _listen(self, mark: str) -> list[str]:
+        assert self._process.stdout is not None
+        ends, said = time.monotonic() + self.timeout, list[str]()
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._process.stdout, selectors.EVENT_READ)
+            while True:
+                while b"\n" in self._buffer:
+                    line, _, self._buffer = self._buffer.partition(b"\n")
+                    text = line.decode(errors="replace").strip()
+                    if text == mark:
+                        return said
+                    if not _ECHO.match(text):
+                        said.append(text)
+                if not selector.select(max(ends - time.monotonic(), 0.0)):
+                    raise self.failure(f"ngspice did not answer within {self.timeout:g} s", said)
+                chunk = os.read(self._process.stdout.fileno(), 1 << 16)
+                if not chunk:
+                    raise self.failure("ngspice ended", said)
+                self._buffer += chunk
+
+    def failure(self, what: str, said: Sequence[str]) -> SimulationError:
+        """End ngspice and return the error to raise, with ngspice's output."""
+        self.close()
+        quoted = " / ".join(line[:200] for line in said[:3] if line)
+        return SimulationError(f'{what}: "{quoted}".' if quoted else f"{what}.", log="\n".join(said))
+
+
+class KeptProcesses:
+    """Processes of ngspice that run decks one after another, for :func:`.run_deck`. Threads may share them.
+
+    That saves the start of ngspice, 6 ms of 10 to 60. The points are those of ``ngspice -b``, bit by bit.
+    """
+
+    def __init__(self) -> None:
+        self._idle: list[Server] = []
+        self._failures = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        while self._idle:
+            self._idle.pop().close()
+
+    def run(self, deck: str, verified: Callable[[Path, str, float, str], T]) -> T | None:
+        """Run a transient and return what ``verified`` makes of raw file, log, wall time in s and version.
+
+        ``None`` if a process or ``verified`` fails: only a run of its own reports why.
+        """
+        if self._failures >= _MOST_FAILURES:
+            return None
+        try:
+            return self._run(deck, verified)
+        except (SimulationError, OSError):
+            self._failures += 1
+            return None
+
+    def _run(self, deck: str, verified: Callable[[Path, str, float, str], T]) -> T:
+        with held() as listening:  # an interrupt waits until the process is among the idle ones, or ended
+            server = self._idle.pop() if self._idle else _started()
+            try:
+                (server.folder / "deck.cir").write_text(deck, encoding="utf-8")
+                raw = server.folder / "out.raw"
+                began = time.perf_counter()
+                with listening():
+                    log = "\n".join(server.send("source deck.cir", f"run {raw.name}", "destroy all", "remcirc"))
+                found = verified(raw, log, time.perf_counter() - began, server.version)
+                raw.unlink()  # it is mapped; the next run writes another file
+            except BaseException:
+                server.close()
+                raise
+            self._idle.append(server)
+        return found
+
+
+def _started() -> Server:
+    """Return a new process that has written its first lines."""
+    server = Server()
+    server.send()
+    server.timeout = _LONGEST
+    return server
+
+
+class Session(Server):
+    """A running transient that pauses at sample times to be read and altered: for a controller in the loop.
+
+    The deck has ``.save`` and one ``.tran``; one of its sources must have edges at the sample times, so that ngspice
+    has a time point there. ``timeout`` is wall time in s between two samples. Only checked names and numbers are
+    written to ngspice's standard input, so that no user text reaches its control language.
+
+    Raises:
+        SimulationError: if ngspice fails; the process is ended.
+    """
+
+    def __init__(self, deck: str, vectors: Sequence[str], *, timeout: float | None = None) -> None:
+        fault = silent_fault(deck)
+        if fault:
+            raise SimulationError(fault)
+        for name in vectors:
+            if not _VECTOR.fullmatch(name):
+                raise SimulationError(
+                    f"The vector {name!r} cannot be read in a session: it must be v(node) or i(source)."
+                )
+        super().__init__(_LONGEST if timeout is None else timeout)
+        self._vectors = list(vectors)
+        self._command = "run"
+        (self.folder / "deck.cir").write_text(deck, encoding="utf-8")
+        try:
+            self.send("source deck.cir", "set numdgt=15")
+        except BaseException:
+            self.close()
+            raise
+
+    def advance(self, until: float) -> dict[str, float]:
+        """Run to a sample time in s, and return the vectors there.
+
+        Raises:
+            SimulationError: if ngspice fails, stops early, or takes longer than the timeout.
+        """
+        said = self.send(f"stop when time >= {until * _ALMOST!r}", self._command)
+        self._command = "resume"
+        stop = next((match.group(1) for line in said if (match := _STOPPED.search(line))), None)
+        if stop is None:
+            raise self.failure(f"ngspice did not stop at {until:g} s", said)
+        names = ("time", *self._vectors)
+        answers = self.send(f"delete {stop}", *(f"print {name}[length({name})-1]" for name in names))
+        values = [line.rpartition(" = ")[2] for line in answers if " = " in line]
+        try:
+            numbers = [float(value) for value in values]
+        except ValueError:
+            numbers = []
+        if len(numbers) != len(names) or not all(map(isfinite, numbers)):
+            raise self.failure(f"ngspice gave no finite sample at {until:g} s", answers)
+        return dict(zip(names, numbers, strict=True))
+
+    def alter(self, source: str, value: float) -> None:
+        """Set the value of an independent source from the present time on.
+
+        Raises:
+            SimulationError: for a name that is not that of a source, a value that is not finite, or if ngspice fails.
+        """
+        if not (_NAME.fullmatch(source) and source[0] in "vi" and isfinite(value)):
+            raise SimulationError(f"{source!r} cannot be set to {value!r}: it takes the name of a source and a number.")
+        self.send(f"alter {source} = {float(value)!r}")

@@ -11,18 +11,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, TransientAnalysis, WaveForm
-from PySpice.Probe.WaveForm import OperatingPoint as SolvedNodes
+from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
 from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.spice.kept_processes import KeptProcesses
 from pyspice_runner.spice.ngspice import SpiceRun, run_deck
+from pyspice_runner.spice.process import KeptProcesses
 
 # method → PySpice's analysis, and the name of its axis
 _ANALYSES: dict[str, tuple[Any, str]] = {
-    "operating_point": (SolvedNodes, ""),
+    "operating_point": (OperatingPoint, ""),
     "dc": (DcAnalysis, "sweep"),
     "ac": (AcAnalysis, "frequency"),
     "transient": (TransientAnalysis, "time"),
@@ -97,9 +96,6 @@ class BatchSimulator(CircuitSimulator):
         parameters = next(iter(self.analysis_iter()))
         self.reset_analysis()
         vectors = [name for name in self._saved_nodes if name != "all"]
-        if processes is not None and self._timeout is None and not self._modules:
-            self.result = processes.run(self.deck, vectors, float(parameters.end_time))
-            return self.result
         self.result = run_deck(
             self.deck,
             vectors=vectors,
@@ -110,6 +106,7 @@ class BatchSimulator(CircuitSimulator):
             keep_partial=keep_partial,
             executable=self._executable,
             modules=self._modules,
+            processes=None if self._timeout or self._modules else processes,
         )
         return self.result
 

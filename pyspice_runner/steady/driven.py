@@ -30,7 +30,7 @@ from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point as OperatingPoint
-from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, copy_name
 from pyspice_runner.steady.driven_copies import (
     LEAD,

@@ -26,7 +26,7 @@ from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.kernel import run_bench, simulator
 from pyspice_runner.run.window import Array
-from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, copies_bench, copy_name, motor_texts
 from pyspice_runner.steady.monodromy import Course, differentiable
 from pyspice_runner.steady.threads import in_threads

@@ -35,7 +35,7 @@ from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.spice import Engine
-from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.steady.period_map import PeriodMap, cores

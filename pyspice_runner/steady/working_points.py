@@ -26,7 +26,7 @@ from pyspice_runner.run.dynamometer import STUCK, UNITS, delivering
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.branch import dataset_of
 from pyspice_runner.steady.period_map import cores
 from pyspice_runner.steady.shooting import Point, between

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.spice import ngspice
-from pyspice_runner.spice.ngspice import Result, find_ngspice, ngspice_version, run_deck
+from pyspice_runner.spice import ngspice, process
+from pyspice_runner.spice.ngspice import SpiceRun, find_ngspice, ngspice_version, run_deck
 
 GOOD = """a low-pass
 V1 in 0 SIN(0 2 1k) AC 1
@@ -146,7 +146,7 @@ def test_a_title_or_a_node_may_be_named_like_an_error_message(word: str) -> None
 
 
 def test_version_is_a_number() -> None:
-    assert int(ngspice_version().split(".")[0]) >= ngspice.OLDEST_VERSION
+    assert int(ngspice_version().split(".")[0]) >= process.OLDEST_VERSION
 
 
 # --- what ngspice says, or does not say ----------------------------------------------------------------------
@@ -443,7 +443,7 @@ def test_a_signal_to_a_script_ends_ngspice(run: str, number: signal.Signals, las
 
 
 def test_concurrent_runs_do_not_meet(scratch: Path) -> None:
-    def run(volts: int) -> Result | str:
+    def run(volts: int) -> SpiceRun | str:
         netlist = deck(f"V1 a 0 {volts}", "R1 a 0 1", *(["X1 a nosub"] if volts % 5 == 0 else []))
         try:
             return run_deck(netlist, vectors=["v(a)"], stop_time=10e-6)
@@ -457,7 +457,7 @@ def test_concurrent_runs_do_not_meet(scratch: Path) -> None:
             assert isinstance(result, str)
             assert f"V1 a 0 {volts}\n" in result
         else:
-            assert isinstance(result, Result)
+            assert isinstance(result, SpiceRun)
             assert set(result.raw.vectors["v(a)"]) == {float(volts)}
     assert len(list(scratch.iterdir())) == 8  # the decks that failed
 
@@ -536,7 +536,7 @@ def test_an_ngspice_that_does_not_run_is_reported(fake: Callable[..., Path], mon
     path.write_text("#!/nowhere/sh\n")
     with pytest.raises(SimulationError, match=r"does not run: .* Install it:"):
         run_deck(GOOD, vectors=[])
-    monkeypatch.setattr(ngspice, "_VERSION_TIMEOUT", 0.2)
+    monkeypatch.setattr(process, "_VERSION_TIMEOUT", 0.2)
     path.write_text("#!/bin/sh\nexec sleep 300\n")
     with pytest.raises(SimulationError, match=r"does not run: .*timed out"):
         run_deck(GOOD, vectors=[])

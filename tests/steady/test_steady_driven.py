@@ -17,7 +17,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Load, two_phases
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
-from pyspice_runner.spice.kept_processes import KeptProcesses
+from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.driven import DrivenMap
 from pyspice_runner.steady.driven_copies import LEAD, DrivenPlant, driven_bench
