@@ -39,13 +39,13 @@ fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every
 
 soak: setup ## run all further cases of tests, and 2,000 random motors (30 minutes; can be resumed)
 	$(PY) -m pytest -n $(JOBS) -m soak
-	$(PY) -m tests.soak
-	$(PY) -m tests.soak --subject electronics --count 200 --output tests/soak_electronics.json
-	$(PY) -m tests.violent
-	$(PY) -m tests.live_runs
-	$(PY) -m tests.random_runs
-	$(PY) -m tests.random_losses
-	$(PY) -m tests.contradictions
+	$(PY) -m validation.soak
+	$(PY) -m validation.soak electronics
+	$(PY) -m validation.hammering
+	$(PY) -m validation.live_page
+	$(PY) -m validation.runs
+	$(PY) -m validation.losses
+	$(PY) -m validation.contradictions
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)
 	@sh scripts/setup.sh test dev bench

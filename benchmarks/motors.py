@@ -30,8 +30,7 @@ import pyspice_runner as pr
 from benchmarks.cluster import after_a_death
 from benchmarks.steady_state import at_equal_accuracy
 from pyspice_runner.run.point import Point
-from tests import random_lift_off
-from tests.records import read
+from validation.lift_off import CAMPAIGN as LIFT_OFF
 
 ROOT = Path(__file__).resolve().parent.parent
 REPEATS = 5
@@ -241,8 +240,8 @@ def scipy() -> None:
 
 
 def lift_off() -> None:
-    """Print the counts of the record of random motors that lift off (``python -m tests.random_lift_off``)."""
-    print(random_lift_off.told(read(random_lift_off.RECORD)))
+    """Print the counts of the record of random motors that lift off (``python -m validation.lift_off``)."""
+    print(LIFT_OFF.summary(LIFT_OFF.cases()))
 
 
 def cluster() -> None:

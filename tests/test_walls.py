@@ -65,6 +65,7 @@ HOMES = {
     "rich": {"cli", "commands"},
     "tools": set(),  # not in the wheel
     "tests": set(),
+    "validation": set(),
     "docs": set(),
 }
 HEAVY = ("matplotlib", "scipy", "xarray", "numpy", "PySpice", "pydantic", "pandas", "typer", "rich", "h5netcdf")

@@ -18,7 +18,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
-from tests import calibration_study as study
+from validation import calibration as study
 
 SET = "andersen2002-unintended-mode"
 ERRORS = {"torque_n_m": 1e-4, "current_a_rms_a": 4e-4}  # 1 % of their greatest value at this drive

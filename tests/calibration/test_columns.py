@@ -13,7 +13,7 @@ from pyspice_runner.calibration.points import read_points
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import SteadyState, steady_states
-from tests import calibration_study as study
+from validation import calibration as study
 
 START = study.base()
 DRIVE = pr.default_drive(START)

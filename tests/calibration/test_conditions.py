@@ -13,8 +13,8 @@ import pyspice_runner as pr
 from pyspice_runner.calibration.conditions import added
 from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum
-from tests import calibration_study as study
 from tools.benches.duffing import amplitudes
+from validation import calibration as study
 
 MOTOR = study.base()
 DRIFT = pr.Thermal(frequency_drift_per_k=-2.5e-4, coupling_drift_per_k=6e-4, capacitance_drift_per_k=3e-3)

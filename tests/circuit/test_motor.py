@@ -28,9 +28,9 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.spice.library import read_library
 from pyspice_runner.spice.pyspice import BatchSimulator
-from tests import soak
 from tests.circuit.batch import measured
 from tests.motors import mode, motor
+from validation import soak
 
 Array = NDArray[np.float64]
 STEP = 1e-7

@@ -9,7 +9,7 @@ import pyspice_runner as pr
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.balanced import QUANTITIES, balanced_states, balances
 from pyspice_runner.steady.steady import steady_states
-from tests import calibration_study as study
+from validation import calibration as study
 
 SET = "andersen2002-unintended-mode"
 

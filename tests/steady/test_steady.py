@@ -26,8 +26,8 @@ from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import FELT
 from pyspice_runner.steady.speed_torque import operating_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
-from tests.random_steady import staying
 from tests.runs import simulated
+from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
 

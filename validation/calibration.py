@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Calibration of random motors whose parameters are known: ``python -m tests.calibration_study --count 60``.
+"""Calibration of random motors whose parameters are known: ``python -m validation.calibration --count 60``.
 
 Each motor has the two modes near the drive of ``andersen2002-unintended-mode``, and values that differ at random from
 those that the calibration starts with. Its measurements are twelve points of the speed–torque curve at two voltages
@@ -10,12 +10,11 @@ spring-slider. The outcome of a case is written at once, so that an interrupted 
 
 from __future__ import annotations
 
-import argparse
-import json
 import resource
+import sys
 import time
-from itertools import product
-from pathlib import Path
+from collections.abc import Iterator
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,8 @@ from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.run.paths import parameter
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
+from validation.campaign import Campaign
 
-RECORD = Path(__file__).with_suffix(".json")
 SEED = 33
 SUBJECTS = ("truth", "prediction", "law")
 NOISE = 0.01  # of the greatest value of a quantity, and of the magnitude of an admittance
@@ -106,7 +105,7 @@ def processor_s() -> float:
     return sum(one.ru_utime + one.ru_stime for one in every)
 
 
-def outcome(subject: str, index: int) -> dict[str, Any]:
+def compared(subject: str, index: int) -> dict[str, Any]:
     """Return the outcome of a case."""
     rng = np.random.default_rng((SEED, index))
     start = base()
@@ -209,27 +208,21 @@ def table(found: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
-def main() -> None:
-    """Run the cases that are not in the record yet."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--subjects", default=",".join(SUBJECTS), help="comma between them")
-    parser.add_argument("--output", type=Path, default=RECORD)
-    arguments = parser.parse_args()
-    record = json.loads(arguments.output.read_text(encoding="utf-8"))["cases"] if arguments.output.exists() else []
-    done = {(case["subject"], case["index"]) for case in record}
-    for index, subject in product(range(arguments.count), arguments.subjects.split(",")):
-        if (subject, index) in done:
-            continue
-        try:
-            record.append(outcome(subject, index))
-        except (pr.ParameterError, pr.SimulationError) as error:
-            print(subject, index, error, flush=True)
-            record.append({"subject": subject, "index": index, "failed": str(error)})
-        else:
-            print(subject, index, record[-1]["seconds"], record[-1]["rms_residual"], flush=True)
-        arguments.output.write_text(json.dumps({"cases": record}, indent=1) + "\n", encoding="utf-8")
+def outcome(key: str) -> dict[str, Any]:
+    """Return the outcome of a case ``SUBJECT-INDEX``; a calibration that fails is one."""
+    subject, _, index = key.partition("-")
+    try:
+        return compared(subject, int(index))
+    except (pr.ParameterError, pr.SimulationError) as error:
+        return {"subject": subject, "failed": str(error)}
 
+
+def keys() -> Iterator[str]:
+    """Return the cases: of each index all subjects."""
+    return (f"{subject}-{index}" for index in count() for subject in SUBJECTS)
+
+
+CAMPAIGN = Campaign("calibration", outcome, summary, count=60 * len(SUBJECTS), keys=keys)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(CAMPAIGN.main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Default runs of motors whose contact hammers: ``python -m tests.violent``, a part of ``make soak``.
+"""Default runs of motors whose contact hammers: ``python -m validation.hammering``, a part of ``make soak``.
 
 Each case is run by ``simulate`` with its default step and integrated by the independent integrator of
 ``tests/reference``. The mean rotor speed must be within 1 % of the reference, or the run must say that it is not.
@@ -10,14 +10,13 @@ at least :data:`LEAST_FORCE` times the preload.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,10 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.motor.drive import check_together
 from pyspice_runner.spice.ngspice import ngspice_version
-from tests.random_runs import tones
 from tests.reference.integrator import ReferenceRun, integrate
+from validation.campaign import Campaign
+from validation.runs import tones
 
-RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 60, 1
 ALLOWED = 0.01  # of the mean rotor speed
 SEPARATED = 0.4, 0.95  # share of the averaged periods
@@ -189,7 +188,7 @@ def _mean_speed(subject: Case, reference: ReferenceRun) -> float:
 # --- what came of it -----------------------------------------------------------------------------------------
 
 
-def outcome(subject: Case, name: str) -> Outcome:
+def compared(subject: Case, name: str) -> Outcome:
     """Run a case with the default step and compare its mean speed with the reference."""
     reference = _reference(subject)
     true = _mean_speed(subject, _reference(subject, step=0.5 * SUBSTEP))
@@ -225,52 +224,40 @@ def judged(error: float, reference_change: float, *, said: bool) -> str:
     return chaotic + ("said" if said else "silent")
 
 
-def summary(outcomes: list[Outcome], seed: int) -> dict[str, Any]:
-    """Return the counts and all cases, JSON-ready."""
-    drawn = [one for one in outcomes if one.name not in named()]
-    kinds = Counter(one.kind for one in drawn)
+def outcome(key: int | str) -> dict[str, Any]:
+    """Return the outcome of a drawn case, or of a named one, JSON-ready."""
+    subject = named()[key] if isinstance(key, str) else case(SEED, key)
+    found = asdict(compared(subject, str(key)))
+    return {name: float(f"{x:.4g}") if isinstance(x, float) else x for name, x in found.items()}
+
+
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the counts of the drawn cases, and the named ones, JSON-ready."""
+    drawn = [one for one in record if one["name"] not in named()]
+    kinds = Counter(one["kind"] for one in drawn)
     return {
         "cases": len(drawn),
-        "seed": seed,
+        "seed": SEED,
         "kinds": {kind: kinds[kind] for kind in KINDS},
-        "within_1_percent_and_said_that_it_may_not_be": sum(one.kind == KINDS[0] and bool(one.said) for one in drawn),
+        "within_1_percent_and_said_that_it_may_not_be": sum(
+            one["kind"] == KINDS[0] and bool(one["said"]) for one in drawn
+        ),
+        "silent": [one["name"] for one in record if "silent" in one["kind"]],
         "ngspice": ngspice_version(),
-        "outcomes": [
-            {key: float(f"{x:.4g}") if isinstance(x, float) else x for key, x in asdict(one).items()}
-            for one in outcomes
-        ],
     }  # fmt: skip
 
 
-def passes(found: dict[str, Any]) -> bool:
+def passes(table: Mapping[str, Any]) -> bool:
     """Whether no run is silent about an error of more than 1 %."""
-    return not any("silent" in one["kind"] for one in found["outcomes"])
+    return not table["silent"]
 
 
-def main() -> int:
-    """Run the cases of the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--count", type=int, default=COUNT, help="number of cases")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--output", type=Path, default=RESULT, help="file of the counts and cases")
-    parser.add_argument("--case", type=int, help="run one case only, and show it")
-    arguments = parser.parse_args()
-    if arguments.case is not None:
-        subject = case(arguments.seed, arguments.case)
-        print(json.dumps({"motor": subject.motor.to_dict(), "drive": subject.drive.model_dump()}, indent=1))
-        print(outcome(subject, str(arguments.case)))
-        return 0
-    outcomes = [outcome(subject, name) for name, subject in named().items()]
-    for index in range(arguments.count):
-        outcomes.append(outcome(case(arguments.seed, index), str(index)))
-        print(outcomes[-1], flush=True)
-        found = summary(outcomes, arguments.seed)
-        arguments.output.write_text(
-            json.dumps(found, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8"
-        )
-    print(json.dumps(found["kinds"], indent=1, ensure_ascii=False))
-    return 0 if passes(found) else 1
+def keys() -> Iterator[int | str]:
+    """Return the named cases, then the drawn ones."""
+    return chain(named(), count())
 
+
+CAMPAIGN = Campaign("hammering", outcome, summary, passes, COUNT + len(named()), keys=keys)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(CAMPAIGN.main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The averaged motor at random drives: ``python -m tests.random_averaged --count 60``.
+"""The averaged motor at random drives: ``python -m validation.averaged --count 60``.
 
 Each drive of one of four motors is compared twice with the full motor: the mean torque of a held shaft with
 :func:`steady_state`, and a run-up of the free shaft from rest. The outcome of a case is written at once, so that an
@@ -8,18 +8,16 @@ interrupted study can be resumed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import count
-from pathlib import Path
+import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
-from tests.records import extended
+from validation.campaign import Campaign
 
-RECORD = Path(__file__).with_suffix(".json")
 SEED = 32
 MOTORS = ("andersen2002", "andersen2002-unintended-mode", "beam40", "bimodal40")
 VOLTAGES = (20.0, 300.0)  # V
@@ -78,40 +76,39 @@ def _run_up(motor: pr.Motor, drive: pr.TwoPhaseDrive, *, averaged: bool) -> Cont
     return pr.simulate_controlled(motor, drive, lambda _: {}, RUN_UP, sample_time=SAMPLE, averaged=averaged)
 
 
-def sentences(record: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """Return the sentences of docs/averaged.md for a record."""
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the errors of the drives, in percent, by whether the averaged run is trusted."""
     steady = [one for one in record if one["steady_error"] is not None]
-    good, others = (
-        [abs(one["steady_error"]) for one in steady if one["trusted"] == trusted] for trusted in (True, False)
-    )
-    run_up = [abs(one["run_up_error"]) for one in record]
-    moved = [one["run_up_speed_error"] for one in record if one["run_up_speed_error"] is not None]
-    false = [
-        one for one in record
-        if not one["trusted"] and max(abs(one["steady_error"] or 0.0), abs(one["run_up_error"])) <= ALLOWED
-    ]  # fmt: skip
-    wrong = [
-        one for one in record if max(abs(one["steady_error"] or 0.0), abs(one["run_up_error"])) > ALLOWED
-    ]  # fmt: skip
-    trusted = [abs(one["run_up_error"]) for one in record if one["run_up_trusted"]]
-    return (
-        f"At {len(record)} random drives of {len(MOTORS)} motors",
-        f"which finds a stable motion at {len(steady)}",
-        f"at most {100.0 * max(good):.2f} % for the {len(good)} that are trusted",
-        f"at most {100.0 * max(others):.2g} % for the {len(others)} others",
-        f"mean torque is within {100.0 * max(trusted):.2f} % for the {len(trusted)} that are trusted",
-        f"within {100.0 * max(run_up):.2g} % for all",
-        f"within {100.0 * max(moved):.2g} % RMS of the greatest",
-        f"{len(wrong)} drives have an error above 2 %, none of them is trusted",
-        f"{len(false)} of the {len(record)} drives are false alarms, {100.0 * len(false) / len(record):.0f} %",
-    )
+    error = [max(abs(one["steady_error"] or 0.0), abs(one["run_up_error"])) for one in record]
+    wrong = [one for one, size in zip(record, error, strict=True) if size > ALLOWED]
+    return {
+        "cases": len(record),
+        "stable": len(steady),
+        "maximum_torque_error": {
+            str(trusted): 100.0 * max(abs(one["steady_error"]) for one in steady if one["trusted"] == trusted)
+            for trusted in (True, False)
+        },
+        "maximum_run_up_error": 100.0 * max(abs(one["run_up_error"]) for one in record),
+        "maximum_run_up_error_trusted": 100.0 * max(
+            abs(one["run_up_error"]) for one in record if one["run_up_trusted"]
+        ),
+        "maximum_speed_error": 100.0 * max(
+            one["run_up_speed_error"] for one in record if one["run_up_speed_error"] is not None
+        ),
+        "wrong": len(wrong),
+        "wrong_but_trusted": sum(one["trusted"] for one in wrong),
+        "false_alarms": sum(
+            not one["trusted"] and size <= ALLOWED for one, size in zip(record, error, strict=True)
+        ),
+    }  # fmt: skip
 
 
-def main() -> None:
-    """Run cases until there are so many, or the time is over."""
-    record = extended(RECORD, __doc__, 60, lambda record: map(outcome, count(len(record))))
-    print(*sentences(record), sep="\n")
+def passes(table: Mapping[str, Any]) -> bool:
+    """Whether no drive with an error above 2 % is trusted."""
+    return table["wrong_but_trusted"] == 0
 
+
+CAMPAIGN = Campaign("averaged", outcome, summary, passes, 60)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(CAMPAIGN.main())

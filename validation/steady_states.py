@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steady states of random motors, compared with settling and long runs: ``python -m tests.random_steady --count 200``.
+"""Steady states of random motors, compared with settling and long runs.
 
-Motors and drives are those of the soak (:mod:`tests.soak`), whose parameters are drawn from the whole ranges that they
-declare; most drives of two tones get a common period. The outcome of a case is written at once, so that an interrupted
-study can be resumed.
+Motors and drives are those of the soak (:mod:`validation.soak`), whose parameters are drawn from the whole ranges that
+they declare; most drives of two tones get a common period.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,10 +29,9 @@ from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import Shooting
 from pyspice_runner.steady.speed_torque import operating_point
 from pyspice_runner.steady.steady import SteadyState
-from tests.records import Record, extended
-from tests.soak import Case, case
+from validation.campaign import Campaign
+from validation.soak import Case, case
 
-RECORD = Path(__file__).with_suffix(".json")
 SEED = 16
 LONGEST = 10.0  # s, of a run of ngspice
 LONGEST_CHECK = 120.0  # s, of a run that checks a steady state
@@ -135,16 +132,16 @@ def staying(state: SteadyState, periods: int = STAYING) -> str:
     return "stays" if _close(state, friction * plant.motor.rotor.radius_m, force) else "leaves"
 
 
-def main() -> None:
-    """Run cases until there are so many, or the time is over."""
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the counts of the methods, and of the verdicts on what was found."""
+    return {
+        "cases": len(record),
+        "methods": dict(Counter(one["method"] for one in record)),
+        "verdicts": dict(Counter(one["verdict"] for one in record if one["method"] in FOUND)),
+    }
 
-    def following(record: Record) -> Iterator[dict[str, Any] | None]:
-        return map(outcome, count(record[-1]["index"] + 1 if record else 0))
 
-    record = extended(RECORD, __doc__, 200, following)
-    print(len(record), Counter(one["method"] for one in record))
-    print(Counter(one["verdict"] for one in record if one["method"] in FOUND))
-
+CAMPAIGN = Campaign("steady_states", outcome, summary, count=200)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(CAMPAIGN.main())

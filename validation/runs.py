@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs of random motors against independent references: ``python -m tests.random_runs``, a part of ``make soak``.
+"""Runs of random motors against independent references: ``python -m validation.runs``, a part of ``make soak``.
 
 Each case is run by ``simulate`` twice, with its default step and with a drawn ``accuracy``. The error is the RMS
 distance of the tip from that of the reference, relative to the motion. A run with an accuracy must keep it. A default
@@ -15,15 +15,12 @@ case counts only where the two agree to a tenth of what is asked: elsewhere the 
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,9 +37,9 @@ from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
 from tests.reference.integrator import Tone, integrate
+from validation.campaign import Campaign
 
 Array = NDArray[np.float64]
-RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 200, 1
 DEFAULT = 0.01  # error of the tip that a default run may have without a note
 MOST_MODES, STEPS = 6, (800.0, 9000.0)
@@ -364,56 +361,41 @@ def judged(error: float, allowed: float, change: float, *, said: bool) -> str:
     return "chaotic" if change > AGREE * allowed else "broken"
 
 
-def summary(found: Sequence[Outcome], seed: int) -> dict[str, Any]:
-    """Return the counts and all outcomes, JSON-ready."""
-    table: dict[str, Any] = {"cases": len({one.case for one in found}), "seed": seed, "ngspice": ngspice_version()}
-    for name, runs in _by_run(found).items():
-        kinds = Counter(one.kind for one in runs)
-        errors = [one.error for one in runs if one.error is not None]
+def outcome(index: int) -> dict[str, Any]:
+    """Return the outcomes of a case, JSON-ready."""
+    runs = outcomes(case(SEED, index), index)
+    return {
+        "runs": [
+            {key: float(f"{x:.4g}") if isinstance(x, float) else x for key, x in asdict(one).items()} for one in runs
+        ]
+    }
+
+
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the counts, JSON-ready."""
+    runs = [run for one in record for run in one["runs"]]
+    table: dict[str, Any] = {"cases": len(record), "seed": SEED, "ngspice": ngspice_version()}
+    for name, chosen in {
+        "default": [run for run in runs if run["asked"] is None],
+        "accuracy": [run for run in runs if run["asked"] is not None],
+    }.items():
+        kinds = Counter(run["kind"] for run in chosen)
+        errors = [run["error"] for run in chosen if run["error"] is not None]
         table[name] = {
             "kinds": {kind: kinds[kind] for kind in KINDS},
             "median_error": float(f"{np.median(errors):.3g}") if errors else None,
         }
-    table["outcomes"] = [
-        {key: float(f"{x:.4g}") if isinstance(x, float) else x for key, x in asdict(one).items()} for one in found
-    ]
     return table
 
 
-def _by_run(found: Sequence[Outcome]) -> dict[str, list[Outcome]]:
-    return {
-        "default": [one for one in found if one.asked is None],
-        "accuracy": [one for one in found if one.asked is not None],
-    }
-
-
-def passes(table: dict[str, Any]) -> bool:
+def passes(table: Mapping[str, Any]) -> bool:
     """Whether no default run is silent about more than 1 %, and 99 of 100 runs keep the accuracy that was asked for."""
     kinds = table["accuracy"]["kinds"]
     decided = sum(kinds.values()) - kinds["chaotic"]
     return table["default"]["kinds"]["broken"] == 0 and kinds["broken"] <= 0.01 * decided
 
 
-def main() -> int:
-    """Run the cases of the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--count", type=int, default=COUNT, help="number of cases")
-    parser.add_argument("--first", type=int, default=0, help="first case")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--output", type=Path, default=RESULT, help="file of the counts and outcomes")
-    arguments = parser.parse_args()
-    found: list[Outcome] = []
-    for index in range(arguments.first, arguments.first + arguments.count):
-        for one in outcomes(case(arguments.seed, index), index):
-            found.append(one)
-            print(one, flush=True)
-        table = summary(found, arguments.seed)
-        arguments.output.write_text(
-            json.dumps(table, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8"
-        )
-    print(json.dumps({name: table[name]["kinds"] for name in ("default", "accuracy")}, indent=1))
-    return 0 if passes(table) else 1
-
+CAMPAIGN = Campaign("runs", outcome, summary, passes, COUNT)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(CAMPAIGN.main())

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random motors with every loss and recoil: ``python -m tests.random_losses``, a part of ``make soak``.
+"""Random motors with every loss and recoil: ``python -m validation.losses``, a part of ``make soak``.
 
-Motors and drives are those of :mod:`tests.random_runs`, with dielectric loss, damping along the normal, compliances in
+Motors and drives are those of :mod:`validation.runs`, with dielectric loss, damping along the normal, compliances in
 series, Stribeck friction, a dry bearing, and a mount that the modes shake. Each is run by ``simulate`` with its default
 step and, its shaft held, by ``steady_state``.
 
@@ -13,13 +13,10 @@ step and, its shaft held, by ``steady_state``.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,11 +28,11 @@ from pyspice_runner.motor.drive import check_together
 from pyspice_runner.run.dynamometer import GAIN
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE
 from pyspice_runner.spice.ngspice import ngspice_version
-from tests import random_runs
-from tests.random_runs import Tip
 from tests.reference.damped import DampedRun, integrate_damped
+from validation import runs as random_runs
+from validation.campaign import Campaign
+from validation.runs import Tip
 
-RESULT = Path(__file__).with_suffix(".json")
 COUNT, COMPARED, SEED = 200, 30, 3
 ALLOWED = 0.01
 STILL = 1e-3  # of the greatest speed: the scale of a mean speed is not below
@@ -229,7 +226,7 @@ def gains(losses: Mapping[str, float], put_in: float) -> dict[str, float]:
 def outcome(index: int, seed: int = SEED) -> dict[str, Any]:
     """Run a case by both analyses, and judge it."""
     one = case(seed, index)
-    found: dict[str, Any] = {"index": index, "contact": one.law}
+    found: dict[str, Any] = {"contact": one.law}
     for name, part in (("run", _run), ("state", _state)):
         try:
             found[name] = part(one, index)
@@ -277,9 +274,9 @@ def _parts(found: Sequence[Mapping[str, Any]], name: str) -> Iterator[tuple[int,
             yield one["index"], one[name]
 
 
-def summary(found: Sequence[Mapping[str, Any]], seed: int) -> dict[str, Any]:
+def summary(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the counts and what is not within 1 %, JSON-ready."""
-    table: dict[str, Any] = {"cases": len(found), "seed": seed, "ngspice": ngspice_version()}
+    table: dict[str, Any] = {"cases": len(found), "seed": SEED, "ngspice": ngspice_version()}
     for name in ("run", "state"):
         parts = list(_parts(found, name))
         compared = [(index, part) for index, part in parts if "kind" in part]
@@ -311,29 +308,7 @@ def passes(table: Mapping[str, Any]) -> bool:
     return not any(table[name]["gain_silent"] or table[name]["kinds"]["silent"] for name in ("run", "state"))
 
 
-def main() -> int:
-    """Run the cases of the command line that are not noted yet."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--count", type=int, default=COUNT, help="number of cases")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--output", type=Path, default=RESULT, help="file of the counts")
-    arguments = parser.parse_args()
-    notes = arguments.output.with_suffix(".notes")  # from which an interrupted run goes on
-    lines = notes.read_text(encoding="utf-8").splitlines() if notes.exists() else []
-    found = {one["index"]: one for one in map(json.loads, lines)}
-    for index in range(arguments.count):
-        if index not in found:
-            found[index] = outcome(index, arguments.seed)
-            with notes.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(found[index], ensure_ascii=False) + "\n")
-            print(found[index], flush=True)
-    table = summary([found[index] for index in range(arguments.count)], arguments.seed)
-    arguments.output.write_text(
-        json.dumps(table, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8"
-    )  # fmt: skip
-    print(json.dumps({name: table[name]["kinds"] for name in ("run", "state")}))
-    return 0 if passes(table) else 1
-
+CAMPAIGN = Campaign("losses", outcome, summary, passes, COUNT)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(CAMPAIGN.main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Steady states of random motors whose tip lifts off: ``python -m tests.random_lift_off --count 300``.
+"""Steady states of random motors whose tip lifts off: ``python -m validation.lift_off --count 300``.
 
 The motors are bimodal, with two to four modes, with and without mount, damping and compliance of the contact. A motor
 counts if its contact is open for 5 to 80 % of the period. Each start is tried alone: harmonic balance and the response
@@ -10,10 +10,10 @@ these long runs follow when all motors are counted.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import Counter
-from itertools import count
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,9 @@ from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import Point, Shooting, balance, start_point
 from pyspice_runner.steady.steady import SteadyState
 from tests.motors import mode, motor
-from tests.random_steady import LONGEST_CHECK, STAYING, staying
-from tests.records import extended, write
+from validation.campaign import Campaign
+from validation.steady_states import LONGEST_CHECK, STAYING, staying
 
-RECORD = Path(__file__).with_suffix(".json")
 SEED = 30
 OPEN = (0.05, 0.8)  # of the period
 STEPS = 72  # in a period of the drive, for the starts alone
@@ -159,37 +158,28 @@ def _run_long(plant: Plant) -> dict[str, Any]:
     }
 
 
-def told(record: list[dict[str, Any]]) -> str:
-    """Return the counts of a record in words."""
+def summary(record: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the counts of the motors that lift off, and the 95 % interval of Newton's share of them."""
     counted = [one for one in record if one["counts"]]
     newton = [one for one in counted if one["method"] in ("newton", "damped") and one["stable"]]
     others = [one for one in counted if one not in newton]
     stable = [one for one in others if one.get("periodic") or one["stable"]]
-    starts = {name: sum(one[name] for one in counted) for name in ("balanced", "from_balance", "from_free")}
     share = binomtest(len(newton), len(newton) + len(stable)).proportion_ci()
-    wrong = [one["index"] for one in counted if one["verdict"] == "leaves"]
-    return (
-        f"{len(counted)} of {len(record)} motors lift off for 5 to 80 %: {len(newton)} found by Newton's method, "
-        f"{len(stable)} others have a stable periodic motion, {len(others) - len(stable)} have none\n"
-        f"95 % interval of Newton's share: {100.0 * share.low:.1f} to {100.0 * share.high:.1f} %\n"
-        f"methods: {dict(Counter(one['method'] for one in counted))}\nstarts alone: {starts}\n"
-        f"verdicts: {dict(Counter(one['verdict'] for one in counted))}; leave: {wrong}"
-    )
+    return {
+        "cases": len(record),
+        "lift_off": len(counted),
+        "newton": len(newton),
+        "other_stable": len(stable),
+        "without_periodic_motion": len(others) - len(stable),
+        "newton_share_interval_95": [share.low, share.high],
+        "methods": dict(Counter(one["method"] for one in counted)),
+        "starts_alone": {name: sum(one[name] for one in counted) for name in ("balanced", "from_balance", "from_free")},
+        "verdicts": dict(Counter(one["verdict"] for one in counted)),
+        "leave": [one["index"] for one in counted if one["verdict"] == "leaves"],
+    }
 
 
-def main() -> None:
-    """Run cases until so many count, or the time is over; then the long runs that are missing."""
-    record = extended(
-        RECORD, __doc__, 300, lambda record: map(outcome, count(len(record))),
-        lambda record: sum(one["counts"] for one in record),
-    )  # fmt: skip
-    print(told(record), flush=True)
-    for one in record:
-        if one["counts"] and one["verdict"] is None:
-            one["verdict"] = stays(one["index"])
-            write(RECORD, record)
-    print(told(record))
-
+CAMPAIGN = Campaign("lift_off", outcome, summary, count=300, counts=lambda one: bool(one["counts"]))
 
 if __name__ == "__main__":
-    main()
+    sys.exit(CAMPAIGN.main())

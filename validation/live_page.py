@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Long measurements of the live page: ten settings against the package, 50 changes, 200 changes, five tasks.
 
-``python -m tests.live_runs`` writes ``live_runs.json`` beside this file and the pictures of the tasks into
-``docs/pictures/``; ``python -m tests.live_runs latency`` measures one part again. ``make soak`` runs it, and
+``python -m validation.live_page`` writes ``live_runs.json`` beside this file and the pictures of the tasks into
+``docs/pictures/``; ``python -m validation.live_page latency`` measures one part again. ``make soak`` runs it, and
 ``tests/test_live_runs.py`` checks the bounds.
 """
 
@@ -28,8 +28,8 @@ from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.view.live import save_live_page
 
-HERE = Path(__file__).resolve().parent
-RECORD, PICTURES = HERE / "live_runs.json", HERE.parent / "docs" / "pictures"
+ROOT = Path(__file__).resolve().parents[1]
+RECORD, PICTURES = ROOT / "validation" / "records" / "live_page.json", ROOT / "docs" / "pictures"
 CHANGES, MANY = 50, 200
 SETTINGS: list[tuple[str, dict[str, Any]]] = [
     ("beam40", {}),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from tests.live_runs import SETTINGS, TASKS, compare, latency, memory, opened, run_task
+from validation.live_page import SETTINGS, TASKS, compare, latency, memory, opened, run_task
 
 pytestmark = [pytest.mark.soak, pytest.mark.xdist_group("live")]
 

@@ -1,30 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stated errors of steady states that lift off: ``python -m tests.lift_off_errors --count 30``.
+"""Stated errors of steady states that lift off: ``python -m validation.lift_off_errors --count 30``.
 
-The motors are those of :mod:`tests.random_lift_off` whose slowest disturbance fades within :data:`LONGEST` periods. The
+The motors are those of :mod:`validation.lift_off` whose slowest disturbance fades within :data:`LONGEST` periods. The
 fixed-step integrator of ``tests/reference`` runs from rest until that has faded, at two steps: its error is of first
 order and late by varying amounts, so the finer run counts, with the distance of the two as its own error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from math import log
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import pyspice_runner as pr
-from tests.random_lift_off import RECORD as LIFT_OFF
-from tests.random_lift_off import case
-from tests.random_runs import tones
-from tests.random_steady import LONGEST_CHECK
-from tests.records import Record, extended, read
 from tests.reference.damped import integrate_damped
+from validation.campaign import Campaign
+from validation.lift_off import CAMPAIGN as LIFT_OFF
+from validation.lift_off import case
+from validation.runs import tones
+from validation.steady_states import LONGEST_CHECK
 
-RECORD = Path(__file__).with_suffix(".json")
 LONGEST, AVERAGED = 2000, 20  # periods of the drive
 STEPS = 6400, 12800  # of the integrator in a period
 FADED = 1e-5  # of the motion, what may be left of the slowest disturbance
@@ -76,28 +74,27 @@ def too_small(record: list[dict[str, Any]]) -> list[int]:
     ]
 
 
-def told(record: list[dict[str, Any]]) -> str:
-    """Return the counts of a record in words."""
+def summary(record: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the errors in percent of μF₀R: true, of the reference, stated."""
     same = judged(record)
     away = [abs(one["torque"] - one["reference"]) for one in same]
-    return (
-        f"{len(record)} cases, {len(same)} in the same motion as the reference; of these errors median "
-        f"{np.median(away):.4f} %, greatest {max(away):.4f} %, of the reference median "
-        f"{np.median([one['reference_error'] for one in same]):.4f} %; stated median "
-        f"{np.median([one['stated'] for one in same]):.4f} %; stated errors too small: {too_small(record)}"
-    )
+    return {
+        "cases": len(record),
+        "same_motion": len(same),
+        "median_error": float(np.median(away)),
+        "maximum_error": max(away),
+        "median_reference_error": float(np.median([one["reference_error"] for one in same])),
+        "median_stated_error": float(np.median([one["stated"] for one in same])),
+        "stated_too_small": too_small(record),
+    }
 
 
-def main() -> None:
-    """Run cases until there are so many, or the time is over."""
-    counted = [one["index"] for one in read(LIFT_OFF) if one["counts"] and one["stable"]]
+def keys() -> list[int]:
+    """Return the motors of the campaign on lift-off that have a stable state."""
+    return [one["index"] for one in LIFT_OFF.cases() if one["counts"] and one["stable"]]
 
-    def following(record: Record) -> Iterator[dict[str, Any] | None]:
-        done = max((one["index"] for one in record), default=-1)
-        return (outcome(index) for index in counted if index > done)
 
-    print(told(extended(RECORD, __doc__, 30, following)))
-
+CAMPAIGN = Campaign("lift_off_errors", outcome, summary, count=30, keys=keys)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(CAMPAIGN.main())

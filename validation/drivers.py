@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Designs of drivers for random specifications.
 
-``python -m tests.random_drivers --count 100`` continues the record ``random_drivers.json`` and counts the outcomes.
+``python -m validation.drivers --count 100`` continues the record and counts the outcomes.
 """
 
 from __future__ import annotations
 
 import random
-from collections import Counter
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import count
-from pathlib import Path
 from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.drivers.design import Design
 from pyspice_runner.drivers.report import DriveReport
-from tests.records import extended
+from validation.campaign import Campaign
 
-RECORD = Path(__file__).with_suffix(".json")
 MOTORS = ("bimodal40", "beam40", "andersen2002")
 STAGES = ("linear", "half-bridge", "full-bridge", "push-pull")
 NETWORKS = ("inductor", "llcc")
@@ -94,11 +92,12 @@ def case(index: int) -> dict[str, Any]:
     return {"index": index, **asdict(spec), "feasible": feasible, "reason": reason}
 
 
-def main() -> None:
-    """Run specifications until there are so many, or the time is over."""
-    record = extended(RECORD, __doc__, 100, lambda record: map(case, count(len(record))))
-    print(len(record), Counter(one["feasible"] for one in record))
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return how many designs are feasible."""
+    return {"cases": len(record), "feasible": sum(bool(one["feasible"]) for one in record)}
 
+
+CAMPAIGN = Campaign("drivers", case, summary)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(CAMPAIGN.main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs of random motors: ``python -m tests.soak --count 2000``, or ``make soak``.
+"""Runs of random motors: ``python -m validation.soak --count 2000``, or ``make soak``.
 
 The parameters of motor, drive, driver and tracker are drawn from the whole ranges that they declare; a combination that
 the model rejects is drawn again. Each valid case must give a result that passes the physical audit, or a
@@ -9,27 +9,20 @@ soak can be resumed.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import os
 import re
 import shutil
 import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
-from itertools import islice
-from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 from pydantic import ValidationError
-from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
@@ -45,8 +38,8 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.speed_torque import operating_point
 from pyspice_runner.trackers.loop_filter import DisturbanceKind
+from validation.campaign import Campaign
 
-RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 2000, 7
 LONGEST = 120.0  # s of wall time that a case may take; longer is a hang
 FEWEST_STEPS, MOST_STEPS = 400, 4000
@@ -142,6 +135,7 @@ def _schema(kind: type[Parameters]) -> dict[str, Any]:
 
 
 def random_motor(rng: np.random.Generator) -> Motor:
+    """Draw a motor; what it draws first can leave no room for the rest: FruitlessError."""
     rotor, piezo = Rotor(**_values(rng, Rotor)), _accepted(lambda: Piezo(**_values(rng, Piezo)))
     contact = _accepted(lambda: Contact(**_values(rng, Contact)))
     count = min(1 + int(rng.exponential(1.5)), 20)
@@ -312,9 +306,8 @@ class Outcome:
     drawn: dict[str, float]
 
 
-def outcome(seed: int, index: int, what: str = "motors") -> Outcome:
-    """Run a case and say what came of it."""
-    subject = case(seed, index, what)
+def outcome_of(subject: Case, index: int) -> Outcome:
+    """Run a case and return its outcome."""
     began = time.monotonic()
     kind = said = seen = ""
     try:
@@ -391,34 +384,13 @@ def cause(said: str) -> str:
     return re.sub(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", "#", said)[:160]
 
 
-def soak(count: int, seed: int, workers: int, notes: Path, what: str = "motors") -> Iterator[Outcome]:
-    """Yield the outcome of every case, those first that are already noted; note the others as they come."""
-    done: dict[int, Outcome] = {}
-    if notes.exists():
-        for line in notes.read_text(encoding="utf-8").splitlines():
-            noted = Outcome(**json.loads(line))
-            done[noted.index] = noted
-    yield from (one for index, one in done.items() if index < count)
-    open_cases = iter([index for index in range(count) if index not in done])
-    with notes.open("a", encoding="utf-8") as file, ProcessPoolExecutor(workers) as pool:
-        begin = (pool.submit(outcome, seed, index, what) for index in open_cases)
-        running = set(islice(begin, 2 * workers))
-        while running:
-            finished, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                one = future.result()
-                file.write(json.dumps(one.__dict__) + "\n")
-                file.flush()
-                running |= set(islice(begin, 1))
-                yield one
-
-
-def summary(outcomes: list[Outcome], seed: int) -> dict[str, Any]:
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the counts, JSON-ready."""
+    outcomes = [Outcome(**one) for one in record]
     failures = Counter((one.kind, cause(one.said)) for one in outcomes if one.kind != "result")
     return {
         "cases": len(outcomes),
-        "seed": seed,
+        "seed": SEED,
         "results": sum(one.kind == "result" for one in outcomes),
         "kinds": dict(Counter(one.kind for one in outcomes).most_common()),
         "asked": dict(Counter(one.asked for one in outcomes).most_common()),
@@ -447,33 +419,19 @@ def passes(found: Mapping[str, Any]) -> bool:
     return found["results"] >= 0.98 * found["cases"] and set(found["kinds"]) <= {"result", "simulation error"}
 
 
-def main() -> int:
-    """Run the soak of the command line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--count", type=int, default=COUNT, help="number of cases")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--subject", choices=["motors", "electronics"], default="motors", help="what is drawn")
-    parser.add_argument("--output", type=Path, default=RESULT, help="file of the counts")
-    parser.add_argument("--case", type=int, help="run one case only, and show it")
-    arguments = parser.parse_args()
-    if arguments.case is not None:
-        subject = case(arguments.seed, arguments.case, arguments.subject)
-        print(json.dumps({"motor": subject.motor.to_dict(), "drive": subject.drive.model_dump()}, indent=1))
-        print(subject.question, subject.settings, outcome(arguments.seed, arguments.case, arguments.subject))
-        return 0
-    notes = arguments.output.with_name(f"{arguments.output.stem}-{arguments.seed}.jsonl")
-    outcomes: list[Outcome] = []
-    with Progress(*Progress.get_default_columns(), MofNCompleteColumn(), TimeRemainingColumn()) as progress:
-        bar = progress.add_task("soak", total=arguments.count)
-        for one in soak(arguments.count, arguments.seed, arguments.workers, notes, arguments.subject):
-            outcomes.append(one)
-            progress.advance(bar)
-    found = summary(outcomes, arguments.seed)
-    arguments.output.write_text(json.dumps(found, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8")
-    print(json.dumps(found, indent=1, ensure_ascii=False))
-    return 0 if passes(found) else 1
+def motors(index: int) -> dict[str, Any]:
+    """Return the outcome of a random motor."""
+    return asdict(outcome_of(case(SEED, index), index))
 
+
+def electronics(index: int) -> dict[str, Any]:
+    """Return the outcome of a random driver or tracker."""
+    return asdict(outcome_of(case(SEED, index, "electronics"), index))
+
+
+CAMPAIGN = Campaign("soak", motors, summary, passes, COUNT)
+ELECTRONICS = Campaign("soak_electronics", electronics, summary, passes, 200)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    of_electronics = sys.argv[1:2] == ["electronics"]
+    sys.exit(ELECTRONICS.main(sys.argv[2:]) if of_electronics else CAMPAIGN.main())

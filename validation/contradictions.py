@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random operating points, each by every analysis: ``python -m tests.contradictions``, a part of ``make soak``.
+"""Random operating points, each by every analysis: ``python -m validation.contradictions``, a part of ``make soak``.
 
-Motors and drives are those of the soak (:mod:`tests.soak`), drawn from the whole ranges that their parameters declare;
-the shaft is held at a drawn speed. The mean torque, the electrical power and the mean normal force of one operating
-point come from ``steady_state``, ``simulate``, ``speed_torque``, ``working_points``, ``drive_report`` and
+Motors and drives are those of the soak (:mod:`validation.soak`), drawn from the whole ranges that their parameters
+declare; the shaft is held at a drawn speed. The mean torque, the electrical power and the mean normal force of one
+operating point come from ``steady_state``, ``simulate``, ``speed_torque``, ``working_points``, ``drive_report`` and
 ``simulate_averaged``. ``small_signals`` gives the change of the torque with the voltage, which is compared with two
 further steady states. ``track`` gives a frequency, at which the mode of a steady state must have the phase that the
 loop was asked for.
@@ -17,7 +17,6 @@ explain nothing.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import signal
@@ -27,7 +26,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,9 +38,9 @@ from pyspice_runner.errors import SpectrumError
 from pyspice_runner.motor.drive import check_together, free_tip
 from pyspice_runner.run.dynamometer import Dynamometer
 from pyspice_runner.run.point import Point
-from tests.soak import FruitlessError, cause, random_motor
+from validation.campaign import Campaign
+from validation.soak import FruitlessError, cause, random_motor
 
-RESULT = Path(__file__).with_suffix(".json")
 COUNT, SEED = 200, 28
 LONGEST, MOST_SECONDS = 6.0, 10  # s, of a run of ngspice, and of an analysis
 SHARE = 3  # one case of so many is also run by the analyses of PAIRS, which take most of the time
@@ -375,7 +373,7 @@ def outcome(index: int, seed: int = SEED) -> dict[str, Any]:
     for name, pair in PAIRS.items() if index % SHARE == 0 else ():
         with _refusals(refused, name):
             found += differences(one, dict(pair(one)))
-    return {"index": index, "contact": one.contact, "refused": refused, "differences": found}
+    return {"contact": one.contact, "refused": refused, "differences": found}
 
 
 class _SlowError(Exception):
@@ -423,27 +421,12 @@ def summary(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main() -> int:
-    """Run the cases of the command line that are not noted yet."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--count", type=int, default=COUNT, help="number of cases")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--output", type=Path, default=RESULT, help="file of the counts")
-    arguments = parser.parse_args()
-    notes = arguments.output.with_suffix(".notes")  # from which an interrupted run goes on
-    lines = notes.read_text(encoding="utf-8").splitlines() if notes.exists() else []
-    found = {one["index"]: one for one in map(json.loads, lines)}
-    for index in range(arguments.count):
-        if index not in found:
-            found[index] = outcome(index, arguments.seed)
-            with notes.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(found[index], ensure_ascii=False) + "\n")
-            print(index, Counter(one["kind"] for one in found[index]["differences"]), flush=True)
-    table = summary([found[index] for index in range(arguments.count)])
-    arguments.output.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    print(json.dumps(table["kinds"]))
-    return 1 if table["contradictions"] else 0
+def passes(table: Mapping[str, Any]) -> bool:
+    """Whether no answer contradicts another one in silence."""
+    return not table["contradictions"]
 
+
+CAMPAIGN = Campaign("contradictions", outcome, summary, passes, COUNT)
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(CAMPAIGN.main())
