@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import pyspice_runner as pr
 from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.motor.stator import Stator, discretised, square
-from tests import calibration_study as study
+from validation import calibration as study
 
 OMEGA = 2.0 * pi * np.array([10e3, 39e3, 41e3, 200e3])
 
