@@ -20,6 +20,8 @@ from pyspice_runner.averaged.circuit_c import NETWORK, TRACKER, circuit_source
 from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms, averaged_phase, default_two_phase
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
@@ -126,7 +128,7 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
         "load_gravity": load.gravity_n_m, "load_angle": load.gravity_angle_deg,
         "coupling_stiffness": load.coupling_stiffness_n_m_per_rad, "coupling_damping": load.coupling_damping_n_m_s,
         "backlash": load.backlash_rad,
-        "capacitance_a": motor.piezo.capacitance_a_f, "capacitance_b": motor.piezo.capacitance_b_f,
+        **{groups.named("capacitance", one): own for one, own in zip(GROUPS, motor.piezo.capacitances, strict=True)},
         "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
         "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
         "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from pyspice_runner.averaged.library import Course
 from pyspice_runner.averaged.run import COLUMNS, Array
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import Outcome
@@ -47,7 +49,7 @@ def spice_columns(
     voltages = {group: amplitude(f"v({group}_{{}})") for group in "ab"}
     currents = {group: amplitude(f"i(v{group}_{{}})") for group in "ab"}
     electrical, contact, stored = (np.zeros(len(time)) for _ in range(3))
-    for group, capacitance in (("a", motor.piezo.capacitance_a_f), ("b", motor.piezo.capacitance_b_f)):
+    for group, capacitance in zip(GROUPS, motor.piezo.capacitances, strict=True):
         electrical += 0.5 * np.real(voltages[group] * currents[group].conjugate())
         stored += 0.25 * capacitance * np.abs(voltages[group]) ** 2
     stored -= 0.5 * motor.piezo.capacitance_ab_f * np.real(voltages["a"] * voltages["b"].conjugate())
@@ -100,7 +102,9 @@ def compiled_columns(motor: Motor, rows: Mapping[str, Array], load_torque: Cours
     }  # fmt: skip
     columns = {name: rows[of_c] for name, of_c in names.items()}
     pins = "pin_" if "pin_amplitude_a" in rows else ""
-    columns |= {f"amplitude_{group}_v": np.abs(rows[f"{pins}amplitude_{group}"]) for group in "ab"}
+    columns |= {
+        groups.column("amplitude", group, "v"): np.abs(rows[pins + groups.named("amplitude", group)]) for group in "ab"
+    }
     drawn = _drawn(motor, rows["time"], rows["torque"], rows["speed"], load_torque)
     columns["load_torque_n_m"] = drawn
     return {name: columns[name] for name in COLUMNS} | {"stored_energy": rows["stored_energy"]}

@@ -16,6 +16,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.drivers.networks import CABLE
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases
 from pyspice_runner.spice.library import read_library
 
@@ -88,8 +89,8 @@ class AveragedDrive:
         """
         circuit.raw_spice += read_library(_LIBRARY).subcircuit + "\n"
         for group, values in zip(GROUPS, self.networks, strict=True):
-            pins = [f"{place}_{group}_{part}" for place in ("stage", after) for part in ("re", "im")]
-            instantiate(circuit, f"network_{group}", _LIBRARY, (*pins, frequency), **values)
+            pins = [groups.column(place, group, part) for place in ("stage", after) for part in ("re", "im")]
+            instantiate(circuit, groups.named("network", group), _LIBRARY, (*pins, frequency), **values)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the drive or driver that was given, JSON-ready."""

@@ -37,7 +37,9 @@ from pyspice_runner.circuit.motor import (
 )
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, default_drive
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
@@ -323,7 +325,7 @@ class AveragedSubCircuit(Assembly):
 
     def _add_groups(self, motor: Motor, thermal: Thermal | None) -> None:
         piezo, between = motor.piezo, abs(motor.piezo.capacitance_ab_f)
-        capacitances = {"a": piezo.capacitance_a_f - between, "b": piezo.capacitance_b_f - between}
+        capacitances = {group: own - between for group, own in zip(GROUPS, piezo.capacitances, strict=True)}
         if between:  # a group of its own at the difference of the voltages, at their sum for a negative capacitance
             capacitances["ab"] = between
             sign = -1.0 if piezo.capacitance_ab_f > 0.0 else 1.0
@@ -338,7 +340,7 @@ class AveragedSubCircuit(Assembly):
                 "capacitance_drift": thermal.capacitance_drift_per_k if thermal else 0.0,
             }  # fmt: skip
             nodes = (f"{group}_re", f"{group}_im", "frequency", "temperature", "heat")
-            self._put(f"group_{group}", f"{SUBCIRCUIT}_group", nodes, values)
+            self._put(groups.named("group", group), f"{SUBCIRCUIT}_group", nodes, values)
 
     def _add_contact(self, motor: Motor, library: Library, nodes: list[str]) -> None:
         contact, preload = motor.contact, motor.contact.preload_n

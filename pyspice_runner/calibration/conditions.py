@@ -169,7 +169,7 @@ def added(motor: Motor, frequency: Array, connection: Connection, level_v: float
 
 
 def _coupling(mode: Mode, connection: Connection) -> float:
-    return float(COUPLING[connection] @ np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v]))
+    return float(COUPLING[connection] @ np.array(mode.couplings))
 
 
 def scales(motor: Motor, connection: Connection, conditions: Sequence[Condition]) -> dict[str, float]:

@@ -24,6 +24,7 @@ import numpy as np
 
 from pyspice_runner.calibration.headings import column_of
 from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.drive import TwoPhaseDrive, TwoToneDrive
 from pyspice_runner.motor.refusal import as_number, quoted
@@ -72,7 +73,7 @@ class Points:
             where, drive = f"{self.source}: {quantity} of point {row + 1}", setups[row].drive
             if quantity in PHASES:
                 group = quantity[len("current_")]
-                tones = [tone for tone in getattr(drive, f"tones_{group}", ()) if tone.amplitude]
+                tones = [tone for tone in groups.of(getattr(drive, "tones", ((), ())), group) if tone.amplitude]
                 if len({tone.frequency for tone in tones}) != 1:
                     raise ParameterError(
                         f"{where} takes a voltage of group {group.upper()} at one frequency. Its drive is "

@@ -10,6 +10,8 @@ from typing import Any
 
 from pyspice_runner.calibration import motor_class
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, Provenance
 
 _DECIDED = 0.9  # of what was known before, below which the measurements count as having added something
@@ -59,10 +61,10 @@ def of_spectra(
             "damping_n_s_per_m": sqrt(mass_error**2 + quality**2 + place**2),
         }
         errors |= {f"modes.{index}.{key}": share * getattr(mode, key) for key, share in shares.items() if share}
-        for group in "ab":
-            own = found.standard_errors[f"coupling_{group}_n_per_v_kg05"] * sqrt(mode.mass_kg)
-            coupling = getattr(mode, f"coupling_{group}_n_per_v")
-            errors[f"modes.{index}.coupling_{group}_n_per_v"] = sqrt(own**2 + (0.5 * mass_error * coupling) ** 2)
+        for group, coupling in zip(GROUPS, mode.couplings, strict=True):
+            name = groups.column("coupling", group, "n_per_v")
+            own = found.standard_errors[f"{name}_kg05"] * sqrt(mode.mass_kg)
+            errors[f"modes.{index}.{name}"] = sqrt(own**2 + (0.5 * mass_error * coupling) ** 2)
     errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
     contact = {path: share for path, share in relative.items() if path != "mass_kg"}
     errors |= {path: share * getattr(motor.contact, path.partition(".")[2]) for path, share in contact.items()}
@@ -123,7 +125,7 @@ def of_class(
         "contact.friction": motor_class.FRICTION,
         **{f"modes.{number}.damping_n_s_per_m": motor_class.QUALITY for number in range(len(motor.modes))},
         **{f"modes.{number}.tip_y": motor_class.NORMAL for number in range(len(motor.modes))},
-        **{f"piezo.capacitance_{group}_f": motor_class.CAPACITANCE for group in ("a", "b", "ab")},
+        **{groups.column("piezo.capacitance", group, "f"): motor_class.CAPACITANCE for group in ("a", "b", "ab")},
     }
     document = motor.model_dump()
     paths = [f"modes.{number}.{key}" for number, mode in enumerate(document["modes"]) for key in mode if key != "name"]

@@ -21,6 +21,7 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.state import PLATES, Discretisation, motor_states, plate_nodes, stems, written
 from pyspice_runner.circuit.veriloga import WRITTEN, module_source, module_values
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
 
@@ -36,7 +37,7 @@ _ELECTRICAL = re.compile(r"(?m)^    electrical ([^;]+);$")  # first the pins, th
 PINS = ("a", "b", "com", "shaft")  # the first ports of a module
 # ports of the module that are nodes of the subcircuit under another name
 _NODES = {"pressing": "normal"} | {
-    f"{plate}_{group}": node for group in "ab" for plate, node in zip(PLATES, plate_nodes(group), strict=True)
+    groups.named(plate, group): node for group in "ab" for plate, node in zip(PLATES, plate_nodes(group), strict=True)
 }
 
 

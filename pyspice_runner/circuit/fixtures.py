@@ -13,7 +13,9 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
 from pyspice_runner.circuit.state import Discretisation, plate_nodes, stems
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, Tone
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
@@ -105,14 +107,15 @@ def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
         nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")
         instantiate(circuit, f"heat_{part}", "piezomotor_heat", nodes, resistance=spring.damping_n_s_per_m)
     between = abs(motor.piezo.capacitance_ab_f)
-    for group, line in zip(("a", "b"), METERED, strict=True):
+    for group, line in zip(GROUPS, METERED, strict=True):
         nodes = (line, group, circuit.gnd)
-        instantiate(circuit, f"meter_{group}", "piezomotor_wattmeter", nodes, **lag)
+        instantiate(circuit, groups.named("meter", group), "piezomotor_wattmeter", nodes, **lag)
         nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
-        own = 1.0 - between / getattr(motor.piezo, f"capacitance_{group}_f")
+        own = 1.0 - between / groups.of(motor.piezo.capacitances, group)
         _add_groupheat(circuit, motor, group, nodes, own)
     if between:  # in a capacitance of its own at the difference of the voltages, at their sum for a negative one
-        pairs = [("a", "b"), *zip(*([f"xmotor.{node}" for node in plate_nodes(group)] for group in "ab"), strict=True)]
+        plates = ([f"xmotor.{node}" for node in plate_nodes(group)] for group in GROUPS)
+        pairs = [GROUPS, *zip(*plates, strict=True)]
         sign = "-" if motor.piezo.capacitance_ab_f > 0.0 else "+"
         for number, (a, b) in enumerate(pairs):
             circuit.B(f"across{number}", f"across{number}", circuit.gnd, v=f"V({a}){sign}V({b})")
@@ -160,7 +163,7 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
 
 def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
     """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
-    for group, node, tones in zip(("a", "b"), pins, (drive.tones_a, drive.tones_b), strict=True):
+    for group, node, tones in zip(GROUPS, pins, drive.tones, strict=True):
         active = [tone for tone in tones if tone.amplitude] or [tones[0]]
         if drive.soft_start > 0.0:
             shape = "+".join(
@@ -169,10 +172,12 @@ def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: f
                 for tone in active
             )
             since = f"(time+{begun!r})" if begun else "time"
-            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
-            circuit.V(group, node, f"drive_{group}", "DC 0")
+            source = groups.named("drive", group)
+            circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
+            circuit.V(group, node, source, "DC 0")
             continue
-        nodes = [node, *(f"drive_{group}{index}" for index in range(1, len(active))), circuit.gnd]  # in series
+        series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
+        nodes = [node, *series, circuit.gnd]
         for index, tone in enumerate(active):
             circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
 

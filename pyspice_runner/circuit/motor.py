@@ -42,8 +42,10 @@ from pyspice_runner.circuit.state import (
     written_stator,
 )
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode, Mount
 from pyspice_runner.motor.refusal import checked
@@ -222,11 +224,13 @@ class MotorSubCircuit(Assembly):
     def _add_groups(self, warm: tuple[str, ...]) -> None:
         piezo, thermal = self._motor.piezo, self._thermal
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
-        for group, capacitance in (("a", piezo.capacitance_a_f), ("b", piezo.capacitance_b_f)):
+        for group, capacitance in zip(GROUPS, piezo.capacitances, strict=True):
             values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
-            pin = f"own_{group}" if piezo.capacitance_ab_f else group
+            pin = groups.named("own", group) if piezo.capacitance_ab_f else group
             nodes = (pin, self._common, *plate_nodes(group), *warm)
-            self._put(f"group_{group}", f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift)
+            self._put(
+                groups.named("group", group), f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift
+            )
         if piezo.capacitance_ab_f:
             self._add_capacitance_between(warm)
 
@@ -236,8 +240,14 @@ class MotorSubCircuit(Assembly):
         It has the same dielectric as the groups, so that its own plates would follow theirs.
         """
         for group, other in ("ab", "ba"):
-            self.V(f"own_{group}", group, f"own_{group}", "DC 0")
-            self.CCCS(f"shared_{group}", group, self._common, f"Vown_{other}", current_gain=_shared(self._motor, other))
+            self.V(groups.named("own", group), group, groups.named("own", group), "DC 0")
+            self.CCCS(
+                groups.named("shared", group),
+                group,
+                self._common,
+                f"Vown_{other}",
+                current_gain=_shared(self._motor, other),
+            )
         if warm:
             drawn = (f"{_shared(self._motor, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
             self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
@@ -381,10 +391,8 @@ def spring_values(part: Mode | Mount, discretisation: Discretisation | None = No
 
 def mode_values(mode: Mode, discretisation: Discretisation | None = None) -> dict[str, float]:
     """Return a linear mode as parameters of its subcircuit."""
-    return {
-        **spring_values(mode, discretisation), "coupling_a": mode.coupling_a_n_per_v,
-        "coupling_b": mode.coupling_b_n_per_v, "tip_x": mode.tip_x, "tip_y": mode.tip_y,
-    }  # fmt: skip
+    couplings = {groups.named("coupling", group): force for group, force in zip(GROUPS, mode.couplings, strict=True)}
+    return {**spring_values(mode, discretisation), **couplings, "tip_x": mode.tip_x, "tip_y": mode.tip_y}
 
 
 def rounded(value: float) -> float:
@@ -555,7 +563,7 @@ def editable_parameters(motor: Motor) -> str:
 def source_lines(drive: Drive) -> list[str]:
     """Return ideal sources of a drive at the nodes ``a`` and ``b``: one for each tone, in series."""
     lines = []
-    for group, tones in (("a", drive.tones_a), ("b", drive.tones_b)):
+    for group, tones in zip(GROUPS, drive.tones, strict=True):
         nodes = [group, *(f"{group}{number}" for number in range(2, len(tones) + 1)), "0"]
         for number, tone in enumerate(tones):
             source = f"V{group}{number + 1 if number else ''} {nodes[number]} {nodes[number + 1]}"
@@ -587,8 +595,7 @@ def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, 
 
 def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
     """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"`` in the netlist, those of PLATES."""
-    capacitance: float = getattr(motor.piezo, f"capacitance_{group}_f")
-    return lossy_capacitance(capacitance, _loss_tangent(motor), branches=len(PLATES))
+    return lossy_capacitance(groups.of(motor.piezo.capacitances, group), _loss_tangent(motor), branches=len(PLATES))
 
 
 def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:
@@ -607,8 +614,7 @@ def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex12
 
 def _shared(motor: Motor, group: str) -> float:
     """Return the share of the dielectric current of a group that the other group draws."""
-    clamped: float = getattr(motor.piezo, f"capacitance_{group}_f")
-    return rounded(-motor.piezo.capacitance_ab_f / clamped)
+    return rounded(-motor.piezo.capacitance_ab_f / groups.of(motor.piezo.capacitances, group))
 
 
 def _loss_tangent(motor: Motor) -> float:

@@ -13,6 +13,7 @@ from typing import Literal
 
 from pyspice_runner.circuit.law import LIBRARIES, Law
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode, Mount
 from pyspice_runner.motor.stator import Stator, carriers, discretised
@@ -215,7 +216,7 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
     if motor.rotor.bearing_friction_n_m:
         states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
     states += [
-        State(node, "group", f"v({{0}}.{node})", f"plates_{group}_v", at)
+        State(node, "group", f"v({{0}}.{node})", groups.column("plates", group, "v"), at)
         for group in "ab"
         for at, node in enumerate(plate_nodes(group))
     ]
@@ -224,7 +225,7 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
 
 def plate_nodes(group: str) -> list[str]:
     """Return the nodes of the capacitances of group ``"a"`` or ``"b"`` inside the motor, in the order of PLATES."""
-    return [f"xgroup_{group}.{plate}" for plate in PLATES]
+    return [f"{groups.named('xgroup', group)}.{plate}" for plate in PLATES]
 
 
 def state_vectors(motor: Motor, law: Law | None, instance: str = "xmotor") -> list[str]:

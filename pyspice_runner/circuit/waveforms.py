@@ -18,6 +18,7 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.circuit.source import UniformSource
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
@@ -81,8 +82,9 @@ class Waveform(UniformSource):
             pairs = [f"{at!r},{volt!r}" for at, volt in zip(times.tolist(), volts.tolist(), strict=True)]
             lines = [",".join(pairs[place : place + _ON_A_LINE]) for place in range(0, len(pairs), _ON_A_LINE)]
             voltage = "pwl(time,\n+ " + ",\n+ ".join(lines) + ")"
-            circuit.raw_spice += f"Bdrive_{group} drive_{group} 0 V={voltage}\n"
-            circuit.V(group, pin, f"drive_{group}", "DC 0")
+            source = groups.named("drive", group)
+            circuit.raw_spice += f"B{source} {source} 0 V={voltage}\n"
+            circuit.V(group, pin, source, "DC 0")
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return U_A and U_B at t = 0."""

@@ -19,7 +19,9 @@ from pyspice_runner.circuit.bench import Bench, motor_bench
 from pyspice_runner.circuit.source import Pins, UniformSource
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.drivers.driver import Driver, add_channels
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.thermal import Thermal
@@ -29,7 +31,7 @@ COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "
 _PARTS = ("re", "im")
 # angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s; 1 V = 1 mJ
 SAMPLED = (
-    "v(position)", *(f"v({sum_of}_{group}_{part})" for sum_of in ("sum", "flux") for group in "ab" for part in _PARTS),
+    "v(position)", *(f"v({total}_{group}_{part})" for total in ("sum", "flux") for group in "ab" for part in _PARTS),
     "v(energy)",
 )  # fmt: skip
 # of the averaged motor: its own check, its heat, and the fundamental of the tip towards the rotor in um
@@ -67,18 +69,19 @@ class CommandedSource(UniformSource):
         )
         if self.network:
             circuit.raw_spice += definitions(*self.network.libraries()) + "\n"
-            add_channels(circuit, self.network, {group: f"drive_{group}" for group in "ab"})
-        for group in "ab":
+            add_channels(circuit, self.network, {group: groups.named("drive", group) for group in "ab"})
+        for group in GROUPS:
             for part, wave in zip(_PARTS, ("sin", "cos"), strict=True):
+                channel, drive = f"{group}_{part}", groups.named("drive", group)
                 circuit.raw_spice += (
-                    f"Bsum_{group}_{part} 0 sum_{group}_{part} I=-2*I(V{group})*{wave}({_TURNS})\n"
-                    f"Bflux_{group}_{part} 0 flux_{group}_{part} I=2*V(drive_{group})*{wave}({_TURNS})\n"
+                    f"Bsum_{channel} 0 sum_{channel} I=-2*I(V{group})*{wave}({_TURNS})\n"
+                    f"Bflux_{channel} 0 flux_{channel} I=2*V({drive})*{wave}({_TURNS})\n"
                 )
-        power = "+".join(f"V(drive_{group})*I(V{group})" for group in "ab")
+        power = "+".join(f"V({groups.named('drive', group)})*I(V{group})" for group in GROUPS)
         circuit.raw_spice += f"Benergy 0 energy I=-({power})\n"
         # ngspice counts the current of a source from the pin into it, hence the signs above
         for group, pin in zip("ab", pins, strict=True):
-            circuit.V(group, pin, f"drive_{group}", "DC 0")
+            circuit.V(group, pin, groups.named("drive", group), "DC 0")
 
 
 def controlled_bench(
@@ -106,8 +109,9 @@ def controlled_bench(
         )
         for group in "ab":
             for part in _PARTS:
-                bench.circuit.raw_spice += f"Fsum_{group}_{part} 0 sum_{group}_{part} V{group}_{part} 1\n"
-                bench.circuit.raw_spice += f"Gflux_{group}_{part} 0 flux_{group}_{part} {group}_{part} 0 1\n"
+                channel = f"{group}_{part}"
+                bench.circuit.raw_spice += f"Fsum_{channel} 0 sum_{channel} V{channel} 1\n"
+                bench.circuit.raw_spice += f"Gflux_{channel} 0 flux_{channel} {channel} 0 1\n"
         power = "+".join(f"V({group}_{part})*I(V{group}_{part})" for group in "ab" for part in _PARTS)
         bench.circuit.raw_spice += f"Benergy 0 energy I=0.5*({power})\n"
     else:

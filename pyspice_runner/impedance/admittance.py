@@ -189,7 +189,7 @@ def admittance(
 
 def _drives(connection: Connection, mode: Mode) -> bool:
     """Whether a connection of the groups drives a mode; forces that cancel within round-off do not."""
-    shares = np.array(COUPLING[connection]) * (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v)
+    shares = np.array(COUPLING[connection]) * mode.couplings
     return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
 
 

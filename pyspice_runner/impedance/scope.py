@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError, SpectrumError, did_you_mean
 from pyspice_runner.impedance.readers.text import Text, clean, load, number, read_table, separator, split
+from pyspice_runner.motor import groups
 
 Array = NDArray[np.float64]
 
@@ -160,9 +161,9 @@ class Phasors:
         """Return a row of measured points for :func:`~pyspice_runner.calibrate`, without load and errors."""
         return {
             "voltage": abs(complex(self.voltage_v[0])), "frequency": self.frequency_hz,
-            f"current_{group}_rms_a": float(np.linalg.norm(self.current_a)) / sqrt(2.0),
-            f"current_{group}_phase_deg": float(np.angle(self.current_a[0] / self.voltage_v[0], deg=True)),
-            f"power_{group}_w": self.power_w,
+            groups.column("current", group, "rms_a"): float(np.linalg.norm(self.current_a)) / sqrt(2.0),
+            groups.column("current", group, "phase_deg"): float(np.angle(self.current_a / self.voltage_v, deg=True)[0]),
+            groups.column("power", group, "w"): self.power_w,
         }  # fmt: skip
 
 

@@ -3,7 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 GROUPS = ("a", "b")
+_Value = TypeVar("_Value")
+
+
+def of(values: Sequence[_Value], group: str) -> _Value:
+    """Return the value of a group from a sequence over the groups."""
+    return values[GROUPS.index(group)]
 
 
 def column(quantity: str, group: str, unit: str) -> str:
@@ -11,16 +20,16 @@ def column(quantity: str, group: str, unit: str) -> str:
     return f"{quantity}_{group}_{unit}"
 
 
-def node(name: str, group: str) -> str:
-    """Return the name of a node or an instance of a group, such as ``line_a``."""
+def named(name: str, group: str) -> str:
+    """Return the name of a node, an instance or a value of a group, such as ``line_a``."""
     return f"{name}_{group}"
 
 
 def voltage(name: str, group: str) -> str:
     """Return the vector of the voltage at such a node."""
-    return f"v({node(name, group)})"
+    return f"v({named(name, group)})"
 
 
 def current(source: str, group: str) -> str:
     """Return the vector of the current through a voltage source of a group, named without its letter V."""
-    return f"i(v{node(source, group)})"
+    return f"i(v{named(source, group)})"

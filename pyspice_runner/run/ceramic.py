@@ -47,7 +47,7 @@ def ceramic(
         name, sign = source.current(group)
         heat += window.mean(sign * samples[name] * samples[f"v({group})"])
     for mode, velocity in zip(motor.modes, velocities, strict=True):
-        force = mode.coupling_a_n_per_v * samples["v(a)"] + mode.coupling_b_n_per_v * samples["v(b)"]
+        force = sum(theta * samples[f"v({group})"] for theta, group in zip(mode.couplings, GROUPS, strict=True))
         heat += window.mean((mode.damping_n_s_per_m * velocity - force) * velocity)
     found = {
         **peak_of_motion(motor, displacement),

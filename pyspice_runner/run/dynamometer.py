@@ -19,7 +19,7 @@ from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
 from pyspice_runner.circuit.source import Source
 from pyspice_runner.circuit.state import PLATES, Motion, motion_of, motor_states
-from pyspice_runner.motor import strength, wear
+from pyspice_runner.motor import groups, strength, wear
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.kernel import Outcome, transient
@@ -235,7 +235,7 @@ class Dynamometer:
         if meters:
             integrals["xcontactmeter"] = ("work", "press", "given", "square", "contact", "slip")
             for group in "ab":
-                integrals[f"xmeter_{group}"] = ("energy", "square_i", "square_v", "peak")
+                integrals[groups.named("xmeter", group)] = ("energy", "square_i", "square_v", "peak")
             for heat in (*self.dampers, *self.dielectrics):
                 integrals[f"xheat_{heat}"] = ("heat",)
         return [f"v({instrument}.v_{one})" for instrument, several in integrals.items() for one in several]
@@ -331,10 +331,10 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
     for group in "ab":
         meter = f"xmeter_{group}.v_"
         found |= {
-            f"power_{group}": mean[f"{meter}energy"],
-            f"voltage_square_{group}": mean[f"{meter}square_v"],
-            f"current_square_{group}": mean[f"{meter}square_i"],
-            f"peak_{group}": max(block.peaks[group] for block in blocks),
+            groups.named("power", group): mean[f"{meter}energy"],
+            groups.named("voltage_square", group): mean[f"{meter}square_v"],
+            groups.named("current_square", group): mean[f"{meter}square_i"],
+            groups.named("peak", group): max(block.peaks[group] for block in blocks),
         }
     return quantities_of(bench.motor, found)
 
@@ -378,11 +378,13 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
         "balance_residual": (electrical - shaft - sum(losses.values())) / put_in if put_in > 0.0 else 0.0,
     }
     for group in "ab":
-        volts, amperes = (sqrt(max(mean[f"{what}_square_{group}"], 0.0)) for what in ("voltage", "current"))
+        volts, amperes = (
+            sqrt(max(mean[groups.named(f"{what}_square", group)], 0.0)) for what in ("voltage", "current")
+        )
         result |= {
-            f"power_{group}_w": mean[f"power_{group}"],
-            f"apparent_power_{group}_va": volts * amperes,
-            f"current_{group}_rms_a": amperes,
-            f"current_{group}_peak_a": mean[f"peak_{group}"],
+            groups.column("power", group, "w"): mean[groups.named("power", group)],
+            groups.column("apparent_power", group, "va"): volts * amperes,
+            groups.column("current", group, "rms_a"): amperes,
+            groups.column("current", group, "peak_a"): mean[groups.named("peak", group)],
         }
     return {name: result[name] for name in UNITS}

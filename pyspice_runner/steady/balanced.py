@@ -15,6 +15,7 @@ import numpy as np
 
 from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.motor import groups
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Plant
 from pyspice_runner.steady.harmonic_balance import Balance, balanced, tones
@@ -66,11 +67,11 @@ def _state(balance: Balance) -> BalancedState:
     }  # fmt: skip
     for group in "ab":
         volts, amperes = balance.phasors(group)
-        values[f"power_{group}_w"] = 0.5 * float(np.vdot(volts, amperes).real)
-        values[f"current_{group}_rms_a"] = float(np.linalg.norm(amperes)) / sqrt(2.0)
+        values[groups.column("power", group, "w")] = 0.5 * float(np.vdot(volts, amperes).real)
+        values[groups.column("current", group, "rms_a")] = float(np.linalg.norm(amperes)) / sqrt(2.0)
         (orders,) = np.nonzero(volts)
         ahead = np.angle(amperes[orders[0]] / volts[orders[0]], deg=True) if len(orders) == 1 else nan
-        values[f"current_{group}_phase_deg"] = float(ahead)
+        values[groups.column("current", group, "phase_deg")] = float(ahead)
     return BalancedState(values, balance)
 
 

@@ -36,6 +36,7 @@ from pyspice_runner.circuit.state import (
     start_nodes,
     start_parameters,
 )
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, Load, Tone
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mount
@@ -193,8 +194,7 @@ class Plant:
 
     def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
         """Return the sines at the pin of a group, with those of the probes."""
-        own: tuple[Tone, ...] = getattr(self.drive, f"tones_{group}")
-        return (*own, *(probe.tone for probe in probes if probe.place == group))
+        return (*groups.of(self.drive.tones, group), *(probe.tone for probe in probes if probe.place == group))
 
     def vectors(self, instance: str, shaft: str) -> list[str]:
         """Return the vectors that hold the states, in their order, for an instance and the node of its shaft."""

@@ -26,6 +26,7 @@ from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.drivers.networks import CABLE
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
@@ -151,7 +152,10 @@ def pin_vectors(copy: str) -> dict[str, str]:
     """Return the vectors of voltages and currents of the pins of a copy, by their names in a run of one motor."""
     found: dict[str, str] = {}
     for group in GROUPS:
-        found |= {f"v({group})": f"v({copy}.{group})", f"i(vpin_{group})": f"i(v.{copy}.vpin_{group})"}
+        found |= {
+            f"v({group})": f"v({copy}.{group})",
+            groups.current("pin", group): groups.current(f".{copy}.vpin", group),
+        }
     return found
 
 
@@ -381,7 +385,7 @@ def _behind_network(plant: DrivenPlant, start: Point) -> Array:
     turns = np.exp(-1j * omega * time)
     pins, currents = {}, {}
     for group in GROUPS:
-        (tone,) = getattr(drive, f"tones_{group}")
+        (tone,) = groups.of(drive.tones, group)
         pins[group] = tone.amplitude * np.exp(1j * tone.phase)
         currents[group] = complex(
             2j * np.trapezoid(current(start.plant, group, start.trace) * turns, time) / drive.period
@@ -401,7 +405,7 @@ def _scale(plant: DrivenPlant) -> Array:
     volts = max(driver.amplitude(group) for group in GROUPS)
     amperes = {}
     for group in GROUPS:
-        charged = max(getattr(motor.piezo, f"capacitance_{group}_f"), 1e-12)
+        charged = max(groups.of(motor.piezo.capacitances, group), 1e-12)
         amperes[group] = 2.0 * pi * driver.frequency * charged * driver.amplitude(group)
         if rings := driver.ringing(motor, group):
             amperes[group] = max(amperes[group], driver.amplitude(group) * sqrt(rings.capacitance / rings.inductance))

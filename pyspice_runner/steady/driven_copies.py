@@ -32,6 +32,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Discretisation, State, motor_states
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
 from pyspice_runner.drivers.networks import CABLE, NO_CAPACITOR, passed
+from pyspice_runner.motor import groups
 from pyspice_runner.spice.library import definition_texts
 from pyspice_runner.steady.copies import Copy, Plant, content_name, copy_name
 
@@ -214,9 +215,9 @@ class DrivenPlant(Plant):
             begins = self.begins + self.driver.ahead(group)
             amplitude, turned = control_amplitude(self.driver, group), 360.0 * (begins % 1.0)
             control = f"SIN(0 {amplitude!r} {self.driver.frequency!r} 0 0 {turned!r})"
-            circuit.V(f"control_{group}", f"control_{group}", circuit.gnd, control)
+            circuit.V(groups.named("control", group), groups.named("control", group), circuit.gnd, control)
             for name, above in self._switched(group).items():
-                circuit[f"Xstage_{group}"].parameters[name] = 1.0 if above else -1.0
+                circuit[groups.named("Xstage", group)].parameters[name] = 1.0 if above else -1.0
             add_breakpoints(circuit, self.driver, group, self.begins)
 
     def _add_shaft(self, circuit: SubCircuit, discretisation: Discretisation, *, meters: bool) -> None:

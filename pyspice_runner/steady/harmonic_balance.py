@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library
 from pyspice_runner.circuit.state import MICRO
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.spice.library import Library
 from pyspice_runner.steady.balance_equations import (
@@ -286,14 +287,15 @@ class Balance:
     def phasors(self, group: str) -> tuple[Complex, Complex]:
         """Return the phasors of voltage (V) and current (A) of a group at the harmonics."""
         plant, orders = self.plant, self.grid.orders
-        couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes])
+        place = GROUPS.index(group)
+        couplings = plant.motor.stator.coupling[:, place]
         volts, amperes = np.zeros((2, len(orders)), dtype=complex)
         amperes += 1j * self.grid.omega * orders * (self.coordinates[:, : plant.modes] @ couplings)
-        for at, other in enumerate("ab"):
-            for tone in getattr(plant.drive, f"tones_{other}"):
+        for at, tones in enumerate(plant.drive.tones):
+            for tone in tones:
                 order, phasor = tone_phasor(tone, self.grid.omega)
-                amperes[order] += plant.dielectrics[tone.frequency]["ab".index(group), at] * phasor
-                volts[order] += phasor if other == group else 0.0
+                amperes[order] += plant.dielectrics[tone.frequency][place, at] * phasor
+                volts[order] += phasor if at == place else 0.0
         return volts, amperes
 
     @property

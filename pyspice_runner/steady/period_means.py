@@ -14,7 +14,8 @@ import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.circuit.state import Discretisation, static_sway
-from pyspice_runner.motor import strength, wear
+from pyspice_runner.motor import groups, strength, wear
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
 from pyspice_runner.run.window import Array
@@ -36,19 +37,18 @@ def speed(plant: Plant, trace: Trace) -> Array:
 
 def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
     """Return the displacements x, y (m) of the tip and its velocities (m/s)."""
-    along = np.array([mode.tip_x for mode in plant.motor.modes])
-    towards = np.array([mode.tip_y for mode in plant.motor.modes])
-    displacement, velocity = modal(plant, trace)
-    return along @ displacement, towards @ displacement, along @ velocity, towards @ velocity
+    contact = plant.motor.stator.contact
+    (x, y), (vx, vy) = (contact @ motion for motion in modal(plant, trace))
+    return x, y, vx, vy
 
 
 def current(plant: Plant, group: str, trace: Trace) -> Array:
     """Return the current in A into a group."""
-    couplings = np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes])
-    amperes = couplings @ modal(plant, trace)[1]
-    for at, other in enumerate("ab"):  # of the clamped capacitances
-        for tone in getattr(plant.drive, f"tones_{other}"):
-            gain = complex(plant.dielectrics[tone.frequency]["ab".index(group), at])
+    place = GROUPS.index(group)
+    amperes = plant.motor.stator.coupling[:, place] @ modal(plant, trace)[1]
+    for at, tones in enumerate(plant.drive.tones):  # of the clamped capacitances
+        for tone in tones:
+            gain = complex(plant.dielectrics[tone.frequency][place, at])
             amperes += phasor_at(tone, gain, trace.time)[0]
     return np.asarray(amperes)
 
@@ -56,11 +56,11 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
 def _dielectric_loss(plant: Plant) -> float:
     """Return the mean loss in W of the clamped capacitances: their admittance is linear, at each frequency alone."""
     loss, drive = 0.0, plant.drive
-    for frequency in {tone.frequency for tone in (*drive.tones_a, *drive.tones_b)}:
+    for frequency in set(drive.frequencies):
         volts = np.array(
             [
                 sum(rect(tone.amplitude, tone.phase) for tone in tones if tone.frequency == frequency)
-                for tones in (drive.tones_a, drive.tones_b)
+                for tones in drive.tones
             ]
         )
         loss += 0.5 * float(np.vdot(volts, plant.dielectrics[frequency] @ volts).real)
@@ -111,14 +111,14 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
     found["rubbing"] = _rubbing(plant, trace, discretisation, found["work"] - found["given"])
-    for group in "ab":
-        voltage = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)[1:]
+    for group, tones in zip(GROUPS, plant.drive.tones, strict=True):
+        voltage = drive_voltage(tones, trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
         found |= {
-            f"power_{group}": float(voltage @ amperes) / points,
-            f"voltage_square_{group}": float(voltage @ voltage) / points,
-            f"current_square_{group}": float(amperes @ amperes) / points,
-            f"peak_{group}": float(np.abs(amperes).max()),
+            groups.named("power", group): float(voltage @ amperes) / points,
+            groups.named("voltage_square", group): float(voltage @ voltage) / points,
+            groups.named("current_square", group): float(amperes @ amperes) / points,
+            groups.named("peak", group): float(np.abs(amperes).max()),
             **_fundamental(plant, group, trace, amperes),
         }
     return found
@@ -129,20 +129,22 @@ def _fundamental(plant: Plant, group: str, trace: Trace, amperes: Array) -> dict
 
     Empty for a group without a voltage, or with tones at two frequencies.
     """
-    tones = [tone for tone in getattr(plant.drive, f"tones_{group}") if tone.amplitude]
+    tones = [tone for tone in groups.of(plant.drive.tones, group) if tone.amplitude]
     if len({tone.frequency for tone in tones}) != 1:
         return {}
     turning = np.exp(-2j * np.pi * tones[0].frequency * trace.time[1:])
     product = np.vdot(drive_voltage(tones, trace.time)[1:] @ turning, amperes @ turning) / len(amperes) ** 2
-    return {f"in_phase_{group}": float(product.real), f"ahead_{group}": float(product.imag)}
+    return {groups.named("in_phase", group): float(product.real), groups.named("ahead", group): float(product.imag)}
 
 
 def phases(found: Mapping[str, float]) -> dict[str, float]:
     """Return the phase in degrees of each group's current ahead of its voltage at its drive frequency, from means."""
     return {
-        f"current_{group}_phase_deg": degrees(atan2(found[f"ahead_{group}"], found[f"in_phase_{group}"]))
+        groups.column("current", group, "phase_deg"): degrees(
+            atan2(found[groups.named("ahead", group)], found[groups.named("in_phase", group)])
+        )
         for group in "ab"
-        if f"ahead_{group}" in found
+        if groups.named("ahead", group) in found
     }
 
 

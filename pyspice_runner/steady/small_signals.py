@@ -25,7 +25,9 @@ from pydantic import SkipValidation
 from pyspice_runner.circuit.law import ContactLaw, touching_law
 from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
@@ -403,38 +405,34 @@ def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant:
     found = {"speed": at["speed"][0], "torque": plant.motor.rotor.radius_m * at["friction"][0]}
     for kind in ("current", "motional"):
         for group in "ab":
-            carrier = carriers[f"{kind}_{group}"]
+            carrier = carriers[groups.named(kind, group)]
             if not carrier:  # such as the motional current of a group that moves no mode
                 continue
-            _, above, below = at[f"{kind}_{group}"]
+            _, above, below = at[groups.named(kind, group)]
             if kind == "current":
-                found[f"current_amplitude_{group}"] = (above * carrier.conjugate() + below * carrier) / abs(carrier)
+                found[groups.named("current_amplitude", group)] = (above * carrier.conjugate() + below * carrier) / abs(
+                    carrier
+                )
             own = {"phase_deg": radians(group == "b"), "frequency": 1.0}.get(of, 0.0)
             turned = -1j * above / carrier + 1j * below / carrier.conjugate() - own
-            found[f"{kind}_phase_{group}_deg"] = turned / radians(1.0)
+            found[groups.column(f"{kind}_phase", group, "deg")] = turned / radians(1.0)
     return {name: found[name] for name in OUTPUTS if name in found}
 
 
 def _signals(plant: Plant, trace: Trace) -> Array:
     """Return speed, friction force, currents and motional currents over a period."""
-    couplings = {
-        group: np.array([getattr(mode, f"coupling_{group}_n_per_v") for mode in plant.motor.modes]) for group in "ab"
-    }
     velocity = trace.states[plant.modes : 2 * plant.modes]
-    currents = [current(plant, group, trace) for group in "ab"]
-    motional = [couplings[group] @ velocity for group in "ab"]
+    currents = [current(plant, group, trace) for group in GROUPS]
+    motional = plant.motor.stator.coupling.T @ velocity
     return np.array([speed(plant, trace), trace.friction, *currents, *motional])
 
 
 def cold_admittance(motor: Motor, frequency: float) -> Complex:
     """Return the admittance matrix in S of the free stator at rest at a frequency in Hz."""
     omega = 2.0 * pi * frequency
-    matrix = dielectric_matrix(motor, frequency)
-    for mode in motor.on_carrier().modes:
-        coupling = np.array([mode.coupling_a_n_per_v, mode.coupling_b_n_per_v])
-        stiffness = mode.stiffness_n_per_m - omega**2 * mode.mass_kg + 1j * omega * mode.damping_n_s_per_m
-        matrix = matrix + np.outer(coupling, coupling) * 1j * omega / stiffness
-    return np.asarray(matrix)
+    stator = motor.stator.on_carrier(motor.mount)
+    motion = np.linalg.solve(stator.dynamic_stiffness(omega), stator.coupling)
+    return np.asarray(dielectric_matrix(motor, frequency) + 1j * omega * stator.coupling.T @ motion)
 
 
 def _found(traces: Sequence[Trace | None]) -> list[Trace]:

@@ -23,6 +23,7 @@ from pyspice_runner.circuit.law import ContactLaw
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -522,7 +523,7 @@ def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str,
         several.append(means(point.plant, point.trace, period_map.discretisation))
     found = {name: sum(one[name] for one in several) / len(several) for name in several[0]}
     for group in "ab":
-        found[f"peak_{group}"] = max(one[f"peak_{group}"] for one in several)
+        found[groups.named("peak", group)] = max(one[groups.named("peak", group)] for one in several)
     found["greatest"] = max(one["greatest"] for one in several)
     forces = [one["friction"] for one in several]
     return found, max(forces) - min(forces)
@@ -588,7 +589,7 @@ def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]
     samples |= trace.pins
     for group in "ab" if not trace.pins else ():
         name, sign = setup.source.current(group)
-        samples[f"v({group})"] = drive_voltage(getattr(plant.drive, f"tones_{group}"), trace.time)
+        samples[f"v({group})"] = drive_voltage(groups.of(plant.drive.tones, group), trace.time)
         samples[name] = sign * current(plant, group, trace)
     recording = Recording(setup.motor, setup.source, setup.law, setup.load, period_map.discretisation, started=False)
     waves = recording.columns(samples, COLUMNS)

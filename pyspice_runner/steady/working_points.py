@@ -249,12 +249,11 @@ def _plain(value: Any) -> Any:
 def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
     """Return the quantities of a point."""
     assert not isinstance(state.drive, Driver)
-    tones = (state.drive.tones_a, state.drive.tones_b)
     row: dict[str, Any] = {
         "speed_rad_s": state.speed_rad_s,
         **state.quantities,
         "current_a": max(state.current_a_rms_a, state.current_b_rms_a),
-        "voltage_v": max(sum(abs(tone.amplitude) for tone in group) for group in tones),
+        "voltage_v": max(sum(abs(tone.amplitude) for tone in group) for group in state.drive.tones),
         "temperature_c": state.motor.limits.ambient_c + state.temperature_rise_k if state.motor.limits else np.nan,
         "torque_error_n_m": state.torque_error_n_m,
         "largest_multiplier": float(np.abs(state.floquet_multipliers).max(initial=0.0)) if state.converged else np.nan,

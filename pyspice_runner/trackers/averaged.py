@@ -20,6 +20,7 @@ from pyspice_runner.averaged.simulate import averaged_ceramic, averaged_engine, 
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.kernel import Outcome, transient, transient_timing
 from pyspice_runner.run.waveforms import Array
@@ -132,7 +133,8 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
     def phasors(of: str) -> dict[str, complex]:
         return {
             group: rect(
-                running.get(f"{of}_amplitude_{group}"), radians(running.get(f"{of}_phase_{group}") + ahead[group])
+                running.get(groups.named(f"{of}_amplitude", group)),
+                radians(running.get(groups.named(f"{of}_phase", group)) + ahead[group]),
             )
             for group in GROUPS
         }
@@ -192,10 +194,9 @@ def _spice(run: TrackedRun) -> AveragedTrack:
         longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
     )  # fmt: skip
     vectors, last = outcome.vectors(), outcome.last()
-    own = motor.modes[source.mode]
     volts = {group: vectors[f"v({group}_re)"] + 1j * vectors[f"v({group}_im)"] for group in GROUPS}
     real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
-    force = own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"]
+    force = np.array(motor.modes[source.mode].couplings) @ [volts[group] for group in GROUPS]
     curves = {
         "time": vectors["time"], "frequency": vectors["v(tuned)"], "speed": vectors["v(shaft)"],
         "phase": np.degrees(np.angle((real + 1j * imaginary) * force.conjugate())),
@@ -204,7 +205,8 @@ def _spice(run: TrackedRun) -> AveragedTrack:
         "tip_y": 1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
     }  # fmt: skip
     currents = {
-        group: complex(*(last[f"i(v.xtracker.vline_{group}_{part})"] for part in ("re", "im"))) for group in GROUPS
+        group: complex(*(last[f"i(v.xtracker.{groups.named('vline', group)}_{part})"] for part in ("re", "im")))
+        for group in GROUPS
     }
     return AveragedTrack(
         curves=curves,

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.state import network_of
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.point import Point
@@ -135,9 +136,8 @@ def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float
     waves, frequency = found.state.waveforms, point.drive.frequency
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
-    currents = [
-        2j * frequency * np.trapezoid(getattr(waves, f"current_{group}_a") * wave, waves.time_s) for group in GROUPS
-    ]
+    columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
+    currents = [2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns]
     places = [[int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)]
     above, below = places
     hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s
@@ -153,7 +153,7 @@ def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Ans
     The sensed phase in degrees is that of the motional current ahead of the edges of the force.
     """
     frequency, weights = point.drive.frequency, sensing(known, source.tracker, source.mode)
-    currents, forces = (np.array([weights[f"{kind}_{group}"] for group in GROUPS]) for kind in ("current", "force"))
+    currents, forces = (_by_group(weights, kind) for kind in ("current", "force"))
     volts = _volts(point.drive)
     motional = complex(currents @ (answer.currents - _copies(weights, frequency) @ volts))
     harmonics = np.array([forces @ volts]) if point.force is None else point.force
@@ -208,11 +208,12 @@ def _volts(drive: TwoPhaseDrive) -> Complex:
 
 def _copies(weights: Mapping[str, float], frequency: float) -> Complex:
     """Return the admittances of the copies of the clamped capacitances, S."""
-    impedances = [
-        weights[f"resistance_{group}"] + 1.0 / (2j * pi * frequency * weights[f"capacitance_{group}"])
-        for group in GROUPS
-    ]
-    return np.diag(1.0 / np.array(impedances))
+    impedances = _by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * _by_group(weights, "capacitance"))
+    return np.diag(1.0 / impedances)
+
+
+def _by_group(values: Mapping[str, float], name: str) -> Array:
+    return np.array([values[groups.named(name, group)] for group in GROUPS])
 
 
 def _network(source: TrackedSource, frequency: float, row: int) -> list[complex]:

@@ -17,6 +17,7 @@ from pyspice_runner.circuit.law import ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -353,10 +354,10 @@ def _sensing(run: TrackedRun, pins: Mapping[str, complex], currents: Mapping[str
     weights = sensing(motor, tracker, run.source.mode)
     motional = charging = 0j
     for group in GROUPS:
-        reactance = 1.0 / (2j * pi * found.end_frequency_hz * weights[f"capacitance_{group}"])
-        taken = pins[group] / (weights[f"resistance_{group}"] + reactance)
-        motional += weights[f"current_{group}"] * (currents[group] - taken)
-        charging += weights[f"current_{group}"] * taken
+        reactance = 1.0 / (2j * pi * found.end_frequency_hz * weights[groups.named("capacitance", group)])
+        taken = pins[group] / (weights[groups.named("resistance", group)] + reactance)
+        motional += weights[groups.named("current", group)] * (currents[group] - taken)
+        charging += weights[groups.named("current", group)] * taken
     turn = -degrees((drift * charging / motional).imag)  # the loop turns the mode back
     wanted = tracker.target_deg + run.disturbance.target_step_deg
     moved = run.lag.detuning_hz(wanted + turn) - run.lag.detuning_hz(wanted)

@@ -14,6 +14,7 @@ from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, pi, radians, tan
+from operator import mul
 from typing import Any, Literal
 
 import numpy as np
@@ -25,6 +26,7 @@ from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
 from pyspice_runner.circuit.source import GROUPS, Pins, Source
 from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated
@@ -181,8 +183,8 @@ class Disturbance:
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
     """Return the amplitude in N of the force on a mode."""
-    own, volts = motor.modes[mode], tracker.phasors()
-    return abs(own.coupling_a_n_per_v * volts["a"] + own.coupling_b_n_per_v * volts["b"])
+    volts = tracker.phasors()
+    return abs(complex(motor.stator.coupling[mode] @ [volts[group] for group in GROUPS]))
 
 
 def tracked_lag(motor: Motor, tracker: Tracker, mode: int, *, contact: bool) -> StatorLag:
@@ -203,16 +205,17 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 
     The motional currents are Σ θ v of all modes; the pseudo-inverse of the couplings gives the velocity of one mode.
     """
-    couplings = np.array([[own.coupling_a_n_per_v, own.coupling_b_n_per_v] for own in motor.modes])
+    couplings = motor.stator.coupling
     forces = couplings[mode]
     currents = np.linalg.pinv(couplings.T)[mode]
     if not np.abs(forces).max() > 0.0:
         raise ParameterError(f"Mode {mode + 1} of {motor.name} is not driven by any group; track another one.")
     forces, currents = forces / np.abs(forces).max(), currents / np.abs(currents).max()
     return {
-        "force_a": float(forces[0]), "force_b": float(forces[1]),
-        "current_a": float(currents[0]), "current_b": float(currents[1]),
-    }  # fmt: skip
+        groups.named(kind, group): weight
+        for kind, weights_of in (("force", forces), ("current", currents))
+        for group, weight in zip(GROUPS, weights_of.tolist(), strict=True)
+    }
 
 
 def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
@@ -225,8 +228,8 @@ def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
         drawn = matrix[at, at] + (matrix[1 - at, at] * cross / weight if weight else 0.0)
         impedance = 1.0 / complex(drawn)
         capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
-        copies[f"capacitance_{group}"] = capacitance * (1.0 + tracker.capacitance_error)
-        copies[f"resistance_{group}"] = impedance.real
+        copies[groups.named("capacitance", group)] = capacitance * (1.0 + tracker.capacitance_error)
+        copies[groups.named("resistance", group)] = impedance.real
     return copies | weighted
 
 
@@ -302,8 +305,8 @@ class TrackedSource(Source):
             circuit, "oscillator", "tracker_oscillator", ("tuning", "sine", "cosine", "tuned"),
             **tracker.tuned_hz, rail=RAIL,
         )  # fmt: skip
-        lines = tuple(f"sensed_{group}" if driver else f"line_{group}" for group in GROUPS)
-        controls = tuple(f"control_{group}" for group in GROUPS) if driver else lines
+        lines = tuple(groups.named("sensed", group) if driver else groups.named("line", group) for group in GROUPS)
+        controls = tuple(groups.named("control", group) for group in GROUPS) if driver else lines
         amplitudes = [control_amplitude(driver, group) for group in GROUPS] if driver else [
             tracker.voltage, tracker.voltage * tracker.ratio_b
         ]  # fmt: skip
@@ -334,7 +337,7 @@ class TrackedSource(Source):
 
     def current(self, group: str) -> tuple[str, float]:
         """Return the vector of the current into a pin, and its sign."""
-        return f"i(v.xsense.vline_{group})", 1.0
+        return groups.current(".xsense.vline", group), 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return tracker, mode and driver, JSON-ready."""
@@ -434,7 +437,7 @@ def _add_tracker(
     if tracker.kind == "observe-power":
         expression = f"{2.0 / (force * velocity):.10g}*V(power)"
     else:
-        sensed = weight["current_a"] * own.coupling_a_n_per_v + weight["current_b"] * own.coupling_b_n_per_v
+        sensed = sum(map(mul, own.couplings, (weight[groups.named("current", group)] for group in GROUPS)))
         expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
     circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
     instantiate(

@@ -117,7 +117,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
     modes = [
         {
             "name": mode.name, "stiffness": Discretisation(step).mode(mode)[1], "frequency": mode.frequency_hz,
-            "damping": mode.damping_n_s_per_m, "coupling": (mode.coupling_a_n_per_v, mode.coupling_b_n_per_v),
+            "damping": mode.damping_n_s_per_m, "coupling": mode.couplings,
         }
         for mode in motor.modes
     ]  # fmt: skip
@@ -173,8 +173,8 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
     """Return defaults, limits and (least, greatest, increment) of the sliders of all settings, in SI units."""
     drive = default_drive(motor)
     two = isinstance(drive, TwoToneDrive)
-    voltage, frequency = drive.tones_a[0].amplitude, drive.tones_a[0].frequency
-    second = drive.tones_a[-1].amplitude, drive.tones_a[-1].frequency if two else 2.0 * frequency
+    voltage, frequency = drive.tones[0][0].amplitude, drive.tones[0][0].frequency
+    second = drive.tones[0][-1].amplitude, drive.tones[0][-1].frequency if two else 2.0 * frequency
     preload, friction = motor.contact.preload_n, motor.contact.friction
     torque = friction * preload * motor.rotor.radius_m
     turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s

@@ -25,6 +25,7 @@ from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
 from pyspice_runner.circuit.state import Discretisation, motor_states
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
@@ -115,7 +116,7 @@ def _options(options: Mapping[str, str]) -> str:
 def _settings(motor: Motor) -> Values:
     """Return the parameters of every deck; a drive of two tones has its first tone here."""
     drive = default_drive(motor)
-    tone = drive.tones_a[0]
+    tone = drive.tones[0][0]
     values: Values = {
         "voltage": (_number(tone.amplitude), "V, amplitude of both groups"),
         "frequency": (_number(tone.frequency), "Hz"),
@@ -284,8 +285,8 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     body = [f".param radians={{phase*{_RADIANS!r}}}", f".param radians_2={{phase_2*{_RADIANS!r}}}"]
     for group, pin, sign, phase in (("a", pins[0], "", "0"), ("b", pins[1], "-", "{phase}")):
         body += [
-            f"V{group} {pin} tone_{group} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})",
-            f"V{group}2 tone_{group} 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase_2}})",
+            f"V{group} {pin} {groups.named('tone', group)} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})",
+            f"V{group}2 {groups.named('tone', group)} 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase_2}})",
         ]
     if driver:
         body += [DRIVER, "Rwire_a source_a a 1m", "Rwire_b source_b b 1m", END]

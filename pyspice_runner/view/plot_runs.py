@@ -17,6 +17,7 @@ from pyspice_runner.control.loop import ControlLoop
 from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
@@ -90,7 +91,7 @@ def _currents(run: Waveforms, ax: Axes) -> None:
     last, time = last_periods(run.time_s, run.drive_period_s)
     lines = [
         (
-            getattr(run, f"current_{group}_a")[last],
+            getattr(run, groups.column("current", group, "a"))[last],
             {"color": colour, "linestyle": dash, "label": f"group {group.upper()}"},
         )
         for (group, colour), dash in zip(GROUPS.items(), DASHES, strict=False)
@@ -252,7 +253,7 @@ def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -
     waves = report.waveforms
     last, time = last_periods(waves["time_s"], 1.0 / report.driver["frequency"])
     lines = [
-        (waves[f"{place}_{group}_{unit}"][last],
+        (waves[groups.column(place, group, unit)][last],
          {"linestyle": dash, "color": colour, "label": f"{name} {group.upper()}"})
         for group, colour in GROUPS.items()
         for place, dash, name in (("group", "-", "pin"), ("output", ":", "stage"))

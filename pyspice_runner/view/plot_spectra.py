@@ -15,6 +15,7 @@ from pyspice_runner.impedance.compare import Comparison, Trend
 from pyspice_runner.impedance.fit import SpectrumFit
 from pyspice_runner.impedance.spectrum import COUPLING, Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
+from pyspice_runner.motor import groups
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.small_signals import INPUTS, OUTPUTS, SmallSignals
 from pyspice_runner.units import linear_words
@@ -135,8 +136,9 @@ def two_port_fit(fit: TwoPortFit) -> Sheet:
     def draw_couplings(ax: Axes) -> None:
         places = np.arange(len(fit.modes))
         for (group, colour), shift in zip(GROUPS.items(), (-0.2, 0.2), strict=True):
-            values = [getattr(mode, f"coupling_{group}_n_per_v_kg05") for mode in fit.modes]
-            errors = [mode.standard_errors[f"coupling_{group}_n_per_v_kg05"] for mode in fit.modes]
+            name = groups.column("coupling", group, "n_per_v_kg05")
+            values = [getattr(mode, name) for mode in fit.modes]
+            errors = [mode.standard_errors[name] for mode in fit.modes]
             ax.bar(places + shift, values, 0.4, yerr=errors, capsize=3, color=colour, label=f"group {group.upper()}")
         ax.set_xticks(places, [f"{1e-3 * mode.series_resonance_hz:.4g} kHz" for mode in fit.modes])
         ax.axhline(0.0, **AXIS)
