@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
- * FMI 2.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work, and
- * piezomotor_fmi.h has the functions that are those of FMI 3.0, too.
+ * FMI 2.0 for co-simulation and model exchange around the averaged motor; piezomotor_fmi.h has what
+ * both versions share.
  *
  * SOURCE Functional Mock-up Interface for Model Exchange and Co-Simulation, version 2.0.2, Modelica Association
  */
@@ -55,7 +55,6 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
     const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
-    (void)resources, (void)visible, (void)logging;
     if (!callbacks || !callbacks->logger)
         return NULL;
     struct instance *c = calloc(1, sizeof *c);
@@ -70,41 +69,29 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
 EXPORT fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
     fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop)
 {
-    (void)tolerance_defined, (void)tolerance; /* the internal step follows from the motor */
-    return component ? told(unit_times(component, "fmi2SetupExperiment", start, stop_defined, stop)) : fmi2Error;
+    /* without the tolerance: the internal step follows from the motor */
+    return component ? unit_times(component, "fmi2SetupExperiment", start, stop_defined, stop) : fmi2Error;
 }
 
 EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component component)
 {
-    return told(unit_enter(component, "fmi2EnterInitializationMode", INSTANTIATED, INITIALIZING));
+    return unit_enter(component, "fmi2EnterInitializationMode", INSTANTIATED, INITIALIZING);
 }
 
 /* --- variables --- */
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference reference[], size_t count, fmi2Real value[])
 {
-    return told(unit_get(component, "fmi2GetReal", reference, count, value));
+    return unit_get(component, "fmi2GetReal", reference, count, value);
 }
 
 EXPORT fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference reference[], size_t count,
     const fmi2Real value[])
 {
-    return told(unit_set(component, "fmi2SetReal", reference, count, value));
+    return unit_set(component, "fmi2SetReal", reference, count, value);
 }
 
-#define NO_OTHERS(Type) \
-    EXPORT fmi2Status fmi2Get##Type(fmi2Component component, const fmi2ValueReference reference[], size_t count, \
-        fmi2##Type value[]) \
-    { \
-        (void)reference, (void)value; \
-        return count ? unsupported(component, "fmi2Get" #Type, "all variables are of type Real") : fmi2OK; \
-    } \
-    EXPORT fmi2Status fmi2Set##Type(fmi2Component component, const fmi2ValueReference reference[], size_t count, \
-        const fmi2##Type value[]) \
-    { \
-        (void)reference, (void)value; \
-        return count ? unsupported(component, "fmi2Set" #Type, "all variables are of type Real") : fmi2OK; \
-    }
+#define NO_OTHERS(name) NO_OTHERS_OF(name, fmi2##name, "all variables are of type Real", )
 NO_OTHERS(Integer)
 NO_OTHERS(Boolean)
 NO_OTHERS(String)
@@ -115,19 +102,13 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component component, fmi2Real time, fmi2Real st
 {
     struct instance *c = component;
 
-    (void)no_return;
-    if (unit_step_allowed(c, "fmi2DoStep", time, step) != UNIT_OK)
+    if (unit_step_allowed(c, "fmi2DoStep", time, step) != fmi2OK)
         return fmi2Error;
     if (motor_advance(&c->kept.motor, step) != 0)
-        return told(unit_unsolved(c, "fmi2DoStep"));
+        return unit_unsolved(c, "fmi2DoStep");
     c->kept.time = time + step;
     c->kept.measured = 1;
     return fmi2OK;
-}
-
-EXPORT fmi2Status fmi2CancelStep(fmi2Component component)
-{
-    return unsupported(component, "fmi2CancelStep", "fmi2DoStep returns when the step is done");
 }
 
 EXPORT fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value)
@@ -143,7 +124,6 @@ EXPORT fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKin
 #define NO_STATUS(Name, Type) \
     EXPORT fmi2Status fmi2Get##Name##Status(fmi2Component component, const fmi2StatusKind kind, Type *value) \
     { \
-        (void)component, (void)kind, (void)value; \
         return fmi2Discard; \
     }
 NO_STATUS(, fmi2Status)
@@ -151,32 +131,20 @@ NO_STATUS(Integer, fmi2Integer)
 NO_STATUS(Boolean, fmi2Boolean)
 NO_STATUS(String, fmi2String)
 
-EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference reference[], size_t count,
-    const fmi2Integer order[], const fmi2Real value[])
-{
-    (void)reference, (void)count, (void)order, (void)value;
-    return unsupported(component, "fmi2SetRealInputDerivatives", "inputs are constant between two steps");
-}
-
-EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference reference[], size_t count,
-    const fmi2Integer order[], fmi2Real value[])
-{
-    (void)reference, (void)count, (void)order, (void)value;
-    return unsupported(component, "fmi2GetRealOutputDerivatives", "there are no derivatives of outputs");
-}
-
-EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[],
-    size_t unknown_count, const fmi2ValueReference known[], size_t known_count, const fmi2Real by[], fmi2Real value[])
-{
-    (void)unknown, (void)unknown_count, (void)known, (void)known_count, (void)by, (void)value;
-    return unsupported(component, "fmi2GetDirectionalDerivative", "there are no directional derivatives");
-}
+#define REFERENCES fmi2Component instance, const fmi2ValueReference reference[], size_t count
+ABSENT(CancelStep, "fmi2DoStep returns when the step is done", (fmi2Component instance))
+ABSENT(SetRealInputDerivatives, "inputs are constant between two steps",
+    (REFERENCES, const fmi2Integer order[], const fmi2Real value[]))
+ABSENT(GetRealOutputDerivatives, "there are no derivatives of outputs",
+    (REFERENCES, const fmi2Integer order[], fmi2Real value[]))
+ABSENT(GetDirectionalDerivative, "there are no directional derivatives",
+    (REFERENCES, const fmi2ValueReference known[], size_t known_count, const fmi2Real by[], fmi2Real value[]))
 
 /* --- model exchange --- */
 
 EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
 {
-    if (unit_exchange(component, "fmi2NewDiscreteStates", 1) != UNIT_OK || !info)
+    if (unit_exchange(component, "fmi2NewDiscreteStates", 1) != fmi2OK || !info)
         return fmi2Error;
     memset(info, 0, sizeof *info); /* there are no events */
     return fmi2OK;

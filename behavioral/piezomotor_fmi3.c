@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later
  *
- * FMI 3.0 for co-simulation and model exchange around the averaged motor; piezomotor_unit.h does the work, and
- * piezomotor_fmi.h has the functions that are those of FMI 2.0, too.
+ * FMI 3.0 for co-simulation and model exchange around the averaged motor; piezomotor_fmi.h has what
+ * both versions share.
  *
  * In co-simulation the importing program is called after each internal step, may read all variables there, and may end the
  * step early.
@@ -67,7 +67,6 @@ static fmi3Instance created(const char *call, const char *name, const char *toke
 EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
     fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
 {
-    (void)resources, (void)visible, (void)logging;
     return created("fmi3InstantiateModelExchange", name, token, environment, log, 1, NULL);
 }
 
@@ -75,7 +74,6 @@ EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String toke
     fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return, const fmi3ValueReference required[], size_t count,
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback between)
 {
-    (void)resources, (void)visible, (void)logging, (void)event_mode, (void)required, (void)count;
     struct instance *c = created("fmi3InstantiateCoSimulation", name, token, environment, log, 0, between);
     if (c)
         c->early = early_return;
@@ -86,8 +84,6 @@ EXPORT fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3Strin
     fmi3Boolean visible, fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
     fmi3Any clock_update, fmi3Any lock, fmi3Any unlock)
 {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)environment, (void)clock_update;
-    (void)lock, (void)unlock;
     if (log)
         log(environment, fmi3Error, "logStatusError", "fmi3InstantiateScheduledExecution is not valid: there are no clocks.");
     return NULL;
@@ -98,10 +94,10 @@ EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean
 {
     const char *call = "fmi3EnterInitializationMode";
 
-    (void)tolerance_defined, (void)tolerance; /* the internal step follows from the motor */
-    if (!instance || unit_times(instance, call, start, stop_defined, stop) != UNIT_OK)
+    /* without the tolerance: the internal step follows from the motor */
+    if (!instance || unit_times(instance, call, start, stop_defined, stop) != fmi3OK)
         return fmi3Error;
-    return told(unit_enter(instance, call, INSTANTIATED, INITIALIZING));
+    return unit_enter(instance, call, INSTANTIATED, INITIALIZING);
 }
 
 /* --- variables --- */
@@ -111,7 +107,7 @@ EXPORT fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference
 {
     if (instance && values != count)
         return unsupported(instance, "fmi3GetFloat64", "there must be one value for each reference");
-    return told(unit_get(instance, "fmi3GetFloat64", reference, count, value));
+    return unit_get(instance, "fmi3GetFloat64", reference, count, value);
 }
 
 EXPORT fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference reference[], size_t count,
@@ -119,23 +115,11 @@ EXPORT fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference
 {
     if (instance && values != count)
         return unsupported(instance, "fmi3SetFloat64", "there must be one value for each reference");
-    return told(unit_set(instance, "fmi3SetFloat64", reference, count, value));
+    return unit_set(instance, "fmi3SetFloat64", reference, count, value);
 }
 
 #define ALL_OF_FLOAT64 "all variables are of type Float64"
-#define NO_OTHERS(Name, Type) \
-    EXPORT fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference reference[], size_t count, Type value[], \
-        size_t values) \
-    { \
-        (void)reference, (void)value, (void)values; \
-        return count ? unsupported(instance, "fmi3Get" #Name, ALL_OF_FLOAT64) : fmi3OK; \
-    } \
-    EXPORT fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference reference[], size_t count, \
-        const Type value[], size_t values) \
-    { \
-        (void)reference, (void)value, (void)values; \
-        return count ? unsupported(instance, "fmi3Set" #Name, ALL_OF_FLOAT64) : fmi3OK; \
-    }
+#define NO_OTHERS(name, type) NO_OTHERS_OF(name, type, ALL_OF_FLOAT64, , size_t values)
 NO_OTHERS(Float32, fmi3Float32)
 NO_OTHERS(Int8, int8_t)
 NO_OTHERS(UInt8, uint8_t)
@@ -149,46 +133,36 @@ NO_OTHERS(Boolean, fmi3Boolean)
 NO_OTHERS(String, fmi3String)
 
 /* functions for what there is not: clocks, binary values, configuration, derivatives of variables by others */
-#define ABSENT(Name, reason, ...) \
-    EXPORT fmi3Status fmi3##Name(fmi3Instance instance, __VA_ARGS__) { return unsupported(instance, "fmi3" #Name, reason); }
-#define REFERENCES const fmi3ValueReference a[], size_t b
+#define REFERENCES fmi3Instance instance, const fmi3ValueReference a[], size_t b
 #define NO_CLOCKS "there are no clocks"
-#if defined __GNUC__
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
-ABSENT(GetBinary, ALL_OF_FLOAT64, REFERENCES, size_t c[], fmi3Binary d[], size_t e)
-ABSENT(SetBinary, ALL_OF_FLOAT64, REFERENCES, const size_t c[], const fmi3Binary d[], size_t e)
-ABSENT(GetClock, NO_CLOCKS, REFERENCES, fmi3Clock c[])
-ABSENT(SetClock, NO_CLOCKS, REFERENCES, const fmi3Clock c[])
-ABSENT(GetIntervalDecimal, NO_CLOCKS, REFERENCES, fmi3Float64 c[], fmi3IntervalQualifier d[])
-ABSENT(GetIntervalFraction, NO_CLOCKS, REFERENCES, uint64_t c[], uint64_t d[], fmi3IntervalQualifier e[])
-ABSENT(GetShiftDecimal, NO_CLOCKS, REFERENCES, fmi3Float64 c[])
-ABSENT(GetShiftFraction, NO_CLOCKS, REFERENCES, uint64_t c[], uint64_t d[])
-ABSENT(SetIntervalDecimal, NO_CLOCKS, REFERENCES, const fmi3Float64 c[])
-ABSENT(SetIntervalFraction, NO_CLOCKS, REFERENCES, const uint64_t c[], const uint64_t d[])
-ABSENT(SetShiftDecimal, NO_CLOCKS, REFERENCES, const fmi3Float64 c[])
-ABSENT(SetShiftFraction, NO_CLOCKS, REFERENCES, const uint64_t c[], const uint64_t d[])
-ABSENT(ActivateModelPartition, NO_CLOCKS, fmi3ValueReference a, fmi3Float64 b)
-ABSENT(GetNumberOfVariableDependencies, "no dependencies are known", fmi3ValueReference a, size_t *b)
-ABSENT(GetVariableDependencies, "no dependencies are known", fmi3ValueReference a, size_t b[], fmi3ValueReference c[],
-    size_t d[], fmi3DependencyKind e[], size_t f)
-ABSENT(GetDirectionalDerivative, "there are no directional derivatives", REFERENCES, const fmi3ValueReference c[], size_t d,
-    const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h)
-ABSENT(GetAdjointDerivative, "there are no adjoint derivatives", REFERENCES, const fmi3ValueReference c[], size_t d,
-    const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h)
-ABSENT(GetOutputDerivatives, "there are no derivatives of outputs", REFERENCES, const int32_t c[], fmi3Float64 d[], size_t e)
-EXPORT fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
-{
-    return unsupported(instance, "fmi3EnterConfigurationMode", "there are no structural parameters");
-}
-EXPORT fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
-{
-    return unsupported(instance, "fmi3ExitConfigurationMode", "there are no structural parameters");
-}
-EXPORT fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
-{
-    return unsupported(instance, "fmi3EvaluateDiscreteStates", "there are no discrete states");
-}
+ABSENT(GetBinary, ALL_OF_FLOAT64, (REFERENCES, size_t c[], fmi3Binary d[], size_t e))
+ABSENT(SetBinary, ALL_OF_FLOAT64, (REFERENCES, const size_t c[], const fmi3Binary d[], size_t e))
+ABSENT(GetClock, NO_CLOCKS, (REFERENCES, fmi3Clock c[]))
+ABSENT(SetClock, NO_CLOCKS, (REFERENCES, const fmi3Clock c[]))
+ABSENT(GetIntervalDecimal, NO_CLOCKS, (REFERENCES, fmi3Float64 c[], fmi3IntervalQualifier d[]))
+ABSENT(GetIntervalFraction, NO_CLOCKS, (REFERENCES, uint64_t c[], uint64_t d[], fmi3IntervalQualifier e[]))
+ABSENT(GetShiftDecimal, NO_CLOCKS, (REFERENCES, fmi3Float64 c[]))
+ABSENT(GetShiftFraction, NO_CLOCKS, (REFERENCES, uint64_t c[], uint64_t d[]))
+ABSENT(SetIntervalDecimal, NO_CLOCKS, (REFERENCES, const fmi3Float64 c[]))
+ABSENT(SetIntervalFraction, NO_CLOCKS, (REFERENCES, const uint64_t c[], const uint64_t d[]))
+ABSENT(SetShiftDecimal, NO_CLOCKS, (REFERENCES, const fmi3Float64 c[]))
+ABSENT(SetShiftFraction, NO_CLOCKS, (REFERENCES, const uint64_t c[], const uint64_t d[]))
+ABSENT(ActivateModelPartition, NO_CLOCKS, (fmi3Instance instance, fmi3ValueReference a, fmi3Float64 b))
+ABSENT(GetNumberOfVariableDependencies, "no dependencies are known",
+    (fmi3Instance instance, fmi3ValueReference a, size_t *b))
+ABSENT(GetVariableDependencies, "no dependencies are known",
+    (fmi3Instance instance, fmi3ValueReference a, size_t b[], fmi3ValueReference c[], size_t d[], fmi3DependencyKind e[],
+    size_t f))
+ABSENT(GetDirectionalDerivative, "there are no directional derivatives",
+    (REFERENCES, const fmi3ValueReference c[], size_t d, const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h))
+ABSENT(GetAdjointDerivative, "there are no adjoint derivatives",
+    (REFERENCES, const fmi3ValueReference c[], size_t d, const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h))
+ABSENT(GetOutputDerivatives, "there are no derivatives of outputs",
+    (REFERENCES, const int32_t c[], fmi3Float64 d[], size_t e))
+ABSENT(EnterConfigurationMode, "there are no structural parameters", (fmi3Instance instance))
+ABSENT(ExitConfigurationMode, "there are no structural parameters", (fmi3Instance instance))
+ABSENT(EvaluateDiscreteStates, "there are no discrete states", (fmi3Instance instance))
+ABSENT(EnterStepMode, "there is no event mode in co-simulation", (fmi3Instance instance))
 
 /* --- co-simulation --- */
 
@@ -199,8 +173,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float6
     fmi3IntermediateUpdateCallback between;
     double left = step;
 
-    (void)no_return;
-    if (unit_step_allowed(c, "fmi3DoStep", time, step) != UNIT_OK)
+    if (unit_step_allowed(c, "fmi3DoStep", time, step) != fmi3OK)
         return fmi3Error;
     if (!event || !terminate || !early || !reached)
         return unsupported(c, "fmi3DoStep", "a place for its results is missing");
@@ -211,7 +184,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float6
         double taken = motor_step(&c->kept.motor, left), wanted = 0.0;
         fmi3Boolean ends = false;
         if (taken < 0.0)
-            return told(unit_unsolved(c, "fmi3DoStep"));
+            return unit_unsolved(c, "fmi3DoStep");
         left -= taken;
         c->kept.time = left > 1e-12 * step ? time + step - left : time + step;
         if (!between)
@@ -227,17 +200,12 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float6
     return fmi3OK;
 }
 
-EXPORT fmi3Status fmi3EnterStepMode(fmi3Instance instance)
-{
-    return unsupported(instance, "fmi3EnterStepMode", "there is no event mode in co-simulation");
-}
-
 /* --- model exchange --- */
 
 EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *needed, fmi3Boolean *terminate,
     fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *next_defined, fmi3Float64 *next)
 {
-    if (unit_exchange(instance, "fmi3UpdateDiscreteStates", 1) != UNIT_OK)
+    if (unit_exchange(instance, "fmi3UpdateDiscreteStates", 1) != fmi3OK)
         return fmi3Error;
     if (!needed || !terminate || !nominals || !values || !next_defined || !next)
         return unsupported(instance, "fmi3UpdateDiscreteStates", "a place for its results is missing");

@@ -24,7 +24,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.compiler import compile_for_windows, compile_library
 from pyspice_runner.spice.library import check_name, data_path
 
-SHARED = ("piezomotor_unit.h", "piezomotor_fmi.h")  # by both versions
+SHARED = "piezomotor_fmi.h"  # by both versions
 PLATFORMS = {2: ("linux64", "win64"), 3: ("x86_64-linux", "x86_64-windows")}  # folders of the binaries
 
 
@@ -45,7 +45,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
     known = variables(motor, thermal)
     behavioral = data_path("behavioral")
     compiled = c_files(version)
-    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, HEADER, *SHARED)}
+    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, HEADER, SHARED)}
     sources[PHASE] = phase_source()
     start = start_header(motor, known)
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))
