@@ -32,7 +32,7 @@ from scipy.optimize import nnls
 from skrf.vectorFitting import VectorFitting
 
 import pyspice_runner as pr
-from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.impedance.one_port_fit import SpectrumFit
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 
 try:

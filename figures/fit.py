@@ -12,7 +12,7 @@ from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, main, write
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.motor import dielectric_admittance
-from pyspice_runner.impedance.fit import FittedArm, SpectrumFit
+from pyspice_runner.impedance.one_port_fit import FittedArm, SpectrumFit
 
 NOISE, SEED = 0.01, 2002
 LEAD_OHM = 15.0

@@ -22,11 +22,9 @@ from .export.motor import export_motor as export_motor
 from .impedance.admittance import admittance as admittance
 from .impedance.compare import compare as compare
 from .impedance.fit import fit_spectrum as fit_spectrum
-from .impedance.joint_fit import fit_together as fit_together
 from .impedance.readers import read_spectrum as read_spectrum
 from .impedance.scope import read_recording as read_recording
 from .impedance.spectrum import Spectrum as Spectrum
-from .impedance.two_port_fit import fit_two_port as fit_two_port
 from .motor.beam import resonator_modes as resonator_modes
 from .motor.circuit_file import load_circuit as load_circuit
 from .motor.drive import TwoPhaseDrive as TwoPhaseDrive

@@ -53,7 +53,7 @@ def results() -> dict[str, Result]:
         "admittance": y,
         "spectrum": spectrum,
         "fit": pr.fit_spectrum(spectrum, modes=2),
-        "two-port": pr.fit_two_port(pr.Spectrum.from_admittance(y.frequency_hz, y.matrix_s, source="both"), modes=2),
+        "two-port": pr.fit_spectrum(pr.Spectrum.from_admittance(y.frequency_hz, y.matrix_s, source="both"), modes=2),
         "comparison": pr.compare(spectrum, spectrum, modes=2),
         "impact": impact(Throw(psi=1.2)),
         "curves": as_result(curves()),

@@ -42,9 +42,9 @@ from pyspice_runner.calibration.data_sheet import DataSheet
 from pyspice_runner.calibration.provenance import Origin
 from pyspice_runner.calibration.similar import as_stage
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.impedance.fit import fit_spectrum
+from pyspice_runner.impedance.one_port_fit import fit_one_port
 from pyspice_runner.impedance.spectrum import Connection, Spectrum
-from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_two_port
+from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_groups
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor, Provenance
@@ -152,7 +152,7 @@ def motor_from(
     loads in N. The rotor of another ``base`` becomes a slider that moves as its rim.
 
     Args:
-        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_two_port`; ``None`` for a
+        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`.fit_spectrum`; ``None`` for a
             motor of the class of ``base``, which takes a stall load and a no-load speed.
         preloaded: spectrum of the stator pressed on its rotor, of a two-port that through ``connection``.
         no_load_speed: rad/s, or m/s, at ``voltage`` and ``frequency``.
@@ -294,7 +294,7 @@ def _of_spectra(
     drive = _drive(sheet, at, 90.0)
     if mass_kg is None and sheet.no_load_speed is None:
         raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
-    fit = fit_two_port(spectra, modes)
+    fit = fit_groups(spectra, modes)
     shift = None
     if preloaded is not None:
         shift = _Shift(preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
@@ -409,7 +409,7 @@ class _Shift:
     """Resonances of a stator under preload."""
 
     def __init__(self, preloaded: Spectrum) -> None:
-        found = fit_spectrum(preloaded, leads=False).resonances
+        found = fit_one_port(preloaded, leads=False).resonances
         if not found:
             raise ParameterError(f"{preloaded.source or 'The preloaded spectrum'} shows no resonance in its band.")
         names = [f"preloaded_resonance_{number}_hz" for number in range(1, len(found) + 1)]

@@ -13,6 +13,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.measured import FitOptions, GroupOptions, InputOptions, OnePortOptions, SeriesOptions
 from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.impedance.two_port_fit import fit_groups
 
 _ARMS_TRIED = "{} of at most {} arms"
 _OF_ONE_PORT = tuple(field.name for field in fields(OnePortOptions))
@@ -45,7 +46,7 @@ def fit(
         common.refuse_idle(context, "where both groups are fitted", *_OF_ONE_PORT, *_OF_SERIES)
         if targets.plot is not None:
             raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
-        _fit_two_port(context, file, source, groups, fitting, targets)
+        _fit_groups(context, file, source, groups, fitting, targets)
         return
     if any(option is not None for option in (groups.mass, groups.velocity, groups.tips)):
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
@@ -54,7 +55,7 @@ def fit(
         if targets.plot is not None:
             raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
         common.refuse_idle(context, "on spectra that are fitted together", *_OF_ONE_PORT, "noise", "timeout")
-        _fit_together(context, file, source, series, fitting.modes, targets)
+        _fit_jointly(context, file, source, series, fitting.modes, targets)
         return
     _fit_one_port(context, file, source, one_port, fitting, targets)
 
@@ -85,16 +86,16 @@ def _fit_one_port(
     measured.note(result.cautions, targets)
 
 
-def _fit_together(
+def _fit_jointly(
     context: typer.Context, file: Path, source: InputOptions, series: SeriesOptions, modes: int | None, targets: Targets
 ) -> None:
     """Fit several spectra together and deliver the circuit."""
     files = [file, *(series.series or ())]
     targets.check(".json", inputs=files)
     with common.busy("fitting"):
-        result = pr.fit_together(
+        result = pr.fit_spectrum(
             [source.one_port(context, path) for path in files],
-            modes=modes,
+            modes,
             voltages=common.grid_or_none("--voltages", series.voltages),
             temperatures=common.grid_or_none("--temperatures", series.temperatures),
         )
@@ -102,7 +103,7 @@ def _fit_together(
     measured.note(result.cautions, targets)
 
 
-def _fit_two_port(
+def _fit_groups(
     context: typer.Context, file: Path, source: InputOptions, options: GroupOptions, fit: FitOptions, targets: Targets
 ) -> None:
     """Fit both groups together and deliver the couplings, or with a calibration the motor."""
@@ -120,7 +121,7 @@ def _fit_two_port(
         )
     given: Any = spectra["A"] if options.two_port else spectra
     with common.busy("fitting", _ARMS_TRIED) as progress:
-        result = pr.fit_two_port(given, **fit.settings, progress=progress)
+        result = fit_groups(given, **fit.settings, progress=progress)
     motor = result.to_motor(**calibration) if calibration else None
     title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"
     table = common.summary_table(result.summary(), title)

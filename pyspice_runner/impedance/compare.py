@@ -21,8 +21,8 @@ from scipy.optimize import linear_sum_assignment
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import write_rows
 from pyspice_runner.impedance.admittance import admittance
-from pyspice_runner.impedance.fit import FittedArm, SpectrumFit, fit_spectrum
 from pyspice_runner.impedance.identify.descent import rms
+from pyspice_runner.impedance.one_port_fit import FittedArm, SpectrumFit, fit_one_port
 from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -292,8 +292,8 @@ def compare(
         modes: number of modes to fit; by default selected for each spectrum.
         connection: connection of the groups, of a motor and of two-ports.
         state: ``"free"`` or ``"preloaded"``, of a motor.
-        leads: as of :func:`fit_spectrum`; not for a motor.
-        noise: as of :func:`fit_spectrum`; not for a motor.
+        leads: as of :func:`.fit_spectrum`; not for a motor.
+        noise: as of :func:`.fit_spectrum`; not for a motor.
         timeout: time limit of the fit of a spectrum in s.
         at: condition of each spectrum, such as a temperature or an age.
         label: name and unit of ``at``.
@@ -329,7 +329,7 @@ def compare(
             progress(number, len(ports) + 1)
         computed = number == 1 and isinstance(reference, Motor)
         known = {"leads": False} if computed else {"leads": leads, "noise": noise}
-        fits.append(fit_spectrum(spectrum, modes, timeout=timeout, **known))
+        fits.append(fit_one_port(spectrum, modes, timeout=timeout, **known))
     found = tuple(_compare(fit, fits[0]) for fit in fits[1:])
     places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
     return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))

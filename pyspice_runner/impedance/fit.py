@@ -1,433 +1,109 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The equivalent circuit (:mod:`pyspice_runner.motor.equivalent`) of a measured spectrum.
-
-:mod:`pyspice_runner.impedance.identify` describes the method.
-"""
+"""The fit of measured spectra: of one port, of one device at several levels or temperatures, or of both groups."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from math import inf
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, overload
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from pyspice_runner.errors import ParameterError, SpectrumError
-from pyspice_runner.export.circuit import CircuitExport
-from pyspice_runner.impedance.half_power import HalfPower, half_power
-from pyspice_runner.impedance.identify import errors
-from pyspice_runner.impedance.identify.arms import GLOBALS
-from pyspice_runner.impedance.identify.descent import Vector, rms
-from pyspice_runner.impedance.identify.duffing import leaning
-from pyspice_runner.impedance.identify.problem import Problem
-from pyspice_runner.impedance.identify.selection import Candidate, fit_arms, missing, select
-from pyspice_runner.impedance.noise import noise_of, same_shape
-from pyspice_runner.impedance.spectrum import Spectrum, band_of
-from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit
-from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.impedance.joint_fit import JointFit, fit_jointly
+from pyspice_runner.impedance.one_port_fit import SpectrumFit, fit_one_port
+from pyspice_runner.impedance.spectrum import Connection, Spectrum
+from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_groups
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.result import Result
-from pyspice_runner.units import engineering, unit_in
 
-MOST_MODES = 20  # that may be stated
-_ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
-_UNDECIDED = (
-    "The data do not tell some descriptions of loss and leads apart. The errors contain the spread of the values by "
-    "these. State the leads, or measure a wider band."
-)
-LEANS = "leans with the amplitude within the sweep"
-FOLLOWS_NOT = "The circuit does not follow the spectrum"
-_MOSTLY = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
-_LEAST_ADMITTANCE = 1e-30  # S; no device lies below it or above its inverse, and squares leave the range of numbers
-_FREQUENCIES = 1e-9, 1e12  # Hz; outside there are no measurements, and products leave the range of numbers
-_LAST_STEPS = 20  # of the descent with all points, which starts near its end
-_LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupled ceramic has about 2
+Progress = Callable[[int, int], object]
 
 
-@dataclass(frozen=True)
-class FittedArm:
-    """One motional arm of a fit."""
-
-    resistance_ohm: float  # R
-    inductance_h: float  # L
-    capacitance_f: float  # C
-    series_resonance_hz: float  # 1/(2π√(LC))
-    quality_factor: float  # Qm = √(L/C)/R
-    # of the five values above, same names and units; ``None`` for a value at the limit of its range.
-    standard_errors: dict[str, float | None]
-    in_band: bool  # whether the series resonance lies in the measured band
-    characteristics: Characteristics  # fs, fp, fm, fn, fr, fa, k_eff and M of the fitted device behind its leads
-    half_power: HalfPower | None  # of the measured points less the leads; ``None`` where they do not show the peak
-
-
-_LABELS = {
-    "series_resonance_hz": "f", "quality_factor": "Q", "resistance_ohm": "R", "inductance_h": "L", "capacitance_f": "C",
-}  # fmt: skip
-_STANDARD_LABELS = {"resistance_ohm": "R1", "inductance_h": "L1", "capacitance_f": "C1", "quality_factor": "Q"}
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SpectrumFit(Result):
-    """An equivalent circuit fitted to a spectrum.
-
-    Attributes:
-        source: name of the spectrum.
-        format: format of its file.
-        frequency_hz: measured frequencies, Hz.
-        measured_s: measured admittance, S.
-        circuit: the equivalent circuit.
-        arms: its arms by rising frequency, with standard errors and characteristic frequencies.
-        standard_errors: of ``clamped_capacitance_f``, ``loss_tangent``, ``lead_resistance_ohm``,
-            ``lead_inductance_h``; ``None`` for a value at the limit of its range.
-        correlation: matrix of the estimates' correlations, in the order of ``correlation_names``.
-        correlation_names: dotted paths such as ``arms.0.resistance_ohm``.
-        noise: the error model, kind → σ: ``proportional``, ``s11``, ``z`` (:mod:`.noise`).
-        candidates: numbers of arms that were tried; the selected one has the lowest criterion of those without a note.
-        cautions: limits of the values.
-    """
-
-    source: str
-    format: str
-    frequency_hz: Vector
-    measured_s: NDArray[np.complex128]
-    circuit: EquivalentCircuit
-    arms: tuple[FittedArm, ...]
-    standard_errors: dict[str, float | None]
-    correlation: Vector
-    correlation_names: tuple[str, ...]
-    noise: dict[str, float]
-    candidates: tuple[Candidate, ...]
-    cautions: tuple[str, ...] = ()
-
-    def admittance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
-        """Return the fitted admittance in S."""
-        return self.circuit.admittance(frequency_hz)
-
-    @property
-    def residuals(self) -> NDArray[np.complex128]:
-        """Relative residual, fitted over measured admittance less one."""
-        return self.admittance(self.frequency_hz) / self.measured_s - 1.0
-
-    @property
-    def rms_relative_error(self) -> float:
-        """Root mean square of the relative residual's magnitude."""
-        return rms(self.residuals)
-
-    @property
-    def main_arm(self) -> FittedArm:
-        """The arm in the band with the strongest coupling."""
-        inside = [arm for arm in self.arms if arm.in_band] or list(self.arms)
-        return max(inside, key=lambda arm: arm.capacitance_f)
-
-    @property
-    def resonances(self) -> tuple[FittedArm, ...]:
-        """The arms that resonate in the band, by rising frequency; the others represent modes outside and losses."""
-        return tuple(arm for arm in self.arms if arm.in_band and arm.quality_factor >= errors.RESONANT_QUALITY)
-
-    @property
-    def leads(self) -> dict[str, float] | None:
-        """Resistance and inductance of the leads; ``None`` without leads."""
-        names = ("resistance_ohm", "inductance_h")
-        found = {name: getattr(self.circuit, f"lead_{name}") for name in names}
-        return found if any(found.values()) else None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit JSON-ready, SI throughout."""
-        main = self.main_arm.characteristics
-        arms = []
-        for arm, definitions in zip(self.arms, self.circuit.definitions(), strict=True):
-            entry = asdict(arm)
-            arms.append(entry | entry.pop("characteristics") | {"definitions": definitions})
-        circuit = asdict(self.circuit)
-        del circuit["arms"]
-        return {
-            **self._entries("source", "format"),
-            **band_of(self.frequency_hz),
-            "arms": arms,
-            **circuit,
-            "damping_matrix": self.circuit.damping_matrix,
-            **self._entries("leads", "noise", "standard_errors"),
-            "coupling_factor": main.coupling_factor,
-            "coupling_pair": main.coupling_pair,
-            **self._entries("rms_relative_error", "candidates"),
-            "correlation": {"names": list(self.correlation_names), "matrix": self.correlation.tolist()},
-            "errors_conditional": self.errors_conditional,
-            "warnings": list(self.cautions),
-        }
-
-    @property
-    def errors_conditional(self) -> bool:
-        """Whether the standard errors hold only if the circuit is the device.
-
-        They contain the choice among descriptions of loss and leads, but not what no circuit of this kind describes:
-        where residuals remain that are not noise, or an arm stands for modes outside the band.
-        """
-        follows = not any(caution.startswith(FOLLOWS_NOT) for caution in self.cautions)
-        return not follows or not all(arm.in_band for arm in self.arms)
-
-    def columns(self) -> dict[str, Vector]:
-        """Return measured and fitted conductance and susceptance over frequency."""
-        curves = {"": self.measured_s, "fitted_": self.admittance(self.frequency_hz)}
-        found = {"frequency_hz": self.frequency_hz}
-        for name, y in curves.items():
-            found |= {f"{name}conductance_s": y.real, f"{name}susceptance_s": y.imag}
-        return found
-
-    def writers(self) -> dict[str, Callable[[Path], object]]:
-        """Return the writers by ending: also ``.lib``, ``.asy``, ``.kicad_sym``, ``.s1p``, ``.toml``."""
-        title = f"fitted to {self.source or 'a spectrum'}"
-        return {**super().writers(), **CircuitExport(self.circuit, title, frequency_hz=self.frequency_hz).writers()}
-
-    def summary(self) -> dict[str, str]:
-        """Return source, errors, the circuit's values ± one standard error, and the numbers of arms tried."""
-        circuit, loss = self.circuit, self.standard_errors["loss_tangent"]
-        leads = (engineering(value, unit_in(name)) for name, value in (self.leads or {}).items())
-        found = {
-            "source": self.source or "spectrum",
-            "arms": str(len(self.arms)),
-            "RMS error": f"{100.0 * self.rms_relative_error:.3g} %",
-            "clamped capacitance": _shown(circuit, "clamped_capacitance_f", self.standard_errors),
-            "loss tangent": f"{circuit.loss_tangent:.3g} ±{'?' if loss is None else f'{loss:.2g}'} at "
-            f"{engineering(circuit.loss_reference_hz, 'Hz')}",
-            "leads": " and ".join(leads) or "none",
-            "error model": ", ".join(f"{kind} {sigma:.2g}" for kind, sigma in self.noise.items()),
-        }
-        if self.errors_conditional:
-            found["standard errors"] = "conditional: they do not contain what this circuit leaves out"
-        if circuit.shared_losses:
-            found["shared resistances"] = str(len(circuit.shared_losses))
-        for number, arm in enumerate(self.arms, start=1):
-            values = ", ".join(f"{label} {_shown(arm, name, arm.standard_errors)}" for name, label in _LABELS.items())
-            factor, merit = arm.characteristics.coupling_factor, arm.characteristics.figure_of_merit
-            found[f"arm {number}"] = f"{values}, k_eff {factor:.3f}, M {merit:.3g}"
-        for definition, main in circuit.definitions()[self.arms.index(self.main_arm)].items():
-            if main is not None:
-                found[f"main arm by {definition}"] = ", ".join(
-                    f"{label} {engineering(main[name], unit_in(name).strip('1')).rstrip()}"
-                    for name, label in _STANDARD_LABELS.items()
-                )
-        points = self.main_arm.half_power
-        if points is not None:
-            found["main arm by its measured points, half power"] = (
-                f"f {engineering(points.resonance_hz, 'Hz')}, R1 {engineering(points.resistance_ohm, 'Ω')}, "
-                f"Q {points.quality_factor:.4g}"
-            )
-        tried = (
-            f"{item.arms}{' coupled' if item.rank else ''}{' with leads' if item.leads else ''} "
-            f"({item.criterion:.0f}, {100.0 * item.rms_relative_error:.2g} %{', ' if item.note else ''}{item.note})"
-            for item in self.candidates
-        )
-        return found | {"arms tried (information criterion, RMS error)": ", ".join(tried)}
-
-
-def _shown(item: object, name: str, deviations: Mapping[str, float | None]) -> str:
-    """Return an attribute with its unit, ± its standard error in percent."""
-    value, error = getattr(item, name), deviations[name]
-    share = "?" if error is None else f"{100.0 * error / value:.2g}%"
-    return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
-
-
-@checked
-@one_thread
+@overload
+def fit_spectrum(
+    spectrum: Mapping[Connection, Spectrum],
+    modes: int | None = None,
+    *,
+    noise: Mapping[str, float] | None = None,
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> TwoPortFit: ...
+@overload
+def fit_spectrum(
+    spectrum: Sequence[Spectrum],
+    modes: int | None = None,
+    *,
+    voltages: Sequence[float] | None = None,
+    temperatures: Sequence[float] | None = None,
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> JointFit: ...
+@overload
 def fit_spectrum(
     spectrum: Spectrum,
     modes: int | None = None,
     *,
     leads: bool | tuple[float, float] = True,
+    voltages: Sequence[float] | None = None,
+    temperatures: Sequence[float] | None = None,
     noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
-    progress: Callable[[int, int], object] | None = None,
-) -> SpectrumFit:
-    """Fit clamped capacitance with loss, motional arms and leads to a one-port spectrum.
+    progress: Progress | None = None,
+) -> Any: ...
+@checked
+def fit_spectrum(
+    spectrum: Spectrum | Mapping[Connection, Spectrum] | Sequence[Spectrum],
+    modes: int | None = None,
+    *,
+    leads: bool | tuple[float, float] = True,
+    voltages: Sequence[float] | None = None,
+    temperatures: Sequence[float] | None = None,
+    noise: Mapping[str, float] | None = None,
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> SpectrumFit | JointFit | TwoPortFit:
+    """Fit an equivalent circuit to one spectrum, to several of one device, or to those of both groups of a motor.
+
+    ==============================================  ===============================================================
+    data                                            result
+    ==============================================  ===============================================================
+    a spectrum of one port                          :class:`.SpectrumFit`: clamped capacitance with loss, motional
+                                                    arms and leads
+    a list of spectra of one port, with             :class:`.JointFit`: one circuit, with softening and growth of
+    ``voltages``, ``temperatures`` or both          damping with the level, and drifts with the temperature
+    a spectrum of two ports, or spectra of one      :class:`.TwoPortFit`: modes with their couplings to both groups
+    port by connection: ``"A"`` (B shorted),
+    ``"B"`` (A shorted) and ``"A+B"``, ``"A-B"``
+    or both, which give the signs
+    ==============================================  ===============================================================
+
+    Of a two-port, ``spectrum.driven("A")`` is the one-port. Several spectra and both groups need leads that are
+    compensated. The sweeps of several spectra have rising frequency; one alone at a known voltage gives softening and
+    growth of damping, if its resonance is skewed.
 
     Args:
-        spectrum: as from :func:`read_spectrum`; of a two-port, ``spectrum.driven("A")`` is the one-port.
-        modes: number of motional arms; selected by default.
-        leads: whether to look for leads; or the known resistance in Ω and inductance in H of the leads.
+        spectrum: the data, as from :func:`read_spectrum`.
+        modes: number of motional arms or modes; selected by default. One that is not significant is then rejected.
+        leads: of one spectrum: whether to look for leads; or their known resistance in Ω and inductance in H.
+        voltages: amplitude at the device's terminals in V, one for each of several spectra.
+        temperatures: in K or °C, one for each of several spectra.
         noise: known error of the measurement: σ of ``"proportional"`` (a share of the magnitude), ``"s11"`` (the
-            reflection coefficient in 50 Ω) or ``"z"`` (Ω), of the complex value; estimated by default.
-        timeout: time limit of the fit in s.
+            reflection coefficient in 50 Ω) or ``"z"`` (Ω), of the complex value; estimated by default. Not of several
+            spectra.
+        timeout: time limit of the search for the arms in s. A joint fit that follows is short.
         progress: callback with the next number of arms and the largest number to try.
 
     Raises:
-        ParameterError: for a number of modes, leads, a noise or a timeout out of range.
-        SpectrumError: if the spectrum shows no resonance, has too few points, or the time limit is exceeded.
+        ParameterError: for an argument out of range or one that does not belong to the data.
+        SpectrumError: if the data show no resonance, have too few points, no connection that gives a sign, arms that
+            share losses (of several spectra), or the time limit is exceeded.
     """
-    if modes is not None and not 1 <= modes <= MOST_MODES:
-        raise ParameterError(f"modes = {modes!r} is not valid: it must be a whole number from 1 to {MOST_MODES}.")
-    if timeout is not None and not timeout > 0.0:
-        raise ParameterError(f"timeout = {timeout!r} is not valid: it must be a number of seconds > 0.")
-    deadline = inf if timeout is None else time.monotonic() + timeout
-    stated = (0.0, 0.0) if isinstance(leads, bool) else _leads(leads)
-    name = spectrum.source or "The spectrum"
-    _check(spectrum, name, modes or 1)
-    model = noise_of(noise, spectrum.admittance_s)
-    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, model, stated, deadline=deadline)
-    outcome = select(whole.thinned(), modes, leads is True, progress)
-    if not model.stated:  # the residuals of the fit give a better estimate than neighbouring points
-        problem, best = outcome.problem, outcome.best
-        fitted, measured = problem.admittance(best) * problem.unit_s, problem.y * problem.unit_s
-        white = errors.independent(problem, best) > 0.5 * len(problem.w)
-        better = model.refined(fitted, measured - fitted, white, measured)
-        if not same_shape(better, model, fitted):
-            whole = whole.reweighted(better, whole.admittance(best) * whole.unit_s)
-            outcome = select(whole.thinned(), modes, leads is True, progress)
-        model = better
-    problem, best = outcome.problem, outcome.best
-    if not outcome.finds_resonance():
-        first, last = spectrum.frequency_hz[[0, -1]]
-        if modes is not None and modes > 1 and errors.resonances(problem, fit_arms(problem, 1, outcome.bare)):
-            raise SpectrumError(
-                f"{name} cannot be fitted by {modes} arms: they leave the band, in which one arm finds a resonance; "
-                "try fewer modes, or measure more of the spectrum."
-            )
-        raise SpectrumError(
-            f"{name} shows no resonance between {first:g} Hz and {last:g} Hz: "
-            f"beside the clamped capacitance and its leads nothing rings with a Q above {errors.RESONANT_QUALITY}."
-        )
-    whole.far, whole.ridge = problem.far, problem.ridge
-    if len(whole.w) > len(problem.w):
-        best = whole.descend(best, steps=_LAST_STEPS)
-    circuit = errors.circuit_of(whole, best)
-    if circuit.clamped_capacitance_f < _LEAST_CAPACITANCE * sum(arm.capacitance_f for arm in circuit.arms):
-        raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
-    solution, circuit, global_errors, values, correlation = errors.estimates(whole, best, outcome.shifts)
-    low, high = spectrum.frequency_hz[[0, -1]].tolist()
-    device = _device(spectrum, circuit)
-    arms = tuple(
-        FittedArm(
-            **arm,
-            in_band=low <= arm["series_resonance_hz"] <= high,
-            characteristics=characteristics,
-            half_power=half_power(spectrum.frequency_hz, device, arm["series_resonance_hz"], arm["quality_factor"]),
-        )
-        for arm, characteristics in zip(values, circuit.characteristics(), strict=True)
-    )
-    # for a stated number of arms, the significance of one more
-    hidden = 0.0 if modes is None else missing(whole, solution)[0][0]
-    correlated = errors.independent(whole, solution) < 0.5 * len(spectrum)
-    cautions = _cautions(spectrum, arms, whole.rms_relative_error(solution), correlated, hidden)
-    cautions += [
-        f"The resonance at {arms[place].series_resonance_hz:.6g} Hz {LEANS}: its values hold at no level. Repeat at a "
-        "lower level, or state the level by fit_together (fit --voltages) for its softening and its growth of losses."
-        for place in leaning(whole, solution)
-    ]
-    cautions += _undecided(outcome.shifts, np.argsort(best.columns[0]), arms)
-    if len(problem.w) < len(spectrum):
-        cautions.append(
-            f"The arms were searched with {len(problem.w)} of {len(spectrum)} points, closest where the admittance "
-            "changes most; the values are those of a fit to all points. Fit a part of the band to search it with more "
-            "points."
-        )
-    return SpectrumFit(
-        source=spectrum.source,
-        format=spectrum.format,
-        frequency_hz=spectrum.frequency_hz,
-        measured_s=spectrum.admittance_s,
-        circuit=circuit,
-        arms=arms,
-        standard_errors=global_errors,
-        correlation=correlation,
-        correlation_names=(
-            *errors.GLOBAL_NAMES,
-            *(f"arms.{k}.{name}" for k in range(len(arms)) for name in errors.ARM_NAMES),
-        ),
-        noise=dict(model.sigma),
-        candidates=outcome.candidates,
-        cautions=(*spectrum.cautions, *cautions),
-    )
-
-
-def _device(spectrum: Spectrum, circuit: EquivalentCircuit) -> NDArray[np.complex128]:
-    """Return the measured admittance in S behind the fitted leads."""
-    leads = circuit.lead_resistance_ohm + 2j * np.pi * spectrum.frequency_hz * circuit.lead_inductance_h
-    return np.asarray(1.0 / (1.0 / spectrum.admittance_s - leads), dtype=complex)
-
-
-def _leads(leads: tuple[float, float]) -> tuple[float, float]:
-    """Check the stated resistance and inductance of the leads."""
-    ohm, henry = (float(value) for value in leads)
-    if not (0.0 <= ohm <= 1e6 and 0.0 <= henry <= 1.0):
-        raise ParameterError(
-            f"leads = {leads!r} is not valid: it must be a resistance of 0 to 1e6 Ω and an inductance of 0 to 1 H."
-        )
-    return ohm, henry
-
-
-def _check(spectrum: Spectrum, name: str, modes: int) -> None:
-    """Check that a spectrum has the points and values that a fit needs."""
-    y = spectrum.admittance_s
-    lowest, highest = _FREQUENCIES
-    for place in spectrum.frequency_hz[[0, -1]].tolist():
-        if not lowest <= place <= highest:
-            raise SpectrumError(
-                f"{name} has a frequency of {place:g} Hz; it must be from {lowest:g} Hz to {highest:g} Hz. "
-                "Check its unit."
-            )
-    if not np.all(np.abs(y) > 0.0):
-        zero = spectrum.frequency_hz[np.abs(y) == 0.0][0]
-        raise SpectrumError(f"{name} has an admittance of zero at {zero:g} Hz; leave that point out.")
-    beyond = (np.abs(y) < _LEAST_ADMITTANCE) | (np.abs(y) > 1.0 / _LEAST_ADMITTANCE)
-    if beyond.any():
-        value, place = np.abs(y)[beyond][0], spectrum.frequency_hz[beyond][0]
-        raise SpectrumError(f"{name} has an admittance of {value:.3g} S at {place:g} Hz; leave that point out.")
-    if 2 * len(y) < GLOBALS + 3 * modes + 1:
-        raise SpectrumError(
-            f"{name} has {len(y)} points, too few for {modes} arms; measure at least {(GLOBALS + 3 * modes) // 2 + 1}."
-        )
-    if not np.any(y.imag > 0.0):
-        raise SpectrumError(
-            f"{name} is not capacitive at any frequency: it has no clamped capacitance and no piezoelectric resonance."
-        )
-
-
-def _cautions(
-    spectrum: Spectrum, arms: tuple[FittedArm, ...], error: float, correlated: bool, hidden: float
-) -> list[str]:
-    """Return the limits of the values; ``hidden`` is the significance of one more arm in correlated residuals."""
-    said = []
-    for arm in arms:
-        where = f"The arm at {arm.series_resonance_hz:.6g} Hz"
-        if not arm.in_band:
-            said.append(f"{where} lies outside the measured band and stands for modes there; its values are uncertain.")
-            continue
-        if arm.quality_factor < errors.RESONANT_QUALITY:
-            said.append(
-                f"{where} is too broad for a resonance (Q {arm.quality_factor:.2g}); it follows the background."
-            )
-        spacing = np.interp(arm.series_resonance_hz, spectrum.frequency_hz[1:], np.diff(spectrum.frequency_hz))
-        if arm.series_resonance_hz / arm.quality_factor < spacing:
-            said.append(f"{where} is narrower than the distance of the measured points; measure finer there.")
-        uncertainty = arm.standard_errors["resistance_ohm"]
-        if uncertainty is None or uncertainty > 0.3 * arm.resistance_ohm:
-            said.append(f"{where} is hardly determined: its resistance is uncertain by more than 30 %.")
-    if correlated and error > _ANALYSER:
-        said.append(misfit(FOLLOWS_NOT, error))
-    if correlated and hidden >= 2 * errors.SIGNIFICANT:
-        said.append("The residuals hide at least one more arm; try a greater number of modes.")
-    return said
-
-
-def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, ...]) -> list[str]:
-    """Return the caution that the choice among descriptions of loss and leads makes most of an arm's error.
-
-    Args:
-        shifts: as the outcome of the selection has them.
-        order: the fit's arms by rising frequency.
-        arms: the arms in that order.
-    """
-    by_choice = np.linalg.norm(shifts, axis=0)[len(errors.GLOBAL_NAMES) :].reshape(len(arms), -1)[order]
-    for arm, own in zip(arms, by_choice[:, errors.ARM_NAMES.index("inductance_h")], strict=True):
-        error = arm.standard_errors["inductance_h"]
-        if error is not None and own > _ANALYSER and own * arm.inductance_h > _MOSTLY * error:
-            return [_UNDECIDED]
-    return []
-
-
-def misfit(what: str, error: float, limit: str = "") -> str:
-    """Return the caution for correlated residuals."""
-    return f"{what} to the noise: residuals of {limit}{100.0 * error:.2g} % remain and are correlated."
+    search: dict[str, Any] = {"timeout": timeout, "progress": progress}
+    levels = voltages is not None or temperatures is not None
+    if isinstance(spectrum, Mapping) or (isinstance(spectrum, Spectrum) and spectrum.ports == 2):
+        if levels or leads not in (True, False):
+            raise ParameterError("leads, voltages and temperatures do not belong to both groups. Leave them out.")
+        return fit_groups(spectrum, modes, noise=noise, **search)
+    if isinstance(spectrum, Spectrum) and not levels:
+        return fit_one_port(spectrum, modes, leads=leads, noise=noise, **search)
+    if noise is not None or leads not in (True, False):
+        raise ParameterError("leads and noise do not belong to several spectra. Leave them out.")
+    spectra = [spectrum] if isinstance(spectrum, Spectrum) else spectrum
+    return fit_jointly(spectra, modes, voltages=voltages, temperatures=temperatures, **search)

@@ -19,23 +19,20 @@ The start is the fit of the spectrum with the lowest level. The weights follow f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import pi
-from typing import Any
 
 import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
-from pyspice_runner.impedance.fit import FOLLOWS_NOT, LEANS, SpectrumFit, fit_spectrum, misfit
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, rms
 from pyspice_runner.impedance.noise import estimate
+from pyspice_runner.impedance.one_port_fit import FOLLOWS_NOT, LEANS, Fit, SpectrumFit, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.motor.equivalent import MotionalArm
 from pyspice_runner.motor.one_thread import one_thread
-from pyspice_runner.motor.refusal import checked
-from pyspice_runner.result import Result
 
 _ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the greatest charge
 _DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")
@@ -64,7 +61,7 @@ class SoftArm:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TogetherFit(Result):
+class JointFit(Fit):
     """One circuit fitted to several spectra.
 
     Attributes:
@@ -84,12 +81,6 @@ class TogetherFit(Result):
     rms_relative_error: tuple[float, ...]
     cautions: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit JSON-ready."""
-        found = asdict(self)
-        found["warnings"] = list(found.pop("cautions"))
-        return {**found, "rms_relative_error": list(self.rms_relative_error)}
-
     def summary(self) -> dict[str, str]:
         """Return the errors, the drifts, and the change of each arm with the charge."""
         found = {"RMS error": ", ".join(f"{100.0 * value:.3g} %" for value in self.rms_relative_error)}
@@ -102,29 +93,17 @@ class TogetherFit(Result):
         return found
 
 
-@checked
 @one_thread
-def fit_together(
+def fit_jointly(
     spectra: Sequence[Spectrum],
+    modes: int | None = None,
     *,
     voltages: Sequence[float] | None = None,
     temperatures: Sequence[float] | None = None,
-    modes: int | None = None,
-) -> TogetherFit:
-    """Fit several spectra of one device together. Leads must be compensated, and sweeps have rising frequency.
-
-    A single spectrum at a known voltage is enough for softening and growth of damping, if its resonance leans.
-
-    Args:
-        spectra: one-ports of the same device.
-        voltages: amplitude at the device's terminals in V, one for each spectrum.
-        temperatures: in K or °C, one for each spectrum.
-        modes: number of motional arms; selected by default.
-
-    Raises:
-        ParameterError: without voltages and temperatures, or for values that do not belong to the spectra.
-        SpectrumError: if the spectrum with the lowest level cannot be fitted, or its arms share losses.
-    """
+    timeout: float | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> JointFit:
+    """Fit one circuit to several spectra of one device; see :func:`~.fit.fit_spectrum`."""
     for name, values in (("voltages", voltages), ("temperatures", temperatures)):
         if values is not None and len(values) != len(spectra):
             raise ParameterError(f"{name} has {len(values)} values for {len(spectra)} spectra; give one for each.")
@@ -138,7 +117,7 @@ def fit_together(
         )
     level = np.ones(len(spectra)) if voltages is None else np.array(voltages, dtype=float)
     kelvin = np.zeros(len(spectra)) if temperatures is None else np.array(temperatures, dtype=float)
-    start = fit_spectrum(spectra[int(np.argmin(level))], modes, leads=False)
+    start = fit_one_port(spectra[int(np.argmin(level))], modes, leads=False, timeout=timeout, progress=progress)
     if start.circuit.shared_losses:
         raise SpectrumError(
             f"{start.source or 'The spectrum'} has arms that share losses; fit a part of the band with one resonance."
@@ -199,7 +178,7 @@ class _Problem:
             y = y + ratio / (reactance * impedance)
         return np.asarray(np.log(y / spectrum.admittance_s))
 
-    def solved(self) -> TogetherFit:
+    def solved(self) -> JointFit:
         """Return the fit."""
         from scipy.optimize import least_squares  # takes long to load
 
@@ -235,9 +214,7 @@ class _Problem:
         covariance[np.ix_(free, free)] = scatter * np.linalg.pinv(found.jac.T @ found.jac)
         return self._report(parameters, covariance, residuals, independent < 0.5 * count)
 
-    def _report(
-        self, parameters: Vector, covariance: Vector, residuals: list[Complexes], correlated: bool
-    ) -> TogetherFit:
+    def _report(self, parameters: Vector, covariance: Vector, residuals: list[Complexes], correlated: bool) -> JointFit:
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         drifts = dict(zip(_DRIFTS, parameters[_DRIFTED].tolist(), strict=True)) if self.temperatures else {}
         back = -self.reference  # from the temperature of the start to the first one
@@ -265,7 +242,7 @@ class _Problem:
         said = [misfit("The circuit does not follow the spectra", max(each), "up to ")] if correlated else []
         # of the start what does not hold for the law of amplitude that is fitted here is left out
         kept = [one for one in self.start.cautions if LEANS not in one and not one.startswith(FOLLOWS_NOT)]
-        return TogetherFit(tuple(arms), capacitance, drifts, errors, each, (*kept, *said))
+        return JointFit(tuple(arms), capacitance, drifts, errors, each, (*kept, *said))
 
 
 def amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:

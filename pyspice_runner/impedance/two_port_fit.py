@@ -14,7 +14,7 @@ the fit of Y_AA + Y_BB, which shows every mode.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import hypot, inf, log, pi, sqrt
 from pathlib import Path
 from typing import Any, get_args
@@ -23,18 +23,16 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.impedance.fit import FittedArm, fit_spectrum
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, independent_points, rms
 from pyspice_runner.impedance.identify.errors import RESONANT_QUALITY, UNDETERMINED
 from pyspice_runner.impedance.noise import noise_of
+from pyspice_runner.impedance.one_port_fit import Fit, FittedArm, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT, lossy_capacitance
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor, Provenance, assemble
 from pyspice_runner.motor.one_thread import one_thread
-from pyspice_runner.motor.refusal import checked
-from pyspice_runner.result import Result
 from pyspice_runner.units import engineering
 
 _TRANSFER = "AB"  # current into A per volt on B
@@ -56,7 +54,7 @@ class TwoPortMode:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TwoPortFit(Result):
+class TwoPortFit(Fit):
     """Modes and clamped capacitances fitted to the spectra of several connections.
 
     Attributes:
@@ -80,12 +78,6 @@ class TwoPortFit(Result):
     rms_relative_error: dict[str, float]
     noise: dict[str, dict[str, float]]
     cautions: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit JSON-ready."""
-        found = asdict(self)
-        found["warnings"] = list(found.pop("cautions"))
-        return found
 
     def to_motor(
         self,
@@ -224,9 +216,8 @@ class TwoPortFit(Result):
         return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
 
 
-@checked
 @one_thread
-def fit_two_port(
+def fit_groups(
     spectra: Spectrum | Mapping[Connection, Spectrum],
     modes: int | None = None,
     *,
@@ -234,21 +225,9 @@ def fit_two_port(
     timeout: float | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> TwoPortFit:
-    """Fit modes with their couplings to both groups. Leads must be compensated.
+    """Fit modes with their couplings to both groups; see :func:`~.fit.fit_spectrum`.
 
-    Without a number of modes, a mode that is not significant is rejected, like an arm of :func:`fit_spectrum`.
-
-    Args:
-        spectra: a two-port, or one-ports by connection: ``"A"`` (B shorted), ``"B"`` (A shorted), and ``"A+B"``,
-            ``"A-B"`` or both, which give the signs.
-        modes: number of modes; selected by default.
-        noise: known error of the measurement, see :func:`fit_spectrum`; by default estimated for each connection.
-        timeout: time limit of the search for the modes in s. The joint fit that follows is short.
-        progress: see :func:`fit_spectrum`.
-
-    Raises:
-        ParameterError: for a number of modes or a timeout out of range.
-        SpectrumError: if a connection is missing, there is no resonance, or the time limit is exceeded.
+    Without a number of modes, a mode that is not significant is rejected, like an arm of one port.
     """
     cautions: list[str] = []
     if isinstance(spectra, Spectrum):
@@ -362,7 +341,7 @@ class _Problem:
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
-        fit = fit_spectrum(trace, modes, leads=False, timeout=timeout, progress=progress)
+        fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
         arms = [arm for arm in fit.arms if arm.in_band]
         start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
@@ -465,8 +444,7 @@ def _report(
     capacitances = np.exp(parameters[:2]) * problem.unit_s / (2.0 * pi * problem.reference_hz)
     worst = max(errors.values())
     if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
-        said = f"The modes do not follow the spectra to the noise: residuals of up to {100.0 * worst:.2g} % remain."
-        cautions = [*cautions, said]
+        cautions = [*cautions, misfit("The modes do not follow the spectra", worst, "up to ")]
     return TwoPortFit(
         source=source,
         modes=tuple(sorted(modes, key=lambda mode: mode.series_resonance_hz)),

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.compare import Comparison, Trend
-from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.impedance.one_port_fit import SpectrumFit
 from pyspice_runner.impedance.spectrum import COUPLING, Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
 from pyspice_runner.motor import groups

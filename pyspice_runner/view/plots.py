@@ -23,7 +23,7 @@ from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.compare import Comparison, Trend
-from pyspice_runner.impedance.fit import SpectrumFit
+from pyspice_runner.impedance.one_port_fit import SpectrumFit
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
 from pyspice_runner.motor.motor import Motor

@@ -143,7 +143,7 @@ def test_tips_are_those_of_the_other_motor_for_one_modal_mass() -> None:
     """The modes of beam40 have masses of 3.3 and 117 g, in coordinates of their own."""
     base = pr.load_motor("beam40")
     free = measured(base, 300, 1, SHEETS["beam40"][1])
-    fit = pr.fit_two_port(free, 2)
+    fit = pr.fit_spectrum(free, 2)
     tips = _tips(fit, base)
     assert tips is not None
     made = fit.to_motor(mass_kg=base.modes[0].mass_kg, tips=tips, base=base)

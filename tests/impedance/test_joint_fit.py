@@ -11,7 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.impedance.joint_fit import TogetherFit
+from pyspice_runner.impedance.joint_fit import JointFit
 from pyspice_runner.motor.parameters import Mode
 from tests.resonators import resonator, spectrum
 from tools.benches.duffing import amplitudes, folds
@@ -47,7 +47,7 @@ def measured(soft: Mode, voltage: float, seed: int, loss_tangent: float = 0.0) -
     return pr.Spectrum.from_admittance(frequency, y * (1.0 + error[0] + 1j * error[1]))
 
 
-def scores(found: TogetherFit, soft: Mode) -> list[float]:
+def scores(found: JointFit, soft: Mode) -> list[float]:
     """Deviations over their errors of the one arm."""
     (arm,) = found.arms
     truth = {
@@ -64,7 +64,7 @@ def scores(found: TogetherFit, soft: Mode) -> list[float]:
 def test_levels_give_the_softening_and_the_losses_of_the_ceramic(softening: float, growth: float) -> None:
     """At 80 V the resonance is 0.2 % lower, by 0.4 of its bandwidth, and Q by 8 %; the curve is single-valued."""
     soft = mode(softening, growth)
-    found = pr.fit_together(
+    found = pr.fit_spectrum(
         [measured(soft, voltage, seed) for seed, voltage in enumerate(VOLTAGES)], voltages=VOLTAGES, modes=1
     )
     assert max(map(abs, scores(found, soft))) < 4.0
@@ -87,7 +87,7 @@ def test_a_resonance_that_leans_within_a_sweep_is_told_and_its_level_gives_the_s
     assert any("leans with the amplitude" in caution for caution in pr.fit_spectrum(leaning).cautions)
     for straight in (measured(soft, 5.0, 1), measured(mode(0.0, 0.0), 80.0, 1)):
         assert not pr.fit_spectrum(straight).cautions
-    found = pr.fit_together([leaning], voltages=[80.0], modes=1)
+    found = pr.fit_spectrum([leaning], voltages=[80.0], modes=1)
     assert max(map(abs, scores(found, soft))) < 4.0
     assert not found.cautions
 
@@ -95,7 +95,7 @@ def test_a_resonance_that_leans_within_a_sweep_is_told_and_its_level_gives_the_s
 def test_one_sweep_gives_the_softening_of_a_ceramic_with_a_loss_tangent() -> None:
     # the fit without softening, from which this one starts, takes the loss for another one
     soft = mode(6e7, 4e9)
-    found = pr.fit_together([measured(soft, 80.0, 1, loss_tangent=0.02)], voltages=[80.0], modes=1)
+    found = pr.fit_spectrum([measured(soft, 80.0, 1, loss_tangent=0.02)], voltages=[80.0], modes=1)
     assert max(map(abs, scores(found, soft))) < 4.0
     assert found.rms_relative_error[0] == pytest.approx(NOISE, rel=0.1)
 
@@ -105,7 +105,7 @@ def test_a_sweep_that_jumps_is_followed() -> None:
     jumps = folds(soft, COUPLING * 80.0, 19e3, 20.5e3)
     assert jumps is not None
     assert jumps[1] - jumps[0] > 50.0  # Hz in which three amplitudes are possible, of points 8 Hz apart
-    found = pr.fit_together(
+    found = pr.fit_spectrum(
         [measured(soft, volts, seed) for seed, volts in enumerate((5.0, 80.0))], voltages=[5.0, 80.0], modes=1
     )
     assert max(map(abs, scores(found, soft))) < 4.0
@@ -122,7 +122,7 @@ def test_temperatures_give_the_drifts_of_thermal() -> None:
         ratio = 0.05 * (theta * 20e3 / f) ** 2 * 1e-9 / c0
         circuit = resonator([f], [120.0], [ratio], capacitance=c0)
         spectra.append(spectrum(circuit, np.linspace(17e3, 24e3, 401), noise=NOISE, seed=seed))
-    found = pr.fit_together(spectra, temperatures=kelvin, modes=1)
+    found = pr.fit_spectrum(spectra, temperatures=kelvin, modes=1)
     for name, value in truth.items():
         assert abs(found.drifts[name] - value) < 4.0 * found.standard_errors[name], name
     assert abs(found.drifts["quality_drift_per_k"]) < 4.0 * found.standard_errors["quality_drift_per_k"]
@@ -142,7 +142,7 @@ def test_temperatures_give_the_drifts_of_thermal() -> None:
 def test_refused_levels(arguments: dict[str, list[float]], says: str) -> None:
     linear = [measured(mode(0.0, 0.0), 1.0, seed) for seed in range(2)]
     with pytest.raises(pr.ParameterError, match=says):
-        pr.fit_together(linear, **arguments)
+        pr.fit_spectrum(linear, **arguments)
 
 
 def test_the_command_fits_spectra_at_several_levels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -256,7 +256,6 @@ def test_a_wrong_name_is_an_error_that_names_the_function_and_the_nearest_name(
         ("drive_report", "duraton", "duration"),
         ("track", "disturbed", "disturb"),
         ("fit_spectrum", "mode", "modes"),
-        ("fit_two_port", "mode", "modes"),
         ("compare", "conection", "connection"),
         ("report", "level", "levels"),
         ("export_motor", "contcat", "contact"),
