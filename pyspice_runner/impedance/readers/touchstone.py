@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Touchstone 1 of one port or two, through scikit-rf (the extra ``spectra``).
+"""Touchstone 1 of one port or two.
 
 The columns, not the file name, give the number of ports. Port 1 is group A, port 2 group B, unless both ports belong to
 one device. In series between the ports, S₁₁ + S₂₁ = 1 and Y = S₂₁/(2 Z₀ (1 − S₂₁)); as a shunt from the line to ground,
@@ -9,12 +9,10 @@ S₂₁ − S₁₁ = 1 and Z = Z₀ S₂₁/(2 (1 − S₂₁)), by Kirchhoff's
 from __future__ import annotations
 
 import re
-from io import StringIO
 from typing import NamedTuple
 
 import numpy as np
 
-from pyspice_runner.errors import SpectrumError
 from pyspice_runner.impedance.readers.quantities import Complexes
 from pyspice_runner.impedance.readers.reading import Reading, cut_caution
 from pyspice_runner.impedance.readers.text import Text, described, number, quote
@@ -59,11 +57,12 @@ def read(text: Text, through: str | None) -> Reading | None:
     if through is not None and (ports == 1 or option.side != "s"):
         found = "one port" if ports == 1 else f"{option.side.upper()} parameters"
         raise text.refusal(first, found, "S parameters of two ports, or through left out")
-    values = _parameters(text, option, rows, ports)
+    values = _parameters(option.form, rows)
     device = through
     if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
         cautions.append(f"{_ASSUMED[device]} State through = series or shunt if that is wrong.")
-    matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(text, option, values)
+    with np.errstate(all="ignore"):
+        matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(option, values)
     if option.side != "s" and option.reference != 1.0:
         cautions.append(
             f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
@@ -105,59 +104,51 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[st
 
 def _option(text: Text, index: int, line: str) -> _Option:
     tokens = line[1:].partition("!")[0].lower().split()
-    named = [token for token in tokens if token.isalpha() and token != "r"]
-    if len({_GROUP[token] for token in named}) < len(named):
+    named = {_GROUP[token]: token for token in reversed(tokens) if token in _GROUP}
+    if len(named) < sum(token in _GROUP for token in tokens):
         raise text.refusal(index, f"{quote(line)} names something twice", "an option line such as “# Hz S RI R 50”")
     reference = number(tokens[tokens.index("r") + 1]) if "r" in tokens else 50.0
     if reference is None or not reference > 0.0:
         raise text.refusal(index, "the reference resistance is not above 0 Ω", "one such as R 50")
-    side = next((token for token in tokens if token in _SIDES), "s")
+    side = named.get("side", "s")
     if side in "gh":
         raise text.refusal(index, f"{side.upper()} parameters", "S, Y or Z parameters")
-    unit = next((token for token in tokens if token in _HERTZ), "ghz")
-    form = next((token for token in tokens if token in ("ri", "ma", "db")), "ma")
-    return _Option(_HERTZ[unit], side, form, reference)
+    return _Option(_HERTZ[named.get("unit", "ghz")], side, named.get("form", "ma"), reference)
 
 
-def _parameters(text: Text, option: _Option, rows: list[list[float]], ports: int) -> Complexes:
-    """Make complex matrices of the points with scikit-rf.
-
-    scikit-rf takes the number of ports from the file name, and falling frequencies for noise parameters; it gets a name
-    and frequencies to match. Y and Z are passed as S, to keep scikit-rf from normalising them.
-    """
-    try:
-        from skrf.io.touchstone import Touchstone
-    except ImportError:
-        raise SpectrumError(
-            f"{text.name} is a Touchstone file, which needs scikit-rf; install it by "
-            "pip install 'pyspice-runner[spectra]'."
-        ) from None
-    lines = [f"# hz s {option.form} r {option.reference!r}"]
-    lines += [" ".join(map(repr, [float(place), *row[1:]])) for place, row in enumerate(rows, start=1)]
-    file = StringIO("\n".join(lines) + "\n")
-    file.name = f"spectrum.s{ports}p"
-    return np.asarray(Touchstone(file).s, dtype=np.complex128)
+def _parameters(form: str, rows: list[list[float]]) -> Complexes:
+    """Return the matrices of the points; those of a two-port stand column by column: 11, 21, 12, 22."""
+    first, second = np.array(rows)[:, 1:].reshape(len(rows), -1, 2).transpose(2, 0, 1)
+    if form == "ri":
+        values = first + 1j * second
+    else:
+        values = (10.0 ** (first / 20.0) if form == "db" else first) * np.exp(1j * np.deg2rad(second))
+    ports = 2 if values.shape[1] == 4 else 1
+    return np.asarray(values.reshape(-1, ports, ports).transpose(0, 2, 1), dtype=np.complex128)
 
 
-def _admittance(text: Text, option: _Option, values: Complexes) -> Complexes:
-    from skrf.network import s2y
+def _admittance(option: _Option, values: Complexes) -> Complexes:
+    """Return the admittance matrices in S; not finite at a short circuit."""
+    if option.side == "y":
+        return values / option.reference
+    if option.side == "z":
+        return _inverse(values) / option.reference
+    identity = np.eye(values.shape[-1])
+    return np.asarray((identity - values) @ _inverse(identity + values) / option.reference, dtype=np.complex128)
 
-    try:
-        with np.errstate(all="ignore"):
-            if option.side == "s":
-                return np.asarray(s2y(values, option.reference), dtype=np.complex128)
-        if option.side == "z":
-            return np.asarray(np.linalg.inv(values * option.reference), dtype=np.complex128)
-    except np.linalg.LinAlgError:
-        raise SpectrumError(f"{text.name}: at some point there is a short circuit, which has no admittance.") from None
-    return values / option.reference
+
+def _inverse(matrix: Complexes) -> Complexes:
+    """Return the inverse of matrices of order 1 or 2, not finite for a singular one."""
+    if matrix.shape[-1] == 1:
+        return 1.0 / matrix
+    (a, b), (c, d) = matrix.transpose(1, 2, 0)
+    return np.asarray((np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1), dtype=np.complex128)
 
 
 def _through(s21: Complexes, reference: float, device: str) -> Complexes:
     """Return the admittance in S of one device in series between the ports, or as a shunt to ground."""
-    with np.errstate(all="ignore"):
-        ratio = s21 / (2.0 * (1.0 - s21))
-        y = ratio / reference if device == "series" else 1.0 / (ratio * reference)
+    ratio = s21 / (2.0 * (1.0 - s21))
+    y = ratio / reference if device == "series" else 1.0 / (ratio * reference)
     return np.asarray(y, dtype=np.complex128)[:, None, None]
 
 
@@ -169,7 +160,7 @@ def _assumed(s: Complexes) -> str | None:
     shared mode.
     """
     reflected, passed = s[:, 0, 0], s[:, 1, 0]
-    missed = {"series": np.abs(1.0 - reflected - passed), "shunt": np.abs(1.0 + reflected - passed)}
-    device = min(missed, key=lambda name: float(np.median(missed[name])))
-    worst = np.maximum(missed[device], np.abs(s[:, 0, 1] - passed))
+    error = {"series": np.abs(1.0 - reflected - passed), "shunt": np.abs(1.0 + reflected - passed)}
+    device = min(error, key=lambda name: float(np.median(error[name])))
+    worst = np.maximum(error[device], np.abs(s[:, 0, 1] - passed))
     return device if np.mean(worst < _ONE_DEVICE * np.abs(passed)) > 0.5 else None
