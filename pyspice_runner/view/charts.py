@@ -24,7 +24,19 @@ from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
-from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of, time_label
+from pyspice_runner.view.style import (
+    BLUE,
+    CYCLE,
+    GREEN,
+    GREY,
+    LABELS,
+    PURPLE,
+    STATES,
+    VERMILION,
+    Label,
+    label_of,
+    time_label,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -40,6 +52,8 @@ _MOST_SHAPES = 6
 _FEW_DECADES = 2.0  # of a logarithmic axis, on which ticks at 2 and 5 have room on a phone
 _FEW_POINTS = 20  # measured points that each have a tick
 _MOST_POINTS = 3000  # of a curve over time
+
+Line = dict[str, Any]  # of Plotly's scatter, with a name
 
 
 def theme(ink: str, grid: str) -> go.layout.Template:
@@ -207,36 +221,21 @@ def admittance(
     spectra: Mapping[State, Admittance], measured: Spectrum | None, measured_on: Connection
 ) -> tuple[go.Figure, go.Figure]:
     """Return |Y| and phase over frequency, and the G–B circle; ``meta.groups`` is the connection of every trace."""
-    over = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
-    circle = go.Figure()
-    groups_over: list[str] = []
-    groups_circle: list[str] = []
+    magnitude, phase, circle, groups = list[Line](), list[Line](), list[Line](), list[str]()
     for connection in COUPLING:
         for frequency, y, name, look in _spectra(spectra, measured, measured_on, connection):
-            shown = {"name": name, "legendgroup": name, "visible": connection == "A", **look}
-            hertz = _short(1e-3 * frequency, precise=True)
-            over.add_scatter(
-                x=hertz, y=_short(1e3 * np.abs(y)), row=1, col=1, **shown,
-                hovertemplate="%{x:.5g} kHz: %{y:.4g} mS",
-            )  # fmt: skip
-            over.add_scatter(
-                x=hertz, y=_short(np.degrees(np.angle(y))), row=2, col=1, **shown | {"showlegend": False},
-                hovertemplate="%{x:.5g} kHz: %{y:.4g}°",
-            )  # fmt: skip
-            circle.add_scatter(
-                x=_short(1e3 * y.real), y=_short(1e3 * y.imag), **shown, customdata=hertz,
-                hovertemplate="%{customdata:.5g} kHz<br>G %{x:.4g} mS<br>B %{y:.4g} mS",
-            )  # fmt: skip
-            groups_over += [connection] * 2
-            groups_circle += [connection]
-    over.update_yaxes(type="log", dtick="D2", title_text=str(LABELS["magnitude_s"]), row=1, col=1)
-    over.update_yaxes(title_text=str(LABELS["phase_deg"]), row=2, col=1)
-    over.update_xaxes(title_text=str(LABELS["frequency_hz"]), row=2, col=1)
-    circle.update_xaxes(title_text=str(LABELS["conductance_s"]))
-    circle.update_yaxes(title_text=str(LABELS["susceptance_s"]), scaleanchor="x")
-    over.update_layout(height=560 + TOOL_BAR, meta={"groups": groups_over})
-    circle.update_layout(height=460 + TOOL_BAR, meta={"groups": groups_circle})
-    return over, circle
+            hertz, shown = _short(1e-3 * frequency, precise=True), {"visible": connection == "A", **look}
+            magnitude.append(_line(name, hertz, 1e3 * np.abs(y), "%{x:.5g} kHz: %{y:.4g} mS", **shown))
+            phase.append(_line(name, hertz, np.degrees(np.angle(y)), "%{x:.5g} kHz: %{y:.4g}°", **shown))
+            hover = "%{customdata:.5g} kHz<br>G %{x:.4g} mS<br>B %{y:.4g} mS"
+            circle.append(_line(name, _short(1e3 * y.real), 1e3 * y.imag, hover, customdata=hertz, **shown))
+            groups.append(connection)
+    rows = [(LABELS["magnitude_s"], magnitude), (LABELS["phase_deg"], phase)]
+    bode = _stacked(LABELS["frequency_hz"], rows, 560, meta={"groups": groups * 2})
+    bode.update_yaxes(type="log", dtick="D2", row=1, col=1)
+    locus = _stacked(LABELS["conductance_s"], [(LABELS["susceptance_s"], circle)], 460, meta={"groups": groups})
+    locus.update_yaxes(scaleanchor="x")
+    return bode, locus
 
 
 def _spectra(
@@ -257,29 +256,21 @@ def _spectra(
 
 def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:
     """Return torque, shaft power and efficiency over speed, a curve for each level of the drive."""
-    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    panels = ("torque_n_m", "shaft_power_w", "efficiency")
     linear = any(Curves(curve).linear for curve in curves.values())
-    along, labels = label_of("speed_rad_s", linear), {name: label_of(name, linear) for name in panels}
-    for number, (level, curve) in enumerate(curves.items()):
-        colour, name = CYCLE[number % 4], f"{100.0 * level:.3g} % of the voltage"
-        settled = curve["settled"].values
-        marks = [MARKS[number % 4] + ("" if steady else "-open") for steady in settled]
-        for row, quantity in enumerate(panels, start=1):
-            values = labels[quantity].scale * curve[quantity].values
-            figure.add_scatter(
-                x=_short(along.scale * curve["speed_rad_s"].values), y=_short(values), row=row, col=1,
-                name=name, legendgroup=name, showlegend=row == 1, mode="lines+markers",
-                line={"color": colour, "dash": DASHES[number % 4]}, marker={"symbol": marks, "size": 8},
-                text=["" if steady else "<br>did not settle" for steady in settled],
-                hovertemplate=f"%{{x:.4g}} {along.unit}: %{{y:.4g}}%{{text}}",
-            )  # fmt: skip
-    for row, quantity in enumerate(panels, start=1):
-        label = labels[quantity]
-        figure.update_yaxes(title_text=f"{label.name.partition(' on the ')[0]} in {label.unit}", row=row, col=1)
-    figure.update_yaxes(range=_efficiency_range(curves), row=len(panels), col=1)
-    figure.update_xaxes(title_text=str(along), row=3, col=1)
-    figure.update_layout(height=640 + TOOL_BAR)
+    along, rows = label_of("speed_rad_s", linear), []
+    for quantity in ("torque_n_m", "shaft_power_w", "efficiency"):
+        label, lines = label_of(quantity, linear), list[Line]()
+        for number, (level, curve) in enumerate(curves.items()):
+            settled, speed = curve["settled"].values, along.scale * curve["speed_rad_s"].values
+            symbols = [MARKS[number % 4] + ("" if steady else "-open") for steady in settled]
+            text = ["" if steady else "<br>did not settle" for steady in settled]
+            look = {"line": {"color": CYCLE[number % 4], "dash": DASHES[number % 4]}, "mode": "lines+markers"}
+            look |= {"marker": {"symbol": symbols, "size": 8}, "text": text}
+            name, hover = f"{100.0 * level:.3g} % of the voltage", f"%{{x:.4g}} {along.unit}: %{{y:.4g}}%{{text}}"
+            lines.append(_line(name, _short(speed), label.scale * curve[quantity].values, hover, **look))
+        rows.append((label._replace(name=label.name.partition(" on the ")[0]), lines))
+    figure = _stacked(along, rows, 640, spacing=0.06)
+    figure.update_yaxes(range=_efficiency_range(curves), row=3, col=1)
     return figure
 
 
@@ -293,35 +284,34 @@ def calibration(points: Sequence[RecordedPoint]) -> go.Figure | None:
     """Return the residuals of the measured points of a calibration; ``None`` without points."""
     if not points:
         return None
-    figure = go.Figure()
-    for number, quantity in enumerate(dict.fromkeys(one.quantity for one in points)):
-        own = [one for one in points if one.quantity == quantity]
-        figure.add_scatter(
-            x=[one.point for one in own], y=[one.residual for one in own], name=quantity, mode="markers",
-            marker={"color": CYCLE[number % len(CYCLE)], "symbol": MARKS[number % len(MARKS)], "size": 8},
-            hovertemplate="point %{x}: %{y:.3g} standard errors",
-        )  # fmt: skip
-    figure.add_hrect(-2.0, 2.0, fillcolor=GREY, opacity=0.15, line_width=0, layer="below")
-    figure.update_xaxes(title_text="point", dtick=1 if max(one.point for one in points) <= _FEW_POINTS else None)
-    figure.update_yaxes(title_text="(predicted − measured)/error")
-    figure.update_layout(height=380 + TOOL_BAR, showlegend=True)
+    parts: dict[str, tuple[list[float], list[float | None]]] = {}
+    for one in points:
+        numbers, residuals = parts.setdefault(one.quantity, ([], []))
+        numbers.append(one.point)
+        residuals.append(one.residual)
+    figure = _residuals("point", parts, 8, "point %{x}", 380)
+    figure.update_xaxes(dtick=1 if max(one.point for one in points) <= _FEW_POINTS else None)
     return figure
 
 
 def calibration_curve(curve: RecordedCurve) -> go.Figure:
     """Return the residuals of a spectrum or a run-up of a calibration: noise, unless the model is wrong."""
     label = time_label(max(curve.at)) if curve.along == "time_s" else LABELS[curve.along]
-    figure = go.Figure()
-    for number, (quantity, values) in enumerate(curve.quantities.items()):
-        figure.add_scatter(
-            x=_short(label.scale * np.array(curve.at), precise=True), y=values.residuals, name=quantity, mode="markers",
-            marker={"color": CYCLE[number % len(CYCLE)], "symbol": MARKS[number % len(MARKS)], "size": 5},
-            hovertemplate=f"%{{x:.5g}} {label.unit}: %{{y:.3g}} standard errors",
-        )  # fmt: skip
+    at = _short(label.scale * np.array(curve.at), precise=True)
+    residuals = {name: (at, values.residuals) for name, values in curve.quantities.items()}
+    return _residuals(label, residuals, 5, f"%{{x:.5g}} {label.unit}", 320)
+
+
+def _residuals(
+    along: Label | str, parts: Mapping[str, tuple[Any, Any]], size: int, place: str, height: int
+) -> go.Figure:
+    """Return residuals in standard errors by the name of their quantity, over a band of two standard errors."""
+    lines = []
+    for number, (name, (x, y)) in enumerate(parts.items()):
+        marker = {"color": CYCLE[number % len(CYCLE)], "symbol": MARKS[number % len(MARKS)], "size": size}
+        lines.append(_line(name, x, y, f"{place}: %{{y:.3g}} standard errors", mode="markers", marker=marker))
+    figure = _stacked(along, [("(predicted − measured)/error", lines)], height, showlegend=True)
     figure.add_hrect(-2.0, 2.0, fillcolor=GREY, opacity=0.15, line_width=0, layer="below")
-    figure.update_xaxes(title_text=str(label))
-    figure.update_yaxes(title_text="(predicted − measured)/error")
-    figure.update_layout(height=320 + TOOL_BAR, showlegend=True)
     return figure
 
 
@@ -329,60 +319,66 @@ def spin_up(run: Waveforms) -> go.Figure:
     """Return the rotor's speed from rest."""
     points, label = len(run.time_s), label_of("rotor_speed_rad_s", run.linear)
     kept = np.unique(np.linspace(0, points - 1, min(points, _MOST_POINTS)).astype(int))
-    figure = go.Figure()
-    figure.add_scatter(
-        x=_short(1e3 * run.time_s[kept], precise=True), y=_short(label.scale * run.rotor_speed_rad_s[kept]),
-        mode="lines", line={"color": BLUE}, name=label.name, hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} {label.unit}",
-    )  # fmt: skip
-    figure.update_xaxes(title_text=str(LABELS["time_ms"]))
-    figure.update_yaxes(title_text=str(label))
-    figure.update_layout(height=380 + TOOL_BAR)
-    return figure
+    time, speed = _short(1e3 * run.time_s[kept], precise=True), label.scale * run.rotor_speed_rad_s[kept]
+    line = _line(label.name, time, speed, f"%{{x:.4g}} ms: %{{y:.4g}} {label.unit}", line={"color": BLUE})
+    return _stacked(LABELS["time_ms"], [(label, [line])], 380, showlegend=False)
 
 
 def electrical(run: Waveforms) -> go.Figure:
     """Return voltages and currents over the last three drive periods."""
     inside, time = _last_periods(run, 3)
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
-    for row, (quantity, label) in enumerate(
-        (("voltage_{}_v", LABELS["voltage_v"]), ("current_{}_a", LABELS["current_a"])), start=1
-    ):
+    rows = []
+    for quantity in ("voltage_v", "current_a"):
+        kind, unit = quantity.split("_")
+        lines = []
         for group, colour, dash in (("a", BLUE, "solid"), ("b", VERMILION, "dash")):
-            figure.add_scatter(
-                x=_short(1e6 * time), y=_short(label.scale * getattr(run, quantity.format(group))[inside]), row=row,
-                col=1, name=f"group {group.upper()}", legendgroup=group, showlegend=row == 1, mode="lines",
-                line={"color": colour, "dash": dash}, hovertemplate="%{x:.4g} µs: %{y:.4g}",
-            )  # fmt: skip
-        figure.update_yaxes(title_text=str(label), row=row, col=1)
-    figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
-    figure.update_layout(height=460 + TOOL_BAR)
-    return figure
+            values = LABELS[quantity].scale * getattr(run, f"{kind}_{group}_{unit}")[inside]
+            name, look = f"group {group.upper()}", {"color": colour, "dash": dash}
+            lines.append(_line(name, _short(1e6 * time), values, "%{x:.4g} µs: %{y:.4g}", line=look))
+        rows.append((LABELS[quantity], lines))
+    return _stacked(LABELS["time_us"], rows, 460)
 
 
 def loop_gain(loop: LoopDesign) -> go.Figure:
     """Return magnitude and phase of the loop gain of a tracker over frequency, with its crossover and phase margin."""
     frequency, at = loop.frequency_hz, loop.crossover_hz
     phase = phase_shown_deg(frequency, loop.gain, at, loop.phase_margin_deg)
-    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
-    panels: tuple[tuple[Array, str, str, list[float]], ...] = (
+    rows = []
+    for values, title, unit, marked in (
         (np.abs(loop.gain), "loop gain", "", [1.0]),
         (phase, "phase in °", "°", [-180.0, loop.phase_margin_deg - 180.0]),
-    )
-    for row, (values, title, unit, marked) in enumerate(panels, start=1):
-        figure.add_scatter(
-            x=_short(frequency), y=_short(values), name="running motor", showlegend=row == 1, mode="lines",
-            line={"color": BLUE}, row=row, col=1, hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}}{unit}",
-        )  # fmt: skip
-        figure.add_scatter(
-            x=[at] * len(marked), y=marked, name="crossover and phase margin", showlegend=row == 1,
-            mode="lines+markers", line={"color": VERMILION}, row=row, col=1,
-            hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}}{unit}",
-        )  # fmt: skip
-        figure.update_yaxes(title_text=title, row=row, col=1)
+    ):
+        hover = f"%{{x:.4g}} Hz: %{{y:.4g}}{unit}"
+        gain = _line("running motor", _short(frequency), values, hover, line={"color": BLUE})
+        look = {"mode": "lines+markers", "line": {"color": VERMILION}}
+        rows.append((title, [gain, _line("crossover and phase margin", [at] * len(marked), marked, hover, **look)]))
+    figure = _stacked("frequency of a modulation in Hz", rows, 460)
     figure.update_yaxes(_decimal(np.abs(loop.gain)), row=1, col=1)
     figure.update_xaxes(_decimal(frequency))
-    figure.update_xaxes(title_text="frequency of a modulation in Hz", row=2, col=1)
-    figure.update_layout(height=460 + TOOL_BAR)
+    return figure
+
+
+def _line(name: str, x: Any, y: Any, hover: str, **look: Any) -> Line:
+    """Return a line or markers; a value that is ``None`` or not a number leaves a gap."""
+    values = y if isinstance(y, list) else _short(y)
+    return {"name": name, "legendgroup": name, "mode": "lines", "x": x, "y": values, "hovertemplate": hover, **look}
+
+
+def _stacked(
+    along: Label | str,
+    rows: Sequence[tuple[Label | str, Sequence[Line]]],
+    height: int,
+    spacing: float = 0.08,
+    **layout: Any,
+) -> go.Figure:
+    """Return panels over one axis, each with its label and its lines; the legend has those of the first."""
+    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=spacing)
+    for row, (label, lines) in enumerate(rows, start=1):
+        for line in lines:
+            figure.add_scatter(**line, showlegend=row == 1, row=row, col=1)
+        figure.update_yaxes(title_text=str(label), row=row, col=1)
+    figure.update_xaxes(title_text=str(along), row=len(rows), col=1)
+    figure.update_layout(height=height + TOOL_BAR, **layout)
     return figure
 
 
