@@ -9,7 +9,7 @@ from a file, ``import pyspice_runner.datasets`` first.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,7 +72,7 @@ class DatasetResult(Result):
     @property
     def linear(self) -> bool:
         """Whether the motor has a slider."""
-        return "slider" in json.loads(self.dataset.attrs.get("motor", "{}"))
+        return "slider" in self._attribute("motor", {})
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.nc``, ``.csv`` (one row for each point) and ``.json``."""
@@ -105,10 +105,14 @@ class DatasetResult(Result):
             **self._attributes(),
         }
 
+    def _attribute(self, name: str, default: Any = None) -> Any:
+        """Return an attribute of the dataset that holds JSON."""
+        return json.loads(self.dataset.attrs[name]) if name in self.dataset.attrs else default
+
     def _attributes(self) -> dict[str, Any]:
         """Return the attributes of the dataset, those that hold JSON decoded, with all cautions."""
         attributes = {str(name): value for name, value in self.dataset.attrs.items()}
-        decoded = {name: json.loads(value) if name in _AS_JSON else value for name, value in attributes.items()}
+        decoded = {name: self._attribute(name) if name in _AS_JSON else value for name, value in attributes.items()}
         return {**decoded, "cautions": list(self.cautions)}
 
     def _span(self, name: str, digits: int = 6) -> str:
@@ -124,7 +128,7 @@ class Curves(DatasetResult):
     @property
     def audit(self) -> Audit:  # type: ignore[override]
         """The outcome of the physical audit of all points."""
-        return Audit(tuple(json.loads(self.dataset.attrs["audit"])["findings"]))
+        return Audit(tuple(self._attribute("audit", {"findings": ()})["findings"]))
 
     @property
     def others(self) -> list[str]:
@@ -136,17 +140,16 @@ class Curves(DatasetResult):
         """Number of finished points that did not settle."""
         return int((~self.dataset["settled"] & self.dataset["torque_n_m"].notnull()).sum())
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, unsettled and missing points."""
-        found = list(self.audit.findings)
+    def _limits(self) -> Iterator[str]:
+        """Yield the numbers of unsettled and of missing points, and the cautions of the motor."""
         if self.unsettled:
-            found.append(
+            yield (
                 f"{self.unsettled} of {self.dataset['settled'].size} points did not settle. Their values are "
                 "means over an irregular motion."
             )
-        found += [self.dataset.attrs["incomplete"]] if "incomplete" in self.dataset.attrs else []
-        return self._told((*found, *json.loads(self.dataset.attrs.get("cautions", "[]"))))
+        if "incomplete" in self.dataset.attrs:
+            yield self.dataset.attrs["incomplete"]
+        yield from self._attribute("cautions", [])
 
     def summary(self) -> dict[str, str]:
         """Return the range of the axes, the greatest torque, speed and efficiency, and how many points settled."""
@@ -159,7 +162,7 @@ class Curves(DatasetResult):
             found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
-        return self._worded(found | contact_row(json.loads(data.attrs.get("run", "{}"))))
+        return self._localised(found | contact_row(self._attribute("run", {})))
 
 
 class Branch(DatasetResult):
@@ -173,13 +176,12 @@ class Branch(DatasetResult):
     @property
     def folds(self) -> list[float]:
         """Values of the parameter at which the branch turns back."""
-        return [float(value) for value in json.loads(self.dataset.attrs["folds"])]
+        return [float(value) for value in self._attribute("folds")]
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The reason why the branch ended before its last value."""
-        ended = str(self.dataset.attrs["ended"])
-        return () if ended == "It reaches stop." else (f"The branch does not reach its end: {ended}",)
+    def _limits(self) -> Iterator[str]:
+        """Yield the reason why the branch ended before its last value."""
+        if (ended := str(self.dataset.attrs["ended"])) != "It reaches stop.":
+            yield f"The branch does not reach its end: {ended}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the points in their order, folds and provenance, JSON-ready; ``None`` for an undefined value."""
@@ -191,7 +193,7 @@ class Branch(DatasetResult):
         values, unit = self.dataset[self.along].values, self.dataset[self.along].attrs["units"]
         return {
             "branch": str(self.dataset.attrs["title"]),
-            **contact_row(json.loads(self.dataset.attrs.get("run", "{}"))),
+            **contact_row(self._attribute("run", {})),
             self.along: f"{self._span(self.along)}, {values.size} points",
             "folds": ", ".join(f"{value:.6g} {unit}" for value in self.folds) or "none",
             "stable": f"{int(self.dataset['stable'].sum())} of {values.size} points",
@@ -205,36 +207,36 @@ class WorkingPoints(DatasetResult):
     @property
     def best(self) -> dict[str, Any] | None:
         """Coordinates and quantities of the best point; ``None`` where no point is within the limits."""
-        found: dict[str, Any] | None = json.loads(self.dataset.attrs["best"])
+        found: dict[str, Any] | None = self._attribute("best")
         return found
 
     @property
     def limits(self) -> dict[str, float]:
         """Greatest absolute value allowed, by the name of the quantity."""
-        found: dict[str, float] = json.loads(self.dataset.attrs["limits"])
+        found: dict[str, float] = self._attribute("limits")
         return found
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Numbers of the points without a stable steady state; whether no point is within the limits."""
-        lost = int((~self.dataset["converged"]).sum())
-        unstable = int((self.dataset["converged"] & ~self.dataset["stable"]).sum())
-        total = self.dataset["stable"].size
-        found = [f"{count} of {total} points {words}." for count, words in
-                 ((lost, "have no steady state"), (unstable, "are not stable")) if count]  # fmt: skip
-        found += [] if self.best else ["No point is stable and within the limits."]
-        return self._told((*found, *json.loads(self.dataset.attrs.get("cautions", "[]"))))
+    def _limits(self) -> Iterator[str]:
+        """Yield the numbers of points without a stable steady state; whether no point is within the limits."""
+        data, total = self.dataset, self.dataset["stable"].size
+        if lost := int((~data["converged"]).sum()):
+            yield f"{lost} of {total} points have no steady state."
+        if unstable := int((data["converged"] & ~data["stable"]).sum()):
+            yield f"{unstable} of {total} points are not stable."
+        if not self.best:
+            yield "No point is stable and within the limits."
+        yield from self._attribute("cautions", [])
 
     def summary(self) -> dict[str, str]:
         """Return the axes and the best point."""
         data = self.dataset
-        found = {"map": str(data.attrs["title"]), **contact_row(json.loads(data.attrs.get("run", "{}")))}
+        found = {"map": str(data.attrs["title"]), **contact_row(self._attribute("run", {}))}
         for name in self.axes:
             found[name] = f"{self._span(name)}, {data[name].size} values"
         found["stable"] = f"{int(data['stable'].sum())} of {data['stable'].size} points"
         best = self.best
         if best is None:
-            return self._worded(found | {"best point": "none within the limits"})
+            return self._localised(found | {"best point": "none within the limits"})
         for name in self.axes:
             found[f"best {name}"] = f"{best[name]:.6g} {data[name].attrs['units']}"
         for words, name in (("torque", "torque_n_m"), ("speed", "speed_rad_s"), ("shaft power", "shaft_power_w"),
@@ -243,7 +245,7 @@ class WorkingPoints(DatasetResult):
             if best.get(name) is not None:
                 found[words] = engineering(best[name], data[name].attrs["units"] if name in data else "")
         efficiency = best["efficiency"]
-        return self._worded(found | {"efficiency": "–" if efficiency is None else _percent(efficiency)})
+        return self._localised(found | {"efficiency": "–" if efficiency is None else _percent(efficiency)})
 
 
 class Sweep(DatasetResult):
@@ -272,18 +274,14 @@ class Sweep(DatasetResult):
         found = {words: self.dataset[name] == 0 for name, words in FLAGS.items() if name in self.dataset}
         return {words: points for words, points in found.items() if bool(points.any())}
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Numbers of the points that are not settled, not accurate, or failed."""
+    def _limits(self) -> Iterator[str]:
+        """Yield the numbers of the points that are not settled, not accurate, or failed."""
         names, total = {words: name for name, words in FLAGS.items()}, int(np.prod(list(self.dataset.sizes.values())))
-        counts = {words: int(points.sum()) for words, points in self.flagged.items()}
-        found = [
-            f"{count} of {total} points {'is' if count == 1 else 'are'} {words}; see '{names[words]}'."
-            for words, count in counts.items()
-        ]
+        for words, points in self.flagged.items():
+            count = int(points.sum())
+            yield f"{count} of {total} points {'is' if count == 1 else 'are'} {words}; see '{names[words]}'."
         if self.failures:
-            found.append(f"{len(self.failures)} of {total} points failed; the first: {self.failures[0]['reason']}")
-        return tuple(found)
+            yield f"{len(self.failures)} of {total} points failed; the first: {self.failures[0]['reason']}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return axes, quantities, failures and provenance, JSON-ready; ``None`` where a point failed."""

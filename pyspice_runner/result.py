@@ -112,19 +112,17 @@ class Result(Shown):
         """Return attributes by their names, for ``to_dict``."""
         return {name: json_ready(getattr(self, name)) for name in names}
 
-    def _keyed(self, document: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a document or columns; of a slider with ``force_n``, ``speed_m_s``, … beside the rotary keys."""
-        return with_linear(document) if self.linear else dict(document)
+    def _localised(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a document, columns or a summary as they are of a slider, if the motor has one.
 
-    def _worded(self, summary: Mapping[str, str]) -> dict[str, str]:
-        """Return a summary, in the words and units of a slider if the motor has one."""
+        A summary, which has texts only, is in its words and units; the others have ``force_n``, ``speed_m_s``, … beside
+        the rotary keys.
+        """
         if not self.linear:
-            return dict(summary)
-        return {linear_words(name): linear_words(text) for name, text in summary.items()}
-
-    def _told(self, cautions: Iterable[str]) -> tuple[str, ...]:
-        """Return cautions, in the words and units of a slider if the motor has one."""
-        return tuple(map(linear_words, cautions) if self.linear else cautions)
+            return dict(found)
+        if all(isinstance(value, str) for value in found.values()):
+            return {linear_words(name): linear_words(text) for name, text in found.items()}
+        return with_linear(found)
 
     def columns(self) -> Mapping[str, NDArray[np.float64]]:
         """Return the curves by name, all of one length; the first is the axis of the others."""
@@ -132,8 +130,13 @@ class Result(Shown):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Limits of the validity of the result, one sentence each: by default the findings of the audit."""
-        return self.audit.findings
+        """Limits of the validity of the result, one sentence each, those by the audit first."""
+        found = dict.fromkeys((*self.audit.findings, *self._limits()))
+        return tuple(map(linear_words, found) if self.linear else found)
+
+    def _limits(self) -> Iterable[str]:
+        """Return the limits of the validity beside the findings of the audit."""
+        return ()
 
     # --- files and tables ---
 

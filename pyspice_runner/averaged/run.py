@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
@@ -84,7 +84,7 @@ class AveragedRun(Result):
         def __getattr__(self, name: str) -> Array: ...
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "curves", self._keyed(self.curves))
+        object.__setattr__(self, "curves", self._localised(self.curves))
         self.__dict__.update(self.curves)
 
     @cached_property
@@ -120,13 +120,14 @@ class AveragedRun(Result):
         bursts = short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min()))
         return (*model_cautions(check, opened, factor), *bursts)
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit and of the model's own check; whether friction holds a held shaft at the end."""
+    def _limits(self) -> Iterator[str]:
+        """Yield the findings of the model's own check; whether friction holds a held shaft at the end."""
         end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
         held = self.provenance["run"]["speed_rad_s"] is not None
-        sticks = (STUCK,) if held and stuck(end) else ()
-        return self._told((*self.audit.findings, *self._model_cautions, *sticks, *self.provenance["cautions"]))
+        yield from self._model_cautions
+        if held and stuck(end):
+            yield STUCK
+        yield from self.provenance["cautions"]
 
     @cached_property
     def to_come(self) -> dict[str, float | None]:
@@ -167,7 +168,7 @@ class AveragedRun(Result):
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""
         last = {name: float(values[-1]) for name, values in self.curves.items()}
-        return self._worded({
+        return self._localised({
             "speed": f"{last['rotor_speed_rad_s']:.4g} rad/s",
             "torque": f"{last['torque_n_m']:.4g} N·m",
             "duration": f"{last['time_s']:.4g} s",
@@ -181,7 +182,7 @@ class AveragedRun(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the values at the end, JSON-ready, with the keys of ``simulate`` and those of the averaged model."""
         last = {name: float(values[-1]) for name, values in self.curves.items()}
-        return self._keyed({
+        return self._localised({
             "mean_rotor_speed_rad_s": last["rotor_speed_rad_s"],
             "mean_torque_n_m": last["torque_n_m"],
             "state_fractions": {

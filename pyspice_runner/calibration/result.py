@@ -195,9 +195,8 @@ class Calibration(Result):
         free += 0 if stated else 1  # the size of the errors
         return fit + 2.0 * free + 2.0 * free * (free + 1.0) / (count - free - 1.0)
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The warnings."""
+    def _limits(self) -> tuple[str, ...]:
+        """Return the warnings."""
         return self.warnings
 
     def predict(self, data: Any) -> PredictedCurve:

@@ -10,7 +10,7 @@ Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 199
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from math import atan2, cos, degrees, isfinite, log, pi, radians, sin, tan
@@ -136,16 +136,11 @@ class ControlLoop(Result):
         *named, _ = GAINS[self.quantity]
         return {name: linear_unit(unit) if self.linear else unit for name, unit in named}
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The cautions of the simulated step, and operating points at which the loop is not stable."""
-        lost = [one for one in self.spread if one.phase_margin_deg is None]
-        told = (
-            f"At {len(lost)} of {len(self.spread)} operating points the loop has no margin: {lost[0].reason}"
-            if lost
-            else ""
-        )
-        return (*self.model_cautions, *([told] if told else []))
+    def _limits(self) -> Iterator[str]:
+        """Yield the cautions of the simulated step, and operating points at which the loop is not stable."""
+        yield from self.model_cautions
+        if lost := [one for one in self.spread if one.phase_margin_deg is None]:
+            yield f"At {len(lost)} of {len(self.spread)} operating points the loop has no margin: {lost[0].reason}"
 
     def columns(self) -> Mapping[str, Array]:
         """Return plant and loop gain over frequency."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
@@ -81,7 +81,7 @@ class ControlledRun(Result):
         def __getattr__(self, name: str) -> Array: ...
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", self._keyed(self.samples))
+        object.__setattr__(self, "samples", self._localised(self.samples))
         self.__dict__.update(self.samples)
 
     @property
@@ -124,10 +124,9 @@ class ControlledRun(Result):
     def _too_fast(self) -> tuple[str, ...]:
         return too_fast(self.provenance["motor"], float(np.abs(self.samples["speed_rad_s"]).max()))
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""
-        return self._told((*self._model_cautions, *self._too_fast))
+    def _limits(self) -> Iterable[str]:
+        """Return the findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""
+        return (*self._model_cautions, *self._too_fast)
 
     @property
     def _watched(self) -> dict[str, str]:
@@ -192,7 +191,7 @@ class ControlledRun(Result):
             name = CONTROLLED[self.provenance["run"]["quantity"]]
             found["static error"] = f"{self.static_error:.3g} {SAMPLES[name][0]}, mean of the last quarter"
         checked = {"check": "passed" if self.trusted else "not passed"} if "check" in self.samples else {}
-        return self._worded(found | checked | contact_row(self.provenance["run"]))
+        return self._localised(found | checked | contact_row(self.provenance["run"]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the last sample and the settings, JSON-ready."""
@@ -200,4 +199,4 @@ class ControlledRun(Result):
         checked = [name for name in CHECKS if name in self.samples]
         greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
         told = self._entries("trusted", "settled", "to_come", "static_error")
-        return self._keyed({"end": end, **told, **greatest, **self.provenance, **self._entries("cautions")})
+        return self._localised({"end": end, **told, **greatest, **self.provenance, **self._entries("cautions")})

@@ -9,7 +9,7 @@ All signals are deviations from the steady state. The states are those of the av
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import copysign, degrees
 from pathlib import Path
@@ -77,10 +77,9 @@ class StateSpace(Result):
         """Whether the motor has a slider."""
         return "slider" in self.provenance["motor"]
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The cautions of the averaged model at the steady state."""
-        return self._told(model_cautions(self.point["check"], self.point["separated"]))
+    def _limits(self) -> Iterable[str]:
+        """Return the cautions of the averaged model at the steady state."""
+        return model_cautions(self.point["check"], self.point["separated"])
 
     def transfer(self, output: str, of: str, frequency: Array) -> NDArray[np.complex128]:
         """Return a transfer function over frequency in Hz.
@@ -133,7 +132,7 @@ class StateSpace(Result):
         poles = np.linalg.eigvals(self.a)
         moving = poles[np.abs(poles) > 1e-6 * np.abs(poles).max() / len(poles)]
         slowest = moving[np.argsort(np.abs(moving.real))][:3]
-        return self._worded({
+        return self._localised({
             "speed": f"{self.point['speed']:.4g} rad/s",
             "torque": f"{self.point['torque']:.4g} N·m",
             "states": str(len(self.states)),

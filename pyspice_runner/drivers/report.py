@@ -7,7 +7,7 @@ Supply = losses in the driver + input of the motor; every report states the resi
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -195,24 +195,23 @@ class DriveReport(Result):
         """Whether power, torque and speed would stay within 2 % in a longer run."""
         return all(share is not None and share <= SETTLED for share in self.to_come.values())
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, means that have not settled, and powers that are not valid."""
+    def _limits(self) -> Iterator[str]:
+        """Yield means that have not settled, powers that are not valid, overloads and limits of the ceramic."""
         moving = [_MEANS[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
-        told = [f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."] if moving else []
+        if moving:
+            yield f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."
         if not self.driver["supplied"] and self.driver["kind"] != "ideal":
-            told.append("The driver has no supply pins: powers and efficiencies count from its output.")
+            yield "The driver has no supply pins: powers and efficiencies count from its output."
         for group in GROUPS:
             gain = -self.losses_w.get(f"driver_{group}.total", 0.0)
             if gain > DRIVER_BOUND * abs(self.power_in_w):
-                told.append(
+                yield (
                     f"The driver of group {group.upper()} puts out {gain:.3g} W more than its supplies give. It has "
                     "sources of its own, and its efficiency is not valid."
                 )
         if self.design and not self.design.feasible:
-            told.append(f"Do not build this driver. {self.design.reason}")
-        told += [*self.overloads, *self.event_faults]
-        return self._told((*self.audit.findings, *told, *self.ceramic.get("cautions", ())))
+            yield f"Do not build this driver. {self.design.reason}"
+        yield from (*self.overloads, *self.event_faults, *self.ceramic.get("cautions", ()))
 
     @property
     def _by_step(self) -> str:
@@ -235,7 +234,7 @@ class DriveReport(Result):
             "efficiency", "balance_residual", "settling", "settled", "to_come", "maxima", "events", "switching",
             "design",
         )  # fmt: skip
-        return self._keyed({
+        return self._localised({
             **self._entries(*names),
             "points": len(self.waveforms["time_s"]),
             **self._entries("solver_seconds", "ngspice_version", "audit"),
@@ -306,7 +305,7 @@ class DriveReport(Result):
             found["design"] = f"{'feasible' if self.design.feasible else 'not feasible'}: {self.design.reason}"
             started = {True: "yes", False: "no", None: "not simulated"}[self.design.starts]
             found["starts from rest"] = started
-        return self._worded(found)
+        return self._localised(found)
 
 
 @checked

@@ -12,7 +12,7 @@ operating point, where the tip sticks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from math import exp, inf, pi, sqrt
@@ -91,10 +91,9 @@ class Admittance(Result):
     deck: str | None = field(default=None, repr=False)
     unknown: tuple[str, ...] = ()
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, and what is not known of the motor."""
-        return (*self.audit.findings, *self.unknown)
+    def _limits(self) -> Iterable[str]:
+        """Return what is not known of the motor."""
+        return self.unknown
 
     def driven(self, connection: Connection = "A") -> NDArray[np.complex128]:
         """Return the admittance in S seen when the groups are connected as ``A``, ``B``, ``A+B`` or ``A-B``."""

@@ -7,7 +7,7 @@ the measured over the reference value less one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, inf, isfinite, sqrt
 from operator import attrgetter
@@ -235,10 +235,9 @@ class Trend(_Tabulated):
             "drifts": self.drifts(),
         }
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """The cautions of all comparisons, each once."""
-        return tuple(dict.fromkeys(text for item in self.comparisons for text in item.cautions))
+    def _limits(self) -> Iterable[str]:
+        """Return the cautions of all comparisons."""
+        return (text for item in self.comparisons for text in item.cautions)
 
     def summary(self) -> dict[str, str]:
         """Return the reference, the number of spectra and the deviations of each."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from math import isfinite
@@ -233,7 +234,7 @@ class Waveforms(Result):
         def known(column: str, quantity: str) -> Any:
             return getattr(self, quantity) if hasattr(self, column) else None
 
-        return self._keyed({
+        return self._localised({
             "mean_rotor_speed_rad_s": known("rotor_speed_rad_s", "mean_rotor_speed_rad_s"),
             "mean_torque_n_m": known("friction_force_n", "mean_torque_n_m"),
             "state_fractions": known("contact_state", "state_fractions"),
@@ -250,7 +251,7 @@ class Waveforms(Result):
 
     def columns(self) -> dict[str, Array]:
         """Return the recorded signals by name, the time first."""
-        return self._keyed({name: getattr(self, name) for name in self.recorded})
+        return self._localised({name: getattr(self, name) for name in self.recorded})
 
     @property
     def audit(self) -> Audit:  # type: ignore[override]
@@ -258,20 +259,18 @@ class Waveforms(Result):
         found = self.provenance["audit"]
         return Audit(tuple(found["findings"]), done=found["passed"] is not None)
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, and whether the run is inaccurate, not settled or interrupted."""
-        told = [*self.audit.findings]
+    def _limits(self) -> Iterator[str]:
+        """Yield whether the run is inaccurate, not settled or interrupted, and the cautions of the motor."""
         if self.accurate is False:
             step = 0.5 * self.provenance["run"]["step_s"]
-            told.append(f"{self._inaccuracy} Compare with a run with step = {step:.3g}.")
+            yield f"{self._inaccuracy} Compare with a run with step = {step:.3g}."
         if self.settled is False:
             names = {"mean_rotor_speed_rad_s": "mean rotor speed", "mean_torque_n_m": "mean torque"}
             moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
-            told.append(f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer.")
-        told += [] if self.complete else ["The run did not reach its end."]
-        told += self.provenance.get("cautions", ())
-        return self._told(told)
+            yield f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer."
+        if not self.complete:
+            yield "The run did not reach its end."
+        yield from self.provenance.get("cautions", ())
 
     @property
     def accuracy(self) -> float:
@@ -362,4 +361,4 @@ class Waveforms(Result):
         if self.error_estimate is not None:
             found["error estimate"] = f"{self.error_estimate:.2g}"
         found["points"] = str(self.points)
-        return self._worded(found)
+        return self._localised(found)

@@ -13,7 +13,7 @@ difference between two halves of them, and the change by smaller deviations, giv
 from __future__ import annotations
 
 from cmath import rect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi, radians, sqrt
 from typing import Any
@@ -148,24 +148,29 @@ class SmallSignals(Result):
             **self._entries("cautions"),
         }
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Cautions of the steady state, and transfer functions that are not accurate."""
-        told = []
+    def _limits(self) -> Iterator[str]:
+        """Yield the cautions of the steady state, and the transfer functions that are not accurate."""
+        yield from self.state.cautions
+        inaccurate = []
         for (output, of), values in self.transfers.items():
             share = self.errors[output, of] / np.maximum(np.abs(values), np.finfo(float).tiny)
             worst = int(np.argmax(share))
             if share[worst] > ACCURATE:
-                told.append(f"{output} per {of} ({100.0 * share[worst]:.2g} % at {self.modulation_hz[worst]:.4g} Hz)")
+                inaccurate.append(
+                    f"{output} per {of} ({100.0 * share[worst]:.2g} % at {self.modulation_hz[worst]:.4g} Hz)"
+                )
         for place, group in enumerate("AB"):
             own = (slice(None), place, place)
             share = self.hot_admittance_error_s[own] / np.abs(self.hot_admittance_s[own])
             worst = int(np.argmax(share))
             if share[worst] > ACCURATE:
                 at = f"{self.probe_hz[worst]:.4g} Hz"
-                told.append(f"hot admittance of {group} ({100.0 * share[worst]:.2g} % at {at})")
-        words = f"The estimated error of transfer functions exceeds {100.0 * ACCURATE:g} %: {', '.join(told)}."
-        return (*self.state.cautions, *([f"{words} Give a step < {self.state.step_s:.2g} s."] if told else []))
+                inaccurate.append(f"hot admittance of {group} ({100.0 * share[worst]:.2g} % at {at})")
+        if inaccurate:
+            yield (
+                f"The estimated error of transfer functions exceeds {100.0 * ACCURATE:g} %: {', '.join(inaccurate)}. "
+                f"Give a step < {self.state.step_s:.2g} s."
+            )
 
     def summary(self) -> dict[str, str]:
         """Return the transfer functions at the lowest frequency, and the admittances next to the drive's."""
@@ -180,7 +185,7 @@ class SmallSignals(Result):
                 value = 1e3 * complex(matrix[near, place, place])
                 error = f" ± {1e3 * self.hot_admittance_error_s[near, place, place]:.1g}" if words == "hot" else ""
                 found[f"{words} admittance of {group}"] = f"{value.real:.4g} {value.imag:+.4g}j{error} mS"
-        return self._worded(found)
+        return self._localised(found)
 
 
 @checked

@@ -9,7 +9,7 @@ which biases the small mean of a large alternating torque.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any, Generic, TypeVar
@@ -142,7 +142,7 @@ class SteadyState(Quantities, Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its waveforms, JSON-ready."""
-        return self._keyed({
+        return self._localised({
             "speed_rad_s": self.speed_rad_s,
             **json_ready(self.quantities),
             **self._entries("current_a_phase_deg", "current_b_phase_deg", "torque_error_n_m"),
@@ -156,25 +156,23 @@ class SteadyState(Quantities, Result):
         """The netlist that runs the period of the waveforms."""
         return self.waveforms.deck if self.waveforms else None
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, failed convergence, instability, and exceeded limits."""
-        found = list(self.audit.findings)
+    def _limits(self) -> Iterator[str]:
+        """Yield failed convergence, instability, and exceeded limits."""
         if not self.converged:
-            found.append("No steady state was found. Run simulate to see how the motor moves.")
+            yield "No steady state was found. Run simulate to see how the motor moves."
         elif not self.stable:
-            found.append(f"The steady state is not stable: {self.instability}.")
+            yield f"The steady state is not stable: {self.instability}."
         elif self.held_by_friction:
-            found.append(STUCK)
-        limits = exceeded(self.motor, self.quantities)
-        fast = too_fast(self.motor.to_dict(), self.speed_rad_s)
-        return self._told((*found, *delivering([self.quantities]), *limits, *fast))
+            yield STUCK
+        yield from delivering([self.quantities])
+        yield from exceeded(self.motor, self.quantities)
+        yield from too_fast(self.motor.to_dict(), self.speed_rad_s)
 
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""
         electrical = self.power_a_w + self.power_b_w
         largest = max(np.abs(self.floquet_multipliers), default=float("nan"))
-        return self._worded({
+        return self._localised({
             "speed": engineering(self.speed_rad_s, "rad/s"),
             "torque": engineering(self.torque_n_m, "N·m"),
             "load torque": engineering(self.load_torque_n_m, "N·m"),

@@ -7,6 +7,7 @@ does not see this phase, so an error of its sensing counts as an error.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from math import isfinite, sqrt
 from typing import Any, Protocol
@@ -152,7 +153,7 @@ class Tracking(Result):
             "resonance_reached_hz", "speed_before_rad_s", "speed_after_rad_s",
             "speed_lost_rad_s", "stall_torque_n_m", "settled", "to_come",
         )  # fmt: skip
-        return self._keyed({
+        return self._localised({
             **self._entries(*names),
             "lag": {**asdict(self.lag), "time_constant_s": self.lag.time_constant_s},
             **self._entries("loop", "loop_filter", "sensing"),
@@ -171,29 +172,29 @@ class Tracking(Result):
             return None
         return self.to_come is not None and self.to_come <= SETTLED
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Findings of the audit, and whether the speed has not settled or the mode's motion has not built up."""
-        moving = self.settled is False and self.settings["disturbance"]["kind"] != "warm-up"
-        told = ["The speed has not settled at the end of the run: run it longer."] * moving
+    def _limits(self) -> Iterator[str]:
+        """Yield whether the speed has not settled or the mode's motion has not built up, and limits of the ceramic."""
+        yield from self.model_cautions
+        if self.settled is False and self.settings["disturbance"]["kind"] != "warm-up":
+            yield "The speed has not settled at the end of the run: run it longer."
         lasted = float(self.time_s[-1] - self.time_s[0])
         if lasted < BUILT_UP * self.lag.time_constant_s:
-            told.append(
+            yield (
                 f"The run of {engineering(lasted, 's')} is shorter than {BUILT_UP:g} time constants of the mode, "
                 f"{engineering(self.lag.time_constant_s, 's')} each: the motion has not built up, and the end "
                 f"frequency is known within ±{engineering(0.5 / (np.pi * lasted), 'Hz')} only. Run it longer."
             )
         if self.no_loop:
-            told.append(f"The loop gain of the running motor is not known: {self.no_loop}")
+            yield f"The loop gain of the running motor is not known: {self.no_loop}"
         if self.sensing is not None and (off := self.sensing.off):
-            told.append(off)
-        return self._told((*self.audit.findings, *self.model_cautions, *told, *self.ceramic.get("cautions", ())))
+            yield off
+        yield from self.ceramic.get("cautions", ())
 
     def columns(self) -> dict[str, Array]:
         """Return frequency, phase and speed of each period over time; for an averaged run also the temperature."""
         names = ("time_s", "frequency_hz", "phase_deg", "rotor_speed_rad_s")
         heated = {} if self.temperature_k is None else {"temperature_k": self.temperature_k}
-        return self._keyed({name: getattr(self, name) for name in names} | heated)
+        return self._localised({name: getattr(self, name) for name in names} | heated)
 
     def summary(self) -> dict[str, str]:
         """Return lock, phase error, and the speeds before and after the disturbance."""
@@ -229,7 +230,7 @@ class Tracking(Result):
         if self.loop is not None:
             error = "" if self.loop.margin_error_deg is None else f" ± {self.loop.margin_error_deg:.1g}°"
             rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}°{error} at {self.loop.crossover_hz:.4g} Hz"
-        return self._worded(rows)
+        return self._localised(rows)
 
     @property
     def design_frequency_hz(self) -> float:

@@ -135,7 +135,7 @@ class Report(Result):
         best = int(np.argmax(forward))
         stall = curve["torque_n_m"].values[settled & (speed == 0.0)]
         free = self.free if self.free is not None and self.free.stable else None
-        return self._keyed({
+        return self._localised({
             "stall_torque_n_m": float(stall[0]) if len(stall) else None,
             "no_load_speed_rad_s": free.speed_rad_s if free else None,
             "best_efficiency": float(forward[best]) if np.isfinite(forward[best]) else None,
@@ -154,7 +154,7 @@ class Report(Result):
             "admittance": json_ready(self.spectra),
             **self._entries("run", "discretisation_error"),
             "speed_torque": [
-                self._keyed({"drive_share": share, **{name: json_ready(curve[name].values) for name in _TABULATED}})
+                self._localised({"drive_share": share, **{name: json_ready(curve[name].values) for name in _TABULATED}})
                 for share, curve in self.curves.items()
             ],
             "measured": None if self.measured is None else {"source": self.measured.source},
@@ -180,21 +180,21 @@ class Report(Result):
         """The outcome of the physical audit of the run."""
         return self.run.audit
 
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """Cautions of the run, of the free rotor's steady state, of the curves, and of another motor's calibration."""
-        others = self.calibration.differing(self.motor, self.drive) if self.calibration else []
-        told = [f"The calibration is that of a motor with other values of {', '.join(others)}."] if others else []
-        curves = (caution for curve in self.curves.values() for caution in Curves(curve).cautions)
-        free = ("Dry friction of the bearing stops the rotor.",) if self.free is None else self.free.cautions
-        return tuple(dict.fromkeys(self._told((*told, *self.run.cautions, *free, *curves))))
+    def _limits(self) -> Iterator[str]:
+        """Yield the cautions of another motor's calibration, of the run, of the free rotor, and of the curves."""
+        if self.calibration and (others := self.calibration.differing(self.motor, self.drive)):
+            yield f"The calibration is of a motor with other values of {', '.join(others)}."
+        yield from self.run.cautions
+        yield from ("Dry friction of the bearing stops the rotor.",) if self.free is None else self.free.cautions
+        for curve in self.curves.values():
+            yield from Curves(curve).cautions
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
         figures = self.key_figures
         best = figures["best_efficiency"]
         tracked = self.tracking.summary() if self.tracking else {}
-        return self._worded({
+        return self._localised({
             "motor": self.motor.name,
             "modes": self.motor.summary()["modes"],
             "drive": self.drive.label,

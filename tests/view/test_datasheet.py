@@ -428,7 +428,7 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
     assert page.evaluate("document.getElementById('residuals-1').data[0].y") == pytest.approx([0.0, -2.0])
     at = page.evaluate("Array.from(document.getElementById('residuals-1')._fullData[0].x)")
     assert at == pytest.approx([0.0, 1.0])  # ms
-    assert "that of a motor with other values of contact.friction" in page.inner_text("main")
+    assert "of a motor with other values of contact.friction" in page.inner_text("main")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert wrong == []
     page.close()
