@@ -59,10 +59,10 @@ ngspice46: setup ## run decks and engine in ngspice 46, unpacked into .tools bes
 	@sh scripts/backports.sh ngspice
 	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/spice tests/steady/test_steady.py tests/control/test_simulate.py tests/spice/test_library.py tests/circuit/test_decks.py tests/circuit/test_parameters.py tests/docs/test_convergence_page.py tests/tools/ngspice46.py
 
-verilog-a: ## compile the Verilog-A motor and run it in ngspice 46, beside the subcircuits (100 MB)
+verilog-a: ## compile the Verilog-A motor and run it in ngspice 46 and VACASK, beside the subcircuits (100 MB)
 	@sh scripts/setup.sh test dev compiled
 	@sh scripts/backports.sh ngspice
-	$(PY) -m pytest -n $(JOBS) tests/tools/verilog_a.py tests/tools/compiled_engine.py tests/tools/vacask.py tests/tools/simulators.py
+	$(PY) -m pytest -n $(JOBS) tests/tools/verilog_a.py tests/tools/vacask.py
 
 firmware: ## compile the example of firmware for a Cortex-M4, and run it in qemu beside this computer (600 MB)
 	@sh scripts/setup.sh target test dev

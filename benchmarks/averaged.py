@@ -12,7 +12,7 @@ import time
 
 import pyspice_runner as pr
 from benchmarks.steady_state import cpu_seconds
-from pyspice_runner.run.engines import Engine
+from pyspice_runner.spice import Engine
 
 SHORT, WHOLE, WARM_UP = 20e-3, 1.0, 600.0  # s
 

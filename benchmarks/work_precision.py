@@ -127,12 +127,12 @@ class Case:
         away = (x - self.x(t)) ** 2 + (y - self.y(t)) ** 2
         return sqrt(float(np.trapezoid(away, t) / (t[-1] - t[0])) / self.motion)
 
-    def ours(self, points: int, exact_resonance: bool, engine: str = "spice") -> float:
+    def ours(self, points: int, exact_resonance: bool) -> float:
         """A run of the package, and its error."""
         step = Point(self.motor, DriveSource(self.drive)).shortest_period / points
         run = pr.simulate(
             self.motor, self.drive, duration=DURATION, step=step, exact_resonance=exact_resonance,
-            signals=("tip_x_m", "tip_y_m"), engine=engine,
+            signals=("tip_x_m", "tip_y_m"),
         )  # fmt: skip
         return self.error(run.time_s, run.tip_x_m, run.tip_y_m)
 
@@ -170,25 +170,12 @@ def measured(tasks: dict[tuple[str, str], Callable[[], float]]) -> list[dict[str
     ]  # fmt: skip
 
 
-def compiles(case: Case) -> bool:
-    """Whether this machine has the compiled engine; ``make verilog-a`` sets it up."""
-    try:
-        case.ours(OURS[0], True, "compiled")
-    except pr.SimulationError as error:
-        print(f"The compiled engine is left out: {error}", flush=True)
-        return False
-    return True
-
-
 def work_precision(case: Case) -> list[dict[str, Any]]:
     """All solvers on one case."""
     tasks: dict[tuple[str, str], Callable[[], float]] = {}
-    compiled_engine = compiles(case)
     for points in OURS:
         tasks["ngspice, exact at resonance", f"{points} a period"] = lambda n=points: case.ours(n, True)
         tasks["ngspice, plain", f"{points} a period"] = lambda n=points: case.ours(n, False)
-        if compiled_engine:
-            tasks["compiled engine", f"{points} a period"] = lambda n=points: case.ours(n, True, "compiled")
     for step in RUNGE_KUTTA:
         tasks["Runge-Kutta, numba", f"{step:g} s"] = lambda h=step: case.compiled(h)
     for method, tolerances in SCIPY.items():

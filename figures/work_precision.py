@@ -16,7 +16,6 @@ MEASURED = Path(__file__).resolve().parents[1] / "benchmarks" / "work_precision.
 LOOKS: dict[str, dict[str, Any]] = {
     "ngspice, exact at resonance": {"color": BLUE, "marker": "o", "lw": 2.0},
     "ngspice, plain": {"color": BLUE, "marker": "o", "mfc": "white", "ls": "--"},
-    "compiled engine": {"color": BLUE, "marker": "P", "ls": "-.", "lw": 2.0},
     "Runge-Kutta, numba": {"color": BLACK, "marker": "D"},
     "RK45": {"color": ORANGE, "marker": "s"},
     "DOP853": {"color": VERMILION, "marker": "^"},
@@ -48,8 +47,8 @@ def draw(folder: Path) -> list[str]:
     caption = (
         "andersen2002; left 50 V at 51.7 kHz, 5 N; right 60 V at 17.9 kHz, 3 N, which opens. Error: RMS distance of "
         "the tip from a converged event-driven integration, over the RMS of its motion. Steps from 20 to 128 a period "
-        "of the fastest motion; scipy from rtol 1e-3 on. Compiled engine: the motor in Verilog-A. Runge–Kutta: with "
-        "events, by numba. Dotted: 0.5 %."
+        "of the fastest motion; scipy from rtol 1e-3 on. Runge–Kutta: with events, by "
+        "numba. Dotted: 0.5 %."
     )
     write(figure, folder / "work_precision.png", title, caption)
     return found

@@ -24,11 +24,11 @@ from pyspice_runner.averaged.c_code import Front, session_texts, variables
 from pyspice_runner.averaged.circuit_c import NETWORK, TRACKER, Parts, circuit_parameters
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Course, Terms, require_averaged
 from pyspice_runner.errors import SimulationError
+from pyspice_runner.files import cache_folder
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.spice.compiler import kept_library
 
 Array = NDArray[np.float64]
@@ -132,7 +132,9 @@ class AveragedMotor:
     ) -> None:
         require_averaged(motor)
         moving, front = len(carriers(motor.mount)), Front(loop is not None, bool(networks))
-        self._c = _library(len(motor.modes), moving, Terms.of(motor), front, phases, harmonics, modules_folder())
+        hint = "This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME."
+        folder = cache_folder("modules", SimulationError(hint))
+        self._c = _library(len(motor.modes), moving, Terms.of(motor), front, phases, harmonics, folder)
         known = variables(motor, thermal, shaft, front)
         inputs = (*INPUTS, "target") if loop else INPUTS
         self._modes = len(motor.modes)

@@ -9,7 +9,6 @@ from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.compiled import Module, Signal, loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.circuit.evaluated import Plotted, plotted_nodes
 from pyspice_runner.circuit.fixtures import (
     METERED,
@@ -23,7 +22,7 @@ from pyspice_runner.circuit.fixtures import (
     not_below_rounding,
 )
 from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_values
-from pyspice_runner.circuit.motor import SUBCIRCUIT, add_motor, instantiate
+from pyspice_runner.circuit.motor import add_motor, instantiate
 from pyspice_runner.circuit.own_law import PINS
 from pyspice_runner.circuit.powers import Power
 from pyspice_runner.circuit.source import GROUPS, Pins, Source, UniformSource
@@ -37,7 +36,7 @@ from pyspice_runner.spice.library import definitions
 from pyspice_runner.trackers.tracker import Disturbance, Tracker, add_disturbance, tracked_source
 
 Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
-Derived = Signal | Plotted | Power  # a vector that follows from others
+Derived = Plotted | Power  # a vector that follows from others
 FREE = Load()  # a free shaft
 
 
@@ -49,7 +48,6 @@ class Bench:
     options: Mapping[str, str]  # ngspice's options for it
     # initial voltages in V by node, in addition to those of its devices (``ic=``).
     start: Mapping[str, float] = field(default_factory=dict)
-    modules: tuple[Module, ...] = ()  # Verilog-A modules that it loads, compiled
     signals: Mapping[str, Derived] = field(default_factory=dict)  # vectors that follow from others, by name
 
 
@@ -95,7 +93,6 @@ def motor_bench(
     start: Motion | None = None,
     begun: float = 0.0,
     title: str = "",
-    compiled: bool = False,
     check: bool = False,
     approach: str = "",
     plotted: bool = False,
@@ -105,10 +102,9 @@ def motor_bench(
     A source ``Vshaft`` holds the speed of the load, a source ``Iload`` draws its torque. A law of ``None`` is a free
     tip. With ``thermal`` the losses heat the motor through ``Xcooling`` on the nodes heat and temperature. ``start`` is
     by default preloaded rest, with the plates at the first voltages of the source, which has been on for ``begun``
-    seconds. A compiled module (:mod:`.compiled`) has no drift and no disturbance. With ``check`` the motor has the node
-    ``check``. ``approach`` is the value of a source by which the stator moves towards the rotor, um. If ``plotted``,
-    a driver has the nodes of its powers and energies; otherwise they follow from recorded vectors. Raise
-    ParameterError for a source that does not suit the motor.
+    seconds. With ``check`` the motor has the node ``check``. ``approach`` is the value of a source by which the stator
+    moves towards the rotor, um. If ``plotted``, a driver has the nodes of its powers and energies; otherwise they
+    follow from recorded vectors. Raise ParameterError for a source that does not suit the motor.
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: transient")
@@ -125,15 +121,6 @@ def motor_bench(
     elif load.torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
     options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
-    if compiled:
-        assert law is not None
-        module = module_of(motor, law)
-        text = module_subcircuit(motor, law, discretisation, SUBCIRCUIT)
-        circuit.raw_spice += f"{loading(module)}\n{text}\nXmotor a b 0 shaft {SUBCIRCUIT}\n"
-        first = _start(motor, source, law, start, discretisation, compiled=True)
-        first |= {} if start is None else {"shaft": start.speed_rad_s}
-        derived: dict[str, Derived] = {**module_signals(motor, discretisation, "xmotor"), **powers}
-        return Bench(circuit, options, first, (module,), derived)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -219,14 +206,12 @@ def _start(
     law: Law | None,
     start: Motion | None,
     discretisation: Discretisation | None,
-    *,
-    compiled: bool = False,
 ) -> dict[str, float]:
     """Return the initial voltages inside the motor, by node; those of its states only for a given motion."""
-    nodes = {} if compiled else first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
+    nodes = first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
     if start is not None:
         states = motor_states(motor, law)
-        nodes |= start_nodes(states, [state.of(start) for state in states], discretisation, compiled=compiled)
+        nodes |= start_nodes(states, [state.of(start) for state in states], discretisation)
     else:
         plates = zip(GROUPS, source.initial_voltages(), strict=True)
         nodes |= {node: voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)}

@@ -2,7 +2,7 @@
 """The state of a running motor, declared once: the vectors that hold it, their units, and how a run starts from it.
 
 :func:`motor_states` lists the states of a motor. A state with a part is set by a parameter of the motor's X line
-(:attr:`State.parameter`), any other by the initial voltage of its node. In a compiled module each state is a node.
+(:attr:`State.parameter`), any other by the initial voltage of its node.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class Motion:
 class State:
     """One number of the state of a motor."""
 
-    name: str  # its name, and that of its node in a compiled module
+    name: str  # its name
     kind: Kind  # the part of the motor that it belongs to
     vector: str  # the vector that holds it, a format of the instance of the motor and the node of the shaft
     field: str  # its field of :class:`Motion`
@@ -262,19 +262,14 @@ def start_parameters(
 
 
 def start_nodes(
-    states: Sequence[State],
-    values: Sequence[float],
-    discretisation: Discretisation | None,
-    *,
-    compiled: bool = False,
+    states: Sequence[State], values: Sequence[float], discretisation: Discretisation | None
 ) -> dict[str, float]:
     """Return the initial voltages by node inside a motor that starts at the SI values of its states.
 
-    They are those of the states without a parameter. A compiled module has no parameters for its start, so all but
-    the shaft's are among them.
+    They are those of the states without a parameter.
     """
     return {
         state.name: state.start_value(value, discretisation)
         for state, value in zip(states, values, strict=True)
-        if not state.part or (compiled and state.kind != "rotor")
+        if not state.part
     }

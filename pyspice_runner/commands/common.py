@@ -91,8 +91,7 @@ TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after th
 EngineOption = Annotated[
     Engine,
     typer.Option(
-        help="spice: B-sources; compiled: Verilog-A, in ngspice 46; auto: compiled where it was verified. With "
-        "--averaged, compiled is C code, and auto, the default, takes it where a C compiler is installed."
+        help="Of the averaged motor. compiled: C code; spice: ngspice; auto: C code where a compiler is installed."
     ),
 ]
 AuditOption = Annotated[

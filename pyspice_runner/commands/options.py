@@ -136,11 +136,10 @@ class PeriodOptions(LawOptions):
 
 
 @dataclass(frozen=True)
-class EngineOptions(Options):
-    """The engine, and the audit of its result."""
+class AuditOptions(Options):
+    """The audit of the result."""
 
     audit: common.AuditOption = True
-    engine: common.EngineOption = "spice"
 
 
 @dataclass(frozen=True)

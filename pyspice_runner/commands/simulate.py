@@ -13,7 +13,7 @@ from pyspice_runner.circuit.waveforms import Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import EngineOptions, LawOptions, Targets, with_options
+from pyspice_runner.commands.options import LawOptions, Targets, with_options
 from pyspice_runner.errors import Interrupted
 
 # options of a run cycle by cycle, which an averaged one does not have
@@ -59,7 +59,8 @@ def simulate(
     ] = False,
     driver: DriverOptions,
     timeout: common.TimeoutOption = None,
-    engine: EngineOptions,
+    audit: common.AuditOption = True,
+    engine: common.EngineOption = "auto",
     changes: common.SetOption = None,
     targets: Targets,
 ) -> None:
@@ -70,18 +71,19 @@ def simulate(
     contact = law.law
     targets.check(".csv", ".nc", ".json", ".cir")
     if not averaged:
-        common.refuse_idle(context, "without --averaged; piezomotor drive runs every cycle behind a driver", "driver")
+        common.refuse_idle(
+            context, "without --averaged; piezomotor drive runs every cycle behind a driver", "driver", "engine"
+        )
     driver.check(context)
     loaded, in_front = driver.applied(motor, changes)
     excitation = drive.stated(loaded)
     shaped = _shaped(context, excitation, waveform)
     if averaged:
         common.refuse_idle(context, "with --averaged", *_OF_CYCLES)
-        chosen = engine.engine if common.is_stated(context, "engine") else "auto"
         with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
                 loaded, in_front(excitation, contact), duration, contact=contact, speed=speed, load_torque=load_torque,
-                engine=chosen, progress=progress, timeout=timeout,
+                engine=engine, progress=progress, timeout=timeout,
             )  # fmt: skip
         common.caution(mean)
         targets.deliver(mean, f"{loaded.name}, averaged, {excitation.label}, {duration:.6g} s")
@@ -105,7 +107,7 @@ def simulate(
                 record_every=record_every,
                 progress=progress,
                 timeout=timeout,
-                **engine.settings,
+                audit=audit,
             )
         except Interrupted as interrupt:
             run, status = interrupt.partial, common.INTERRUPTED

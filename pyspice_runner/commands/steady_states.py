@@ -11,7 +11,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DriverOptions
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import EngineOptions, LoadOption, PeriodOptions, SpeedOption, Targets, with_options
+from pyspice_runner.commands.options import AuditOptions, LoadOption, PeriodOptions, SpeedOption, Targets, with_options
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.steady.working_points import ACCURACY, Objective
@@ -30,7 +30,7 @@ def steady(
     period: PeriodOptions,
     accuracy: Annotated[float, typer.Option(help="Error allowed of the torque, relative to mu F0 R.")] = 2e-3,
     driver: DriverOptions,
-    engine: EngineOptions,
+    audit: AuditOptions,
     changes: common.SetOption = None,
     targets: Targets,
 ) -> int:
@@ -46,7 +46,7 @@ def steady(
         source = in_front(stated, period.law)
         result = pr.steady_state(
             loaded, source, speed=speed, load_torque=load, accuracy=accuracy, **period.settings,
-            **engine.settings,
+            **audit.settings,
         )  # fmt: skip
     common.caution(result)
     targets.deliver(result, f"{loaded.name}: {result.drive.label}")
@@ -167,7 +167,7 @@ def speed_torque(
     tolerance: Annotated[float, typer.Option(help="Largest change from block to block of a settled point.")] = 1e-3,
     patience: Annotated[int, typer.Option(help="Number of blocks after which a point counts as not settled.")] = 40,
     period: PeriodOptions,
-    engine: EngineOptions,
+    audit: AuditOptions,
     changes: common.SetOption = None,
     targets: Targets,
 ) -> int:
@@ -205,7 +205,7 @@ def speed_torque(
                 patience=patience,
                 progress=progress,
                 **period.settings,
-                **engine.settings,
+                **audit.settings,
             )
         except (Interrupted, pr.SimulationError) as fault:
             if fault.partial is None:

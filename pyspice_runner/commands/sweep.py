@@ -26,8 +26,7 @@ _DRIVEN = ("driver", "part", "mosfet", "rail")
 _IDLE = {  # options without effect on each analysis
     "simulate": _DRIVEN,
     "operating-point": ("duration", "load_torque", *_DRIVEN),
-    "drive": ("engine",),
-    "driver-state": ("engine", "duration"),
+    "driver-state": ("duration",),
 }
 
 
@@ -88,7 +87,6 @@ def sweep(
     speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s (slider: m/s).")] = None,
     load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m (slider: N).")] = None,
     timeout: common.TimeoutOption = None,
-    engine: common.EngineOption = "spice",
     changes: common.SetOption = None,
     targets: Targets,
 ) -> int:
@@ -137,7 +135,6 @@ def sweep(
             )
         axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), distribution)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
-    settings["engine"] = None if engine == "spice" else engine  # which is the default of the run
     run = {name: value for name, value in settings.items() if value is not None}
     if law.contact != DEFAULT_LAW:  # which is the default of the run
         run["contact"] = contact

@@ -6,7 +6,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -15,10 +14,8 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.bench import Bench, Derived
 from pyspice_runner.circuit.evaluated import Plotted, plotted_vectors
-from pyspice_runner.errors import Interrupted, SimulationError
-from pyspice_runner.files import cache_folder
+from pyspice_runner.errors import Interrupted
 from pyspice_runner.spice.ngspice import SpiceRun
-from pyspice_runner.spice.openvaf import compile_module, find_osdi_ngspice
 from pyspice_runner.spice.pyspice import BatchSimulator
 
 Array = NDArray[np.float64]
@@ -66,32 +63,16 @@ class Outcome:
         """Add those that follow from others to vectors."""
         plotted = {name: signal for name, signal in self.signals.items() if isinstance(signal, Plotted)}
         found = vectors | plotted_vectors(plotted, vectors)
-        for name, signal in self.signals.items():
-            if not isinstance(signal, Plotted):
-                found[name] = signal.of(vectors)
-        return found
+        return found | {name: one.of(vectors) for name, one in self.signals.items() if not isinstance(one, Plotted)}
 
 
 def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None) -> BatchSimulator:
-    """Return PySpice's simulator of a bench, with its options, initial voltages and recorded vectors.
-
-    Raises:
-        SimulationError: if the bench has a module to be compiled and the compiler or an ngspice for it is missing.
-    """
-    ready = BatchSimulator(
-        bench.circuit, timeout=timeout, executable=find_osdi_ngspice() if bench.modules else "",
-        modules=[compile_module(module.name, module.source, modules_folder()) for module in bench.modules],
-    )  # fmt: skip
+    """Return PySpice's simulator of a bench, with its options, initial voltages and recorded vectors."""
+    ready = BatchSimulator(bench.circuit, timeout=timeout)
     ready.options(**bench.options)
     ready.initial_condition(**{node: voltage for node, voltage in bench.start.items() if voltage})
     ready.save(*(bench.signals[name].terms if name in bench.signals else name for name in vectors))
     return ready
-
-
-def modules_folder() -> Path:
-    """Return the folder in which compiled modules are kept, in the user's cache."""
-    hint = "This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME."
-    return cache_folder("modules", SimulationError(hint))
 
 
 def transient(

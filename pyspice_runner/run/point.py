@@ -41,7 +41,6 @@ class Solver:
     exact_resonance: bool = True
     timeout: float | None = None  # wall time in s after which ngspice is ended
     audit: bool = True  # whether a result that fails the physical audit (:mod:`.audit`) is an error
-    compiled: bool = False  # whether the motor is a compiled module instead of B-sources (:mod:`.engines`)
 
     def __post_init__(self) -> None:
         if self.accuracy is not None and not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:
@@ -198,7 +197,6 @@ class Point:
         return motor_bench(
             self.motor, self.source, load=self.load, law=self.law, discretisation=self.discretisation,
             thermal=self.thermal, disturbance=self.disturbance, start=start, begun=begun, title=title,
-            compiled=self.solver.compiled,
         )  # fmt: skip
 
     def run(
@@ -225,5 +223,5 @@ class Point:
             "load_torque_n_m": self.load.torque,
             "step_s": self.step,
             "exact_resonance": self.discretisation.exact_resonance,
-            "engine": "compiled" if self.solver.compiled else "spice",
+            "engine": "spice",
         }

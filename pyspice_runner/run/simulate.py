@@ -23,12 +23,10 @@ from pyspice_runner.run.accuracy import COST, TIP, CoarserRuns
 from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.dynamometer import delivering
-from pyspice_runner.run.engines import on_engine
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
-from pyspice_runner.spice import Engine
 from pyspice_runner.trackers.tracker import Tracker
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
@@ -56,7 +54,6 @@ def simulate(
     progress: Callable[[float, float], object] | None = None,
     timeout: float | None = None,
     audit: bool = True,
-    engine: Engine = "spice",
 ) -> Waveforms:
     """Run a motor from rest under its preload; the drive comes on at t = 0.
 
@@ -86,22 +83,16 @@ def simulate(
         progress: called several times a second with the fraction that is done, 0 to 1, and the remaining seconds.
         timeout: wall time in s after which the run is ended.
         audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit`` has them.
-        engine: ``"spice"``, in which ngspice interprets the B-sources of the motor; ``"compiled"``, a compiled
-            Verilog-A module, which takes a compiler and ngspice 46 (:mod:`~pyspice_runner.run.engines`); ``"auto"``,
-            the compiled one if it was seen on this machine to move as the other does.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
         Interrupted: when interrupted; ``partial`` has what was done, marked as not complete.
     """
-    reason = "A motor that its losses heat has no compiled form." if thermal else ""
-    reason = reason or ("A tracker needs the B-sources." if isinstance(drive, Tracker) else "")
     setup = Point.of(
         motor, drive, speed=speed, load_torque=load_torque, contact=contact, thermal=thermal, step=step,
         accuracy=accuracy, exact_resonance=exact_resonance, timeout=timeout, audit=audit,
     )  # fmt: skip
-    setup = on_engine(setup, engine, reason)
     if accuracy is not None and step is None:
         setup = setup.with_step(setup.shortest_period / points_per_period(accuracy))
     _check_duration(setup, duration)

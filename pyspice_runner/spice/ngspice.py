@@ -85,17 +85,15 @@ def run_deck(
     timeout: float | None = None,
     progress: Callable[[float], object] | None = None,
     keep_partial: bool = False,
-    executable: str = "",
-    modules: Sequence[Path] = (),
     processes: KeptProcesses | None = None,
 ) -> SpiceRun:
     """Run a netlist and return its vectors, or raise.
 
     The netlist has ``.save`` and one analysis, which must reach ``stop_time`` in s or ``stop_frequency`` in Hz. The
     ``vectors``, as ``.save`` takes them (``v(out)``, ``out``, ``i(v1)``, ``@r1[i]``), must be present and finite.
-    ``timeout`` is wall time in s. ``progress`` is called several times a second with the simulated time in s. The deck
-    loads the ``modules`` by their names. A transient may run in one of the ``processes``; if it fails there, it runs
-    again in a process of its own, whose message names the cause.
+    ``timeout`` is wall time in s. ``progress`` is called several times a second with the simulated time in s. A
+    transient may run in one of the ``processes``; if it fails there, it runs again in a process of its own, whose
+    message names the cause.
 
     Raises:
         SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
@@ -104,7 +102,7 @@ def run_deck(
     fault = silent_fault(deck)
     if processes and not fault and (found := processes.run(deck, partial(_verified_transient, vectors, stop_time))):
         return found
-    executable = executable or find_ngspice()
+    executable = find_ngspice()
     version = version_of(executable)
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
         folder = new_folder()
@@ -112,7 +110,6 @@ def run_deck(
         keep = False
         try:
             deck_path.write_text(deck, encoding="utf-8")
-            _link(modules, folder, deck)
             if fault:
                 raise SimulationError(fault)
             started = time.perf_counter()
@@ -140,17 +137,6 @@ def run_deck(
             if not keep:
                 shutil.rmtree(folder, ignore_errors=True)
     return SpiceRun(raw, seconds, log, version)
-
-
-def _link(modules: Sequence[Path], folder: Path, deck: str) -> None:
-    """Put compiled modules beside a deck, with an empty start file unless the deck has devices of XSPICE.
-
-    The start file of ngspice 46 loads the code models of XSPICE, which takes 8 ms, a tenth of a short run.
-    """
-    for module in modules:
-        (folder / module.name).symlink_to(module)
-    if modules and not re.search(r"(?mi)^(?:a|\.inc|\.lib)", deck):
-        (folder / "spinit").touch()
 
 
 def _execute(

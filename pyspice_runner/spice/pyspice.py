@@ -7,8 +7,7 @@ netlist with a syntax error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 from PySpice.Probe.WaveForm import AcAnalysis, DcAnalysis, OperatingPoint, TransientAnalysis, WaveForm
@@ -33,8 +32,7 @@ class BatchSimulator(CircuitSimulator):
 
     ``operating_point``, ``dc``, ``ac`` and ``transient`` take PySpice's arguments and return PySpice's analyses; the
     verified vectors are in :attr:`result`. The deck that would run is ``str(simulator)``. ``timeout`` is wall time in
-    s, ``executable`` by default the ngspice on the PATH; the circuit loads the ``modules`` by their names. ``kwargs``
-    are PySpice's ``temperature`` and ``nominal_temperature``.
+    s; ``kwargs`` are PySpice's ``temperature`` and ``nominal_temperature``.
 
     Raises:
         ParameterError: by another analysis.
@@ -43,10 +41,7 @@ class BatchSimulator(CircuitSimulator):
 
     SIMULATOR = "ngspice"
 
-    def __init__(
-        self, circuit: Circuit, *, timeout: float | None = None, executable: str = "", modules: Sequence[Path] = (),
-        **kwargs: Any,
-    ) -> None:  # fmt: skip
+    def __init__(self, circuit: Circuit, *, timeout: float | None = None, **kwargs: Any) -> None:
         if timeout is not None and not timeout > 0.0:
             raise ParameterError(f"timeout = {timeout:g} s is not valid: it must be a number > 0 s.")
         super().__init__(circuit, **kwargs)
@@ -54,7 +49,6 @@ class BatchSimulator(CircuitSimulator):
             if keyword not in kwargs:  # both are then ngspice's 27 degrees, and the deck stays short
                 self._options.pop(option)
         self._timeout = timeout
-        self._executable, self._modules = executable, tuple(modules)
         self._saved_nodes: list[str] = []  # PySpice's own is a set, which Python orders anew in every process
         self.result: SpiceRun | None = None
         self.deck = ""  # the netlist that was run last
@@ -104,9 +98,7 @@ class BatchSimulator(CircuitSimulator):
             timeout=self._timeout,
             progress=progress,
             keep_partial=keep_partial,
-            executable=self._executable,
-            modules=self._modules,
-            processes=None if self._timeout or self._modules else processes,
+            processes=None if self._timeout else processes,
         )
         return self.result
 

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.circuit.bench import Bench, Derived
-from pyspice_runner.circuit.compiled import loading, module_of, module_signals, module_subcircuit
 from pyspice_runner.circuit.evaluated import plotted_nodes
 from pyspice_runner.circuit.fixtures import not_below_rounding, sine, transient_options
 from pyspice_runner.circuit.law import InnerSliders, Law
@@ -148,17 +147,14 @@ class Plant:
         return len(self.states)
 
     def motor_texts(
-        self, discretisation: Discretisation, *, plates: bool = True, plotted: bool = False, compiled: bool = False
+        self, discretisation: Discretisation, *, plates: bool = True, plotted: bool = False
     ) -> dict[str, str]:
         """Return the subcircuit of the motor and those of its parts, by name.
 
         ``plates`` tells whether the motor has its clamped capacitances, and ``plotted`` whether a brush has the nodes
-        ``slider`` and ``state``; a compiled module always has both.
+        ``slider`` and ``state``.
         """
         name = self.motor_name
-        if compiled:
-            assert self.law is not None
-            return {name: module_subcircuit(self.motor, self.law, discretisation, name)}
         definition = MotorSubCircuit(
             self.motor, law=self.law, discretisation=discretisation, startable=True, plates=plates, plotted=plotted,
             name=name, prefix=PREFIX,
@@ -178,13 +174,11 @@ class Plant:
         probes: Sequence[Probe] = (),
         *,
         plates: bool = True,
-        compiled: bool = False,
     ) -> dict[str, float]:
         """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
-        nodes = start_nodes(self.states, state.tolist(), discretisation, compiled=compiled)
-        if not compiled:
-            stem_m = motion_of(self.states, state.tolist()).stem_m
-            nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
+        nodes = start_nodes(self.states, state.tolist(), discretisation)
+        stem_m = motion_of(self.states, state.tolist()).stem_m
+        nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
             for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
@@ -254,11 +248,11 @@ def copy_name(number: int) -> str:
 
 
 def motor_texts(
-    copies: Sequence[Copy], discretisation: Discretisation, *, plates: bool = True, compiled: bool = False
+    copies: Sequence[Copy], discretisation: Discretisation, *, plates: bool = True
 ) -> dict[str, dict[str, str]]:
     """Return the subcircuits of each motor, by its name; the arguments are those of :func:`copies_bench`."""
     plants = {copy.plant.motor_name: copy.plant for copy in copies}
-    return {name: plant.motor_texts(discretisation, plates=plates, compiled=compiled) for name, plant in plants.items()}
+    return {name: plant.motor_texts(discretisation, plates=plates) for name, plant in plants.items()}
 
 
 def copies_bench(
@@ -267,27 +261,24 @@ def copies_bench(
     texts: Mapping[str, dict[str, str]] | None = None,
     *,
     plates: bool = True,
-    compiled: bool = False,
 ) -> Bench:
     """Return the bench of many copies, instances ``Xc0``, ``Xc1``, … with their shafts at ``xc0_shaft``, ….
 
     Copies with the same drive in the same phase share their sources. The law is the same in all copies. ``texts`` has
     the subcircuits by :attr:`Plant.motor_name`; by default they are written. Without ``plates``, the clamped
-    capacitances, the currents of the sources are those of the modes alone, and the motion is the same. Compiled modules
-    have their plates.
+    capacitances, the currents of the sources are those of the modes alone, and the motion is the same.
     """
     first = copies[0].plant
-    texts = texts or motor_texts(copies, discretisation, plates=plates, compiled=compiled)
+    texts = texts or motor_texts(copies, discretisation, plates=plates)
     sources: dict[tuple[Any, ...], int] = {}
     start: dict[str, float] = {}
     signals: dict[str, Derived] = {}
     plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
-    modules = {module_of(plant.motor, plant.law): None for plant in plants if compiled and plant.law}
-    for plant in () if compiled else plants:
+    for plant in plants:
         own = [copy_name(number) for number, copy in enumerate(copies) if copy.plant.motor_name == plant.motor_name]
         signals |= plotted_nodes(plant.motor, plant.law, *own)
     subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
-    lines = [*map(loading, modules), *subcircuits.values()]
+    lines = [*subcircuits.values()]
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
@@ -303,16 +294,11 @@ def copies_bench(
         for place, probe in enumerate(copy.probes):
             if probe.place == "shaft":
                 lines.append(f"I{shaft}_{place} 0 {shaft} {sine(probe.tone, copy.begun)}")
-        start_values = {} if compiled else plant.start_values(copy.state, discretisation)
+        start_values = plant.start_values(copy.state, discretisation)
         values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
         lines.append(f"{instance} {pins} {plant.motor_name} {values}")
-        inside = plant.start_nodes(
-            copy.state, copy.begun, discretisation, copy.probes, plates=plates or compiled, compiled=compiled
-        )
-        if compiled:
-            start |= {shaft: float(copy.state[-1])} if plant.turns else {}
-            signals |= module_signals(plant.motor, discretisation, instance)
+        inside = plant.start_nodes(copy.state, copy.begun, discretisation, copy.probes, plates=plates)
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
     circuit.raw_spice += "\n".join(lines) + "\n"
@@ -320,7 +306,7 @@ def copies_bench(
     options = tolerances[0] | {name: min((own[name] for own in tolerances), key=float) for name in ("vntol", "abstol")}
     options = not_below_rounding(options, (plant.motor for plant in plants), first.law, discretisation)
     options["trtol"] = UNIFORM
-    return Bench(circuit, options, start, tuple(modules), signals)
+    return Bench(circuit, options, start, signals)
 
 
 def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: int) -> list[str]:

@@ -107,7 +107,6 @@ class PeriodMap:
     steps: int  # number of uniform steps in it
     timeout: float | None = None  # wall time in s after which a run of ngspice is ended
     workers: int = field(default_factory=cores)  # number of decks that run at a time
-    compiled: bool = False  # whether the motors are compiled modules
     processes: KeptProcesses | None = None  # in which decks run
     effort: Effort = field(default_factory=Effort)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
@@ -124,7 +123,7 @@ class PeriodMap:
 
     def with_steps(self, steps: int) -> PeriodMap:
         """Return a map over the same period with another number of steps."""
-        return PeriodMap(self.period, steps, self.timeout, self.workers, self.compiled, self.processes)
+        return PeriodMap(self.period, steps, self.timeout, self.workers, self.processes)
 
     def shared_by(self, threads: int) -> Self:
         """Return the same map for one of several threads, with its share of the workers and a common effort."""
@@ -148,7 +147,7 @@ class PeriodMap:
         """Return the traces over a period; leave out the sliders of a brush that touch nothing, if these are known."""
         sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
         law = copies[0].plant.law if copies else None  # the same in all
-        if self.compiled or law is None or sliders >= (law.sliders or 0):
+        if law is None or sliders >= (law.sliders or 0):
             return [trace and _reaching(copy, trace) for copy, trace in self._whole(copies)]
         inner = [copy.with_sliders(sliders) for copy in copies]
         found: list[Trace | None] = []
@@ -178,7 +177,7 @@ class PeriodMap:
 
     def _single(self, copy: Copy) -> Bench:
         """Return the bench of one copy, with its subcircuits."""
-        return copies_bench([copy], self.discretisation, compiled=self.compiled)
+        return copies_bench([copy], self.discretisation)
 
     @property
     def copies_per_deck(self) -> int:
@@ -216,7 +215,7 @@ class PeriodMap:
     def _write(self, copies: Sequence[Copy]) -> None:
         """Write the subcircuits of new motors, before the threads of the decks read them."""
         new = [copy for copy in copies if copy.plant.motor_name not in self._texts]
-        self._texts |= motor_texts(new, self.discretisation, plates=False, compiled=self.compiled)
+        self._texts |= motor_texts(new, self.discretisation, plates=False)
 
     def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         """Run one deck; where that fails, run its halves, so that one copy does not take the others along."""
@@ -245,7 +244,7 @@ class PeriodMap:
         return self._traces(copies, names, outcome.vectors(), whole=whole)
 
     def _bench(self, copies: Sequence[Copy]) -> Bench:
-        return copies_bench(copies, self.discretisation, self._texts, plates=False, compiled=self.compiled)
+        return copies_bench(copies, self.discretisation, self._texts, plates=False)
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         """Return the vectors to record of a copy: its states, and of a whole period its contact."""

@@ -26,11 +26,9 @@ from pyspice_runner.motor.refusal import checked, quoted
 from pyspice_runner.motor.strength import COMPARED, exceeded
 from pyspice_runner.result import Audit
 from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
-from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.spice import Engine
 from pyspice_runner.steady.branch import dataset_of
 from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, settle_points
 from pyspice_runner.steady.steady import steady_states
@@ -74,7 +72,6 @@ def speed_torque(
     progress: Progress | None = None,
     timeout: float | None = None,
     audit: bool = True,
-    engine: Engine = "spice",
 ) -> xarray.Dataset:
     """Measure torque, power and losses over speed, in all four quadrants.
 
@@ -105,8 +102,6 @@ def speed_torque(
         timeout: wall time in s after which ngspice is stopped, per block.
         audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit_passed`` is false
             at such a point, and the attribute ``audit`` has them.
-        engine: of the steady states, as in ``simulate``. A point that settles, and one behind a driver, runs with the
-            B-sources; the attribute ``method`` has which points settled.
 
     Returns:
         The quantities over the axes, the speed last, with units and provenance.
@@ -121,7 +116,6 @@ def speed_torque(
     mode = _way(mode, drive)
     _check(axes)
     base = Point.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
-    base = on_engine(base, engine, _without_form(mode, drive))
     *further, _ = axes
     points: list[Dynamometer] = []
     for values in product(*(axes[path].tolist() for path in further)):
@@ -144,7 +138,7 @@ def speed_torque(
         method=[outcome["method"] for outcome in outcomes],
         run={
             "mode": mode, **law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience,
-            "engine": "compiled" if base.solver.compiled else "spice",
+            "engine": "spice",
         },
     )  # fmt: skip
     if fault is None:
@@ -154,13 +148,6 @@ def speed_torque(
         raise Interrupted("The curve was interrupted.", dataset) from None
     fault.partial = dataset
     raise fault
-
-
-def _without_form(mode: str, drive: Drive | Driver) -> str:
-    """Return why the points have no compiled form, as a sentence; empty if they have one."""
-    if isinstance(drive, Driver):
-        return BEHIND_DRIVER
-    return "" if mode == "steady" else f"The meters of mode = {mode!r} need the B-sources."
 
 
 def _way(mode: Method, drive: Drive | Driver) -> Method:
@@ -182,7 +169,6 @@ def operating_point(
     patience: int = PATIENCE,
     timeout: float | None = None,
     audit: bool = True,
-    engine: Engine = "spice",
 ) -> dict[str, Any]:
     """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
 
@@ -193,9 +179,7 @@ def operating_point(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     mode = _way(mode, drive)
-    bench = _held(
-        motor, drive, mode=mode, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit, engine=engine
-    )
+    bench = _held(motor, drive, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit)
     found, fault = _measured([bench], mode, Settling(tolerance, patience), None)
     if fault is not None:
         raise fault
@@ -226,27 +210,23 @@ def _held(
     motor: Motor,
     drive: Drive | Driver,
     *,
-    mode: str = "steady",
     speed: float = 0.0,
     contact: ContactLaw | None = "spring-slider",
-    engine: Engine = "spice",
     **settings: Any,
 ) -> Dynamometer:
     """Return the dynamometer at one speed; the arguments are those of :func:`operating_point`."""
     axis("speed", [speed])
     solver = {name: value for name, value in settings.items() if name in ("step", "timeout", "audit")}
     base = Point.of(motor, drive, speed=speed, contact=touching_law(contact, _NO_TORQUE), **solver)
-    return _dynamometer(on_engine(base, engine, _without_form(mode, drive)))
+    return _dynamometer(base)
 
 
 def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome of a point as :func:`operating_point` reports it."""
     motor = bench.motor
-    compiled = bench.setup.solver.compiled and outcome["method"] != "settle"
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
     cautions = [*exceeded(motor, outcome), *_cautions([bench], [outcome])]
-    engine = "compiled" if compiled else "spice"
-    found = {**kept, "engine": engine, "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
+    found = {**kept, "engine": "spice", "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
     return with_linear(found) if motor.slider else found
 
 

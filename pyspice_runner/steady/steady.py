@@ -31,11 +31,9 @@ from pyspice_runner.motor.strength import exceeded
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.dynamometer import STUCK, Quantities, delivering, stuck
-from pyspice_runner.run.engines import BEHIND_DRIVER, on_engine
 from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
-from pyspice_runner.spice import Engine
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
@@ -205,7 +203,6 @@ def steady_state(
     accuracy: float = ACCURACY,
     timeout: float | None = None,
     audit: bool = True,
-    engine: Engine = "spice",
 ) -> SteadyState:
     """Find the periodic steady state of a motor by shooting.
 
@@ -221,7 +218,6 @@ def steady_state(
             halved, twice at most.
         timeout: wall time in s after which a run of ngspice is ended.
         audit: whether a result that fails the physical audit is an error. If not, the result carries the finding.
-        engine: as in ``simulate``; a motor behind a driver has no compiled form here.
 
     Returns:
         The steady state. ``converged`` is false if none was found; then its quantities are NaN.
@@ -233,7 +229,6 @@ def steady_state(
     point = OperatingPoint.of(
         motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
-    point = on_engine(point, engine, BEHIND_DRIVER if isinstance(drive, Driver) else "")
     return steady_states([point], accuracy=accuracy, waveforms=True)[0]
 
 
@@ -325,7 +320,7 @@ def divided(setups: Mapping[Place, OperatingPoint]) -> list[Part[Place]]:
     groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
     for place, setup in setups.items():
         law = setup.law.to_dict().values() if setup.law else ()
-        curves = groups.setdefault((_drive(setup).period, setup.solver.compiled, *law), {})
+        curves = groups.setdefault((_drive(setup).period, *law), {})
         curves.setdefault(_plant(setup).curve, []).append(place)
     parts: list[tuple[list[Place], tuple[int, int]]] = []
     for curves in groups.values():
@@ -391,7 +386,7 @@ def solve_part(
     """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`."""
     setups, (steps, coarse) = list(part.setups.values()), part.steps
     solver, period = setups[0].solver, _drive(setups[0]).period
-    maps = [PeriodMap(period, coarse, solver.timeout, part.workers, solver.compiled, processes)]
+    maps = [PeriodMap(period, coarse, solver.timeout, part.workers, processes)]
     points = [start_point(_plant(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:

