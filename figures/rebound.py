@@ -15,7 +15,7 @@ import numpy as np
 from style import BLACK, BLUE, GREEN, GREY, HERE, ORANGE, PURPLE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
-from pyspice_runner.run.impact import Throw, impact
+from validation.impact import Throw, impact
 
 DATA = HERE.parent / "tests" / "data"
 LAWS = {"spring-slider": (ORANGE, "-", "spring-slider (paper)"), "coulomb": (GREEN, "--", "Coulomb, no spring"),

@@ -35,8 +35,6 @@ from .motor.load import load_motor as load_motor
 from .motor.motor import Motor as Motor
 from .motor.shaft import ShaftLoad as ShaftLoad
 from .motor.thermal import Thermal as Thermal
-from .run.impact import Throw as Throw
-from .run.impact import impact as impact
 from .run.simulate import simulate as simulate
 from .steady.branch import steady_branch as steady_branch
 from .steady.small_signals import small_signals as small_signals

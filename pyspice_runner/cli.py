@@ -29,7 +29,7 @@ MODULES = {
     "motors": "motors", "show": "motors", "simulate": "simulate", "admittance": "admittance",
     "speed-torque": "steady_states", "steady": "steady_states", "small-signals": "steady_states", "loop": "loop",
     "state-space": "state_space", "sweep": "sweep", "drive": "drive", "track": "track",
-    "impact": "impact", "fit": "fit", "compare": "compare", "motor-from": "motor_from", "calibrate": "calibrate",
+    "fit": "fit", "compare": "compare", "motor-from": "motor_from", "calibrate": "calibrate",
     "export": "motors", "report": "pages", "live": "pages", "map": "steady_states",
 }  # fmt: skip
 FUNCTIONS = {"map": "map_points"}  # of commands whose function has another name

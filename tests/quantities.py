@@ -47,7 +47,6 @@ OF_A_MOTOR = (
     "drive {} --driver linear --duration 5e-4",
 )
 OTHERS = (
-    "impact --contact spring-slider --poisson 0.3 --psi 1",
     "fit tests/data/spectra/bode100.csv",
     "fit tests/data/spectra/e4990a.csv",
     "track andersen2002 --duration 3e-3",

@@ -49,7 +49,6 @@ RUNS = {  # the commands that run ngspice, with the shortest possible runs
     "sweep": ["andersen2002", "--over", "drive.voltage=10", "--duration", "2e-4", "--store", "store", "--workers", "1"],
     "drive": ["andersen2002", "--duration", "3e-4"],
     "track": ["andersen2002"],
-    "impact": [],
     "report": ["andersen2002", "--output", "report.html"],
     "export": ["andersen2002", "--output", "motor.s2p"],
 }
@@ -339,7 +338,6 @@ UNWRITTEN = {
     "admittance": RUNS["admittance"],
     "speed-torque": RUNS["speed-torque"],
     "drive": [*RUNS["drive"], "--driver", "ideal"],
-    "impact": [],
     "fit": [SPECTRUM],
     "compare": [SPECTRUM, SPECTRUM],
 }

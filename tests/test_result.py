@@ -17,13 +17,12 @@ from matplotlib.figure import Figure
 import pyspice_runner as pr
 from pyspice_runner.datasets import Curves, Dataset, as_result
 from pyspice_runner.result import Audit, Result
-from pyspice_runner.run.impact import Throw, impact
 from pyspice_runner.units import engineering, unit_in
 from pyspice_runner.view.draw import plain
 
 pytestmark = pytest.mark.xdist_group("results")  # they are shared
 
-NAMES = ("run", "admittance", "spectrum", "fit", "two-port", "comparison", "impact", "curves")
+NAMES = ("run", "admittance", "spectrum", "fit", "two-port", "comparison", "curves")
 
 
 def curves(settled: bool = True) -> xarray.Dataset:
@@ -55,7 +54,6 @@ def results() -> dict[str, Result]:
         "fit": pr.fit_spectrum(spectrum, modes=2),
         "two-port": pr.fit_spectrum(pr.Spectrum.from_admittance(y.frequency_hz, y.matrix_s, source="both"), modes=2),
         "comparison": pr.compare(spectrum, spectrum, modes=2),
-        "impact": impact(Throw(psi=1.2)),
         "curves": as_result(curves()),
     }
 

@@ -28,7 +28,6 @@ from pyspice_runner.motor.drive import Load, TwoPhaseDrive, TwoToneDrive, defaul
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.impact import Throw, impact_bench
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.trackers.loop_filter import LoopFilter, StatorLag
 from pyspice_runner.trackers.tracker import (
@@ -42,6 +41,7 @@ from pyspice_runner.trackers.tracker import (
 )
 from tools.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
 from tools.benches.hysteresis import cyclic_bench
+from validation.impact import Throw, impact_bench
 
 PAPER, WORKING = "andersen2002", "bimodal40"  # the paper's motor, and one that turns
 SOFT = "beam40"  # whose groups in antiphase move one mode only, as in Duffing's closed form

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of motors, and of an impact."""
+"""The panels of motors."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from pyspice_runner.motor.solid.elements import Indices
 from pyspice_runner.motor.solid.geometry import regions_of
 from pyspice_runner.motor.solid.parameters import Box, Electrode, Placed, Solid
 from pyspice_runner.motor.solid.store import stator_of
-from pyspice_runner.run.impact import Impact
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.view.draw import DASHES, Panel, Sheet, draw_lines, dress
-from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label
+from pyspice_runner.view.draw import DASHES, Panel, Sheet, dress
+from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION
 
 _COLORS = {"A": BLUE, "B": VERMILION}
 _SWING = 0.08  # of the largest dimension of a solid: how far a mode is drawn to move
@@ -168,29 +167,3 @@ def motors(motors: Sequence[model.Motor]) -> Sheet:
         ax.set_ylim(-0.7, len(motors) - 0.3)
 
     return Sheet({"frequencies": draw_frequencies}, 1, (7.0, 1.6 + 0.5 * len(motors)))
-
-
-def impact(result: Impact) -> Sheet:
-    """Return the forces of an impact, the velocity of the contact patch, and the part of it that slips."""
-    time = LABELS["time_us"], result.time_s
-
-    forces = [
-        (result.normal_force_n, {"color": BLUE, "label": "normal"}),
-        (result.friction_force_n, {"color": VERMILION, "linestyle": "--", "label": "friction, on the sphere"}),
-    ]
-    velocity, velocities = Label("velocity", "m/s"), [(result.patch_velocity_m_s, {"color": BLUE})]
-
-    def draw_slip(ax: Axes) -> None:
-        slip = np.clip(result.contact_state - 1.0, 0.0, 1.0)
-        ax.plot(time[0].scale * time[1], slip, color=VERMILION)
-        dress(ax, time[0], "part of the contact", "Slip")
-        ax.set_ylim(-0.05, 1.05)
-
-    law, poisson = result.provenance["contact"], result.provenance["throw"]["poisson"]
-    title = f"{law}, ν = {poisson:g}: ψ = {result.psi_1:.4g} rebounds as {result.psi_2:.4g}"
-    panels: dict[str, Panel] = {
-        "forces": lambda ax: draw_lines(ax, time, LABELS["force_n"], forces, "Forces"),
-        "velocity": lambda ax: draw_lines(ax, time, velocity, velocities, "Tangential velocity of the contact patch"),
-        "slip": draw_slip,
-    }
-    return Sheet(panels, 1, (8.0, 2.7), title)

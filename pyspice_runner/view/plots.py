@@ -27,7 +27,6 @@ from pyspice_runner.impedance.one_port_fit import SpectrumFit
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.run.impact import Impact
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.small_signals import SmallSignals
 from pyspice_runner.steady.steady import SteadyState
@@ -73,7 +72,6 @@ SHEETS: dict[type, Callable[[Any], Sheet]] = {
     Calibration: plot_calibration.calibration,
     Motor: plot_motors.motor,
     list: plot_motors.motors,
-    Impact: plot_motors.impact,
     Report: _report,
 }
 

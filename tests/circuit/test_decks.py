@@ -15,7 +15,6 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.motor.contact import limit_ratio, static_penetration
-from pyspice_runner.run.impact import Throw
 from pyspice_runner.spice.library import data_path
 from tests.reference.row import throw as exact_throw
 from tests.runs import simulated
@@ -25,6 +24,7 @@ from tools.averaged_decks import LIBRARY, averaged_library_text
 from tools.benches.hysteresis import hysteresis
 from tools.benches.traction import microslip_loss, virgin_force
 from tools.decks import write_decks
+from validation.impact import Throw
 
 AVERAGED = (
     "averaged_frequency_response",

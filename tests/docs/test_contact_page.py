@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.run.test_impact import worst
 from tests.selection import mostly
 from tests.tools.test_hysteresis import loss, worst_force, worst_loss
+from tests.validation.test_impact import worst
 from tools.benches.traction import microslip_loss
 
 pytestmark = pytest.mark.xdist_group("impact")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from tests.run.test_impact import deviation
+from tests.validation.test_impact import deviation
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")

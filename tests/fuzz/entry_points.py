@@ -35,7 +35,6 @@ from pyspice_runner.export.equivalent import circuit_library
 from pyspice_runner.motor.beam import resonator_modes
 from pyspice_runner.motor.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.motor.load import SETS
-from pyspice_runner.run.impact import Throw, impact
 from pyspice_runner.spice.deck_lint import silent_fault
 from pyspice_runner.spice.library import check_parameters, data_path, library_names, parse_library
 from pyspice_runner.spice.ngspice import ngspice_version
@@ -575,7 +574,6 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Thermal": (pr.Thermal, pr.Thermal().model_dump()),
         "Tracker": (pr.Tracker, tracker.model_dump()),
         "Driver": (pr.Driver, driver.model_dump() | {"settings": {"bridge.dead_time": 3e-7}}),
-        "Throw": (Throw, Throw().model_dump()),
         "Tolerance": (pr.Tolerance, {"relative": 0.1, "distribution": "normal"}),
         "simulate": (
             lambda **run: pr.simulate(motor, drive, **run),
@@ -617,7 +615,6 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"duration": 1e-3, "contact": "spring-slider", "speed": 1.0, "load_torque": 0.0, "step": 1e-7, "timeout":
                 5.0},
         ),
-        "impact": (lambda **run: impact(Throw(), **run), {**held, "steps": 1000}),
         "report": (
             lambda **run: pr.report(motor, drive, **run),
             {"duration": 1e-3, "speeds": [0.0, 1.0], "levels": [0.5, 1.0], "connection": "A", "timeout": 5.0},
@@ -650,7 +647,6 @@ _OPEN = (
     "Thermal",
     "Tracker",
     "Driver",
-    "Throw",
 )  # accept any keyword
 
 

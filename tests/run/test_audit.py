@@ -15,19 +15,16 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.drivers import report as drive_module
-from pyspice_runner.run import impact as impact_module
 from pyspice_runner.run.audit import (
     DRIVER_BOUND,
     ENERGY_BOUND,
     POWER_BOUND,
     audit_contact,
-    audit_impact,
     audit_point,
     audit_power,
     audit_run,
     audit_two_port,
 )
-from pyspice_runner.run.impact import Throw, impact
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import EnergyBalance
@@ -35,6 +32,8 @@ from pyspice_runner.steady import settling as settling_module
 from pyspice_runner.steady.speed_torque import operating_point
 from tools.benches import hysteresis as hysteresis_module
 from tools.benches.hysteresis import hysteresis
+from validation import impact as impact_module
+from validation.impact import Throw, audit_impact, impact
 
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})
 HAMMER = pr.TwoPhaseDrive(voltage=150.0, frequency=13.5e3, phase_deg=0.0)

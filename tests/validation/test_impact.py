@@ -19,12 +19,11 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LIBRARIES, Law
-from pyspice_runner.cli import run
-from pyspice_runner.run.impact import Impact, Throw, impact
 from tests.reference.row import PSIS as PSIS_OF_TABLE
 from tests.reference.row import TABLE
 from tests.reference.row import throw as exact_throw
 from tests.selection import mostly
+from validation.impact import Impact, Throw, impact, main
 
 pytestmark = pytest.mark.xdist_group("impact")
 
@@ -260,8 +259,8 @@ def test_where_the_other_laws_fail_kharaz() -> None:
 
 def test_command_prints_the_json_that_others_rely_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = {ending: tmp_path / f"impact.{ending}" for ending in ("csv", "json", "cir", "png")}
-    words = ["impact", "--contact", "brush", "--poisson", "0.3", "--psi", "1.2"]
-    assert run([*words, "--json", "--output", str(files["csv"]), "--plot", str(files["png"])]) == 0
+    words = ["--contact", "brush", "--poisson", "0.3", "--psi", "1.2"]
+    assert main([*words, "--json", "--output", str(files["csv"]), "--plot", str(files["png"])]) == 0
     result = json.loads(capsys.readouterr().out)
     names = ["psi_1", "psi_2", "restitution_normal", "restitution_tangential", "duration_over_delta_v"]
     assert list(result)[:5] == names
@@ -274,7 +273,7 @@ def test_command_prints_the_json_that_others_rely_on(tmp_path: Path, capsys: pyt
     assert files["csv"].read_text(encoding="utf-8").startswith("time_s,penetration_m,normal_force_n,")
     assert files["png"].stat().st_size > 20_000
     for ending in ("json", "cir"):
-        assert run([*words, "--output", str(files[ending])]) == 0
+        assert main([*words, "--output", str(files[ending])]) == 0
         assert "ψ" in capsys.readouterr().out
     assert json.loads(files["json"].read_text(encoding="utf-8")) == result
     assert "Xcontact" in files["cir"].read_text(encoding="utf-8")
@@ -291,7 +290,7 @@ def test_command_prints_the_json_that_others_rely_on(tmp_path: Path, capsys: pyt
     ],
 )
 def test_an_invalid_throw_is_an_error(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["impact", *words]) == 2
+    assert main(words) == 2
     assert says in " ".join(capsys.readouterr().err.split())
 
 

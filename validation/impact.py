@@ -11,15 +11,23 @@ Fawcett's dimensionless velocity is
 κ is the ratio of the limit of stick to the penetration: a sphere that lands with ψ < 1 sticks at first. Sources: K. L.
 Johnson, *Contact Mechanics*, Cambridge 1985, §11.4; N. Maw, J. R. Barber, J. N. Fawcett, "The oblique impact of elastic
 spheres", Wear 38 (1976) 101–114.
+
+``python -m validation.impact --contact brush --poisson 0.3 --psi 1.2 --json`` prints the result.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import gamma, pi, sqrt
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from matplotlib.axes import Axes
 from pydantic import model_validator
 
 from pyspice_runner.circuit.bench import Bench, contact_bench
@@ -29,10 +37,13 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.parameters import Contact, quantity
 from pyspice_runner.motor.refusal import Stated, checked
 from pyspice_runner.result import Audit, Result
-from pyspice_runner.run.audit import audit_contact, audit_impact
+from pyspice_runner.run.audit import SLACK, audit_contact
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.units import engineering
+from pyspice_runner.view.draw import Panel, Sheet, draw_lines, dress
+from pyspice_runner.view.plots import SHEETS
+from pyspice_runner.view.style import BLUE, LABELS, VERMILION, Label
 
 STEPS = 1000  # of an impact without loss; the error of ψ₂ from the steps is then some 1e-5
 FEWEST_STEPS = 50
@@ -338,3 +349,84 @@ def _crest(values: Array) -> float:
         return float(values[index])
     left, middle, right = values[index - 1 : index + 2]
     return float(middle + (left - right) ** 2 / (8.0 * (2.0 * middle - left - right)))
+
+
+def audit_impact(before_j: float, after_j: float) -> tuple[str, ...]:
+    """Return the physical violations in the energy of an impact, one sentence each."""
+    if after_j <= (1.0 + SLACK) * before_j:
+        return ()
+    finding = (
+        f"The energy of the sphere rises from {before_j:.4g} J to {after_j:.4g} J in the impact, which is not "
+        "possible. The steps are likely too coarse: double their number."
+    )
+    return (finding,)
+
+
+def sheet(result: Impact) -> Sheet:
+    """Return the forces of an impact, the velocity of the contact patch, and the part of it that slips."""
+    time = LABELS["time_us"], result.time_s
+
+    forces = [
+        (result.normal_force_n, {"color": BLUE, "label": "normal"}),
+        (result.friction_force_n, {"color": VERMILION, "linestyle": "--", "label": "friction, on the sphere"}),
+    ]
+    velocity, velocities = Label("velocity", "m/s"), [(result.patch_velocity_m_s, {"color": BLUE})]
+
+    def draw_slip(ax: Axes) -> None:
+        slip = np.clip(result.contact_state - 1.0, 0.0, 1.0)
+        ax.plot(time[0].scale * time[1], slip, color=VERMILION)
+        dress(ax, time[0], "part of the contact", "Slip")
+        ax.set_ylim(-0.05, 1.05)
+
+    law, poisson = result.provenance["contact"], result.provenance["throw"]["poisson"]
+    title = f"{law}, ν = {poisson:g}: ψ = {result.psi_1:.4g} rebounds as {result.psi_2:.4g}"
+    panels: dict[str, Panel] = {
+        "forces": lambda ax: draw_lines(ax, time, LABELS["force_n"], forces, "Forces"),
+        "velocity": lambda ax: draw_lines(ax, time, velocity, velocities, "Tangential velocity of the contact patch"),
+        "slip": draw_slip,
+    }
+    return Sheet(panels, 1, (8.0, 2.7), title)
+
+
+SHEETS[Impact] = sheet
+_OPTIONS = {  # of the command → field of the throw
+    "psi": "psi", "velocity": "velocity_m_s", "spin": "spin_rad_s", "friction": "friction",
+    "restitution": "restitution", "radius": "radius_m", "density": "density_kg_m3",
+    "youngs_modulus": "youngs_modulus_pa", "poisson": "poisson",
+}  # fmt: skip
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Simulate an impact by the options of a command line; return the exit status, 2 for input that is refused."""
+    parser = argparse.ArgumentParser("python -m validation.impact", description=impact.__doc__)
+    parser.add_argument("--contact", default="spring-slider", help="law, or the path of a .lib file")
+    parser.add_argument("--sliders", type=int, help="number of sliders of the brush")
+    for option, name in _OPTIONS.items():
+        item = Throw.model_fields[name]
+        meaning = str(item.description).replace("%", "%%")
+        parser.add_argument(f"--{option.replace('_', '-')}", type=float, default=item.default, help=meaning)
+    parser.add_argument("--timeout", type=float, help="wall time in s after which ngspice is ended")
+    parser.add_argument("--no-audit", dest="audit", action="store_false", help="keep a result that fails the audit")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--output", type=Path, help="write .csv (over time), .json or .cir (the deck)")
+    parser.add_argument("--plot", type=Path, help="write a .png, .svg or .pdf")
+    given = vars(parser.parse_args(arguments))
+    try:
+        throw = Throw(**{name: given[option] for option, name in _OPTIONS.items()})
+        law = Law(given["contact"], given["sliders"])
+        result = impact(throw, law, timeout=given["timeout"], audit=given["audit"])
+        for path, write in ((given["output"], result.save), (given["plot"], result.plot)):
+            if path is not None:
+                write(path)
+    except (ParameterError, SimulationError) as error:
+        print(error, file=sys.stderr)
+        return 3 if isinstance(error, SimulationError) else 2
+    rows = json.dumps(result.to_dict(), ensure_ascii=False) if given["json"] else "\n".join(
+        f"{name}: {value}" for name, value in result.summary().items()
+    )  # fmt: skip
+    print(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
