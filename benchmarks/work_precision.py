@@ -24,7 +24,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import run_deck
 

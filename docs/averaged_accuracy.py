@@ -12,8 +12,8 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.averaged.run import TRUSTED_CHECK, TRUSTED_OPEN
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import law_of
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.control.simulate import Sample
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.point import Point

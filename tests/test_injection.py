@@ -19,8 +19,9 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.motor import motor_library
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.export.equivalent import circuit_library

@@ -23,8 +23,6 @@ PACKAGE = ROOT / "pyspice_runner"
 
 BASE = {"display", "errors", "files", "interrupts", "result", "units"}
 CORE = BASE | {"motor", "spice", "circuit", "run"}
-# until every source has one interface: what the core knows of drivers and trackers, which stand above it
-_SOURCES = {"drivers", "trackers"}
 # what a part may import of ours, beside itself; "" is the package itself
 WALLS = {
     "errors": set(),
@@ -36,9 +34,9 @@ WALLS = {
     "datasets": {"files", "result", "units"},
     "motor": {"display", "errors", "files", "units"},
     "spice": {"errors", "interrupts", "units"},
-    "circuit": {"errors", "motor", "spice", "units"} | _SOURCES,
-    "run": CORE | _SOURCES,
-    "steady": CORE | {"datasets"} | _SOURCES,
+    "circuit": {"errors", "motor", "spice", "units"},
+    "run": CORE,
+    "steady": CORE | {"datasets", "drivers"},
     "drivers": CORE | {"datasets", "steady"},
     "averaged": CORE | {"drivers"},
     "trackers": CORE | {"averaged", "drivers", "steady"},

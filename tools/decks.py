@@ -17,10 +17,10 @@ from pathlib import Path
 
 from PySpice.Spice.Simulation import CircuitSimulation
 
-from pyspice_runner.circuit.bench import Bench, DriveSource, dynamometer_bench, motor_bench
+from pyspice_runner.circuit.bench import Bench, dynamometer_bench, motor_bench
 from pyspice_runner.circuit.fixtures import AC_OPTIONS, METERED, admittance_bench
 from pyspice_runner.circuit.law import PAPER_LAW, Law
-from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.circuit.source import GROUPS, DriveSource
 from pyspice_runner.circuit.state import Discretisation, plate_nodes
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.motor.contact import limit_ratio, resonance_under_preload, static_penetration

@@ -32,8 +32,8 @@ import numpy as np
 from pydantic import ValidationError
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import law_of
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.motor.drive import check_together, free_tip
 from pyspice_runner.run.dynamometer import Dynamometer

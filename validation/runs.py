@@ -30,8 +30,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import law_of
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.motor.drive import Drive, check_together, free_tip
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.run.point import Point

@@ -19,8 +19,8 @@ import numpy as np
 from pydantic import ValidationError
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.motor.drive import check_together
 from pyspice_runner.run.dynamometer import STUCK, Dynamometer
 from pyspice_runner.run.point import Point

@@ -10,9 +10,8 @@ from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.motor import instantiate
-from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.circuit.source import GROUPS, DriveSource
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.drivers.networks import CABLE
 from pyspice_runner.errors import ParameterError
@@ -40,16 +39,16 @@ class AveragedDrive:
 
         Raise ParameterError for a drive with two frequencies, or for too large a cable or capacitance of a winding.
         """
-        if isinstance(drive, Driver):
-            same = drive.equivalent()
-            _check(same)
-            return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
         if isinstance(drive, TwoPhaseDrive):
             return cls(drive)
-        raise ParameterError(
-            "The averaged motor takes a drive with one frequency, a TwoPhaseDrive or a Driver, not "
-            f"{drive.label}: use simulate."
-        )
+        if isinstance(drive, Drive):
+            raise ParameterError(
+                "The averaged motor takes a drive with one frequency, a TwoPhaseDrive or a Driver, not "
+                f"{drive.label}: use simulate."
+            )
+        same = drive.equivalent()
+        _check(same)
+        return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
 
     @property
     def phasors(self) -> dict[str, complex]:

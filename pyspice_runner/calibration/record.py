@@ -11,10 +11,10 @@ from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, mo
 
 from pyspice_runner.calibration.points import MEASURED
 from pyspice_runner.calibration.unknowns import THERMAL
-from pyspice_runner.circuit.bench import Excitation
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import Stated
 from pyspice_runner.run.paths import parameter
 
 _MOST_BYTES = 2**22  # 2000 points with ten measured quantities each
@@ -132,13 +132,13 @@ class Record(BaseModel):
                 "file that `piezomotor calibrate … --output result.json` writes."
             ) from None
 
-    def differing(self, motor: Motor, drive: Excitation) -> list[str]:
+    def differing(self, motor: Motor, drive: Stated) -> list[str]:
         """Return the paths of the values that a motor does not have."""
         return [path for path, one in self.parameters.items()
                 if not path.startswith(THERMAL) and not _has(motor, drive, path, one.value)]  # fmt: skip
 
 
-def _has(motor: Motor, drive: Excitation, path: str, value: float) -> bool:
+def _has(motor: Motor, drive: Stated, path: str, value: float) -> bool:
     try:
         found = parameter(path, motor, drive, {}).nominal
     except ParameterError:

@@ -113,7 +113,7 @@ class RunUp:
         """
         check_averaged(base.law)
         require_averaged(base.motor)
-        stage = AveragedDrive.of(base.drive).stage  # type: ignore[arg-type]
+        stage = AveragedDrive.of(base.drive).stage
         least = FEWEST_PERIODS * stage.period
         if self.time_s[-1] < least:
             raise ParameterError(
@@ -147,7 +147,7 @@ class RunUp:
 
     def _run(self, motor: Point) -> AveragedRun:
         return simulate_averaged(
-            motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,  # type: ignore[arg-type]
+            motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,
             timeout=motor.solver.timeout,
         )  # fmt: skip
 
@@ -168,7 +168,7 @@ def _torques(motor: Point, speed: Array) -> tuple[Array, Array, Array] | None:
             continue
         try:
             averaged = simulate_averaged(
-                one.motor, one.drive, duration, speed=one.load.speed, timeout=one.solver.timeout,  # type: ignore[arg-type]
+                one.motor, one.drive, duration, speed=one.load.speed, timeout=one.solver.timeout,
             )  # fmt: skip
         except SimulationError:
             continue

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, inf, log
 
-from pyspice_runner.circuit.bench import Excitation
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import (
     HIGHEST_FREQUENCY,
@@ -17,7 +16,7 @@ from pyspice_runner.motor.motor import (
     Motor,
 )
 from pyspice_runner.motor.parameters import Parameters
-from pyspice_runner.motor.refusal import quoted, schema_of
+from pyspice_runner.motor.refusal import Stated, quoted, schema_of
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.paths import parameter
 
@@ -78,7 +77,7 @@ class Unknown:
 
 def unknowns_of(
     motor: Motor,
-    drive: Excitation,
+    drive: Stated,
     free: Sequence[str],
     priors: Mapping[str, float] | None = None,
     sizes: Mapping[str, float] | None = None,
@@ -117,7 +116,7 @@ def _expanded(motor: Motor, path: str) -> list[str]:
     return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
 
 
-def _unknown(motor: Motor, drive: Excitation, path: str, width: float | None, size: float) -> Unknown:
+def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: float) -> Unknown:
     if path.startswith(THERMAL):
         return _drift(motor, path, width)
     found = parameter(path, motor, drive, {})

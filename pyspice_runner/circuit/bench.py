@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources at the pins of a motor, and the bench that combines them with motor, load and contact."""
+"""The bench of a motor with its source, load and contact."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
@@ -14,7 +13,6 @@ from pyspice_runner.circuit.fixtures import (
     METERED,
     TRANSIENT_OPTIONS,
     add_cooling,
-    add_drive,
     add_meters,
     add_set_speed,
     brake_parts,
@@ -25,17 +23,14 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_
 from pyspice_runner.circuit.motor import add_motor, instantiate
 from pyspice_runner.circuit.own_law import PINS
 from pyspice_runner.circuit.powers import Power
-from pyspice_runner.circuit.source import GROUPS, Pins, Source, UniformSource
+from pyspice_runner.circuit.source import GROUPS, Source
 from pyspice_runner.circuit.state import Discretisation, Motion, first_guess, motor_states, plate_nodes, start_nodes
-from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.motor.drive import Drive, Load
+from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import definitions
-from pyspice_runner.trackers.tracker import Disturbance, Tracker, add_disturbance, tracked_source
 
-Excitation = Drive | Driver | Tracker  # the drives that an analysis accepts
 Derived = Plotted | Power  # a vector that follows from others
 FREE = Load()  # a free shaft
 
@@ -51,36 +46,6 @@ class Bench:
     signals: Mapping[str, Derived] = field(default_factory=dict)  # vectors that follow from others, by name
 
 
-@dataclass(frozen=True)
-class DriveSource(UniformSource):
-    """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
-
-    drive: Drive  # the two voltages
-    continues = True
-
-    @property
-    def rise_time(self) -> float:
-        """Soft start of the drive in s."""
-        return self.drive.soft_start
-
-    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
-        """Add the two sources."""
-        add_drive(circuit, self.drive, pins, begun=begun)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return kind, label and values of the drive."""
-        return super().to_dict() | {"kind": type(self.drive).__name__}
-
-
-def source_of(excitation: Excitation | Source, motor: Motor, law: Law | None) -> Source:
-    """Return the source for a drive, driver or tracker."""
-    if isinstance(excitation, Drive):
-        return DriveSource(excitation)
-    if isinstance(excitation, Tracker):
-        return tracked_source(excitation, motor, law)
-    return excitation
-
-
 def motor_bench(
     motor: Motor,
     source: Source,
@@ -89,7 +54,6 @@ def motor_bench(
     law: Law | None = PAPER_LAW,
     discretisation: Discretisation | None = None,
     thermal: Thermal | None = None,
-    disturbance: Disturbance | None = None,
     start: Motion | None = None,
     begun: float = 0.0,
     title: str = "",
@@ -112,7 +76,7 @@ def motor_bench(
     powers = {} if plotted else dict(source.powers)
     for line in {power.line for power in powers.values()}:
         circuit.raw_spice = circuit.raw_spice.replace(line, "")
-    nodes = add_disturbance(circuit, motor, disturbance) if disturbance else ()
+    nodes = source.pins
     if approach:
         circuit.V("approach", "approach", circuit.gnd, approach)
         nodes = ("approach",)
@@ -124,12 +88,10 @@ def motor_bench(
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
-    elif disturbance and disturbance.kind == "temperature":
-        thermal = disturbance.coefficients
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
         law=law, discretisation=discretisation, start=start,
-        thermal=thermal, approach="approach" in nodes, check=check, plotted=False,
+        thermal=thermal or source.thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
     first = _start(motor, source, law, start, discretisation)
     return Bench(circuit, options, first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})

@@ -1,30 +1,74 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base classes of the sources at the pins of a motor: ideal voltages, driver circuits, trackers."""
+"""Sources at the pins of a motor: the interface of all of them, and ideal voltages."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, transient_options
+from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, add_drive, transient_options
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.powers import Power
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import Drive, check_together
 from pyspice_runner.motor.groups import GROUPS as GROUPS
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import Stated
+from pyspice_runner.motor.thermal import Thermal
 
 Pins = tuple[str, str]  # nodes of groups A and B
 
 
-class Source(ABC):
+class Excitation(ABC):
+    """What can drive a motor: a source, or what becomes one for a motor, such as a tracker."""
+
+    @abstractmethod
+    def as_source(self, motor: Motor, law: Law | None) -> Source:
+        """Return the source for a motor with a law of its contact, ``None`` for a free tip."""
+
+
+class Source(Excitation):
     """A source at the pins of a motor.
 
     A source adds itself to a circuit between ground and the nodes ``a`` and ``b``, and states the settings of a run.
     """
+
+    def as_source(self, motor: Motor, law: Law | None) -> Source:  # noqa: ARG002
+        """Return the source itself."""
+        return self
+
+    @property
+    def given(self) -> Stated:
+        """The drive or the driver whose values the paths ``drive.*`` name.
+
+        Raises:
+            ParameterError: for a source without such values.
+        """
+        raise ParameterError(f"The parameters of a {type(self).__name__} have no paths.")
+
+    @property
+    def ideal(self) -> Drive | None:
+        """The drive, if the voltages of the pins are its sines at any current; ``None`` for another source."""
+        return None
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """Pins of the motor beside a, b, com and shaft that the source drives, each at the node of its name."""
+        return ()
+
+    @property
+    def thermal(self) -> Thermal | None:
+        """Drift of the motor whose temperature the source sets; ``None`` if it sets none."""
+        return None
+
+    def updated(self, changes: Mapping[str, Any]) -> Excitation | Drive:
+        """Return the source with changed values of :attr:`given`. Raise ParameterError for an invalid one."""
+        return self.given.updated(changes)  # type: ignore[return-value]
 
     @property
     @abstractmethod
@@ -84,7 +128,7 @@ class Source(ABC):
         """Powers and energies inside the source that a run need not compute, by the vectors of their nodes."""
         return {}
 
-    def check(self, motor: Motor) -> None:  # noqa: B027
+    def check(self, motor: Motor) -> None:
         """Raise a ParameterError if the source does not suit the motor."""
 
     @abstractmethod
@@ -152,3 +196,39 @@ class UniformSource(Source):
     def to_dict(self) -> dict[str, Any]:
         """Return kind and label, and the values of the drive."""
         return {"kind": type(self).__name__, "label": self.label, **self.drive.model_dump()}
+
+
+@dataclass(frozen=True)
+class DriveSource(UniformSource):
+    """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
+
+    drive: Drive  # the two voltages
+    continues = True
+
+    @property
+    def given(self) -> Stated:
+        """The drive."""
+        return self.drive
+
+    @property
+    def ideal(self) -> Drive:
+        """The drive."""
+        return self.drive
+
+    @property
+    def rise_time(self) -> float:
+        """Soft start of the drive in s."""
+        return self.drive.soft_start
+
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+        """Add the two sources."""
+        add_drive(circuit, self.drive, pins, begun=begun)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return kind, label and values of the drive."""
+        return super().to_dict() | {"kind": type(self.drive).__name__}
+
+
+def source_of(excitation: Drive | Excitation, motor: Motor, law: Law | None) -> Source:
+    """Return the source for a drive, or what else drives a motor."""
+    return DriveSource(excitation) if isinstance(excitation, Drive) else excitation.as_source(motor, law)

@@ -478,6 +478,15 @@ class Driver(Stated, Source):
         kept = {path: value for path, value in own.get("settings", self.settings).items() if path not in replaced}
         return super().updated({**own, "settings": {**kept, **of_parts}})
 
+    @property
+    def given(self) -> Self:
+        """The driver itself."""
+        return self
+
+    def of_part(self, path: str) -> tuple[float, str] | None:
+        """Return value and unit of a part's parameter, by PART.PARAMETER; ``None`` for a name without a part."""
+        return (self.setting(path), self.unit(path)) if "." in path else None
+
     def setting(self, path: str) -> float:
         """Return the value of a part's parameter, by PART.PARAMETER; for a part of both groups that of group A.
 

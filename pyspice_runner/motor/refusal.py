@@ -65,6 +65,19 @@ class Stated(Parameters):
         """
         return type(self)(**{**self.model_dump(), **changes})
 
+    @property
+    def own_text(self) -> str:
+        """The text of files of the user's own that the values name; empty without one."""
+        return ""
+
+    def of_part(self, path: str) -> tuple[float, str] | None:  # noqa: ARG002
+        """Return value and unit of PART.PARAMETER, ``None`` for a name without a part, or an object without parts.
+
+        Raises:
+            ParameterError: for a part or a parameter that does not exist.
+        """
+        return None
+
 
 def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
     """Return the parameters that a table states.

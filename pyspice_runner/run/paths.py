@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
-from pyspice_runner.circuit.bench import Excitation
-from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.refusal import quoted, unit_of
+from pyspice_runner.motor.refusal import Stated, quoted, unit_of
 from pyspice_runner.units import linear_unit, unit_in
 
 #: path of the load → setting of an analysis, unit, description
@@ -56,7 +54,7 @@ def canonical(path: str) -> str:
     return _EARLIER.get(path, path)
 
 
-def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> Parameter:
+def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> Parameter:
     """Return the parameter that a path names; ``run`` has the settings of the analysis, the load among them.
 
     Raise ParameterError for an unknown path, with the nearest one, or a parameter that is not a number.
@@ -68,8 +66,8 @@ def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]
         return Parameter(path, run.get(setting), unit, meaning if path in LOADS else "")
     if section == "run":
         return Parameter(path, run.get(key), unit_of_name(key))
-    if section == "drive" and isinstance(drive, Driver) and "." in key:
-        return Parameter(path, drive.setting(key), drive.unit(key))
+    if section == "drive" and (of_part := drive.of_part(key)):
+        return Parameter(path, *of_part)
     if section == "modes":
         which, _, key = key.partition(".")
         names = [mode.name for mode in motor.modes]
@@ -89,8 +87,8 @@ def parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]
 
 
 def changed(
-    motor: Motor, drive: Excitation, run: Mapping[str, Any], changes: Mapping[str, Any]
-) -> tuple[Motor, Excitation, dict[str, Any]]:
+    motor: Motor, drive: Stated, run: Mapping[str, Any], changes: Mapping[str, Any]
+) -> tuple[Motor, Stated, dict[str, Any]]:
     """Return motor, drive and settings (``run``, with the load) with changed values: path → value.
 
     Raise ParameterError for an unknown path or an invalid value.
@@ -125,7 +123,7 @@ def unknown(name: str, known: Iterable[str], what: str = "parameter") -> Paramet
     return ParameterError(f"There is no {what} {quoted(name)}. {did_you_mean(name, known, 'There are')}")
 
 
-def _unknown_parameter(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> ParameterError:
+def _unknown_parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> ParameterError:
     section = path.partition(".")[0]
     own = [f"drive.{name}" for name in type(drive).model_fields]
     if section in ("drive", "load"):

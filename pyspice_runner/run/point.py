@@ -9,19 +9,17 @@ from functools import cached_property
 from math import isfinite
 from typing import Any
 
-from pyspice_runner.circuit.bench import FREE, Bench, DriveSource, Excitation, motor_bench, source_of
+from pyspice_runner.circuit.bench import FREE, Bench, motor_bench
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of
-from pyspice_runner.circuit.source import Source
+from pyspice_runner.circuit.source import Excitation, Source, source_of
 from pyspice_runner.circuit.state import Discretisation, Motion, motion, state_vectors
-from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, unknown
 from pyspice_runner.run.recording import Recording
-from pyspice_runner.trackers.tracker import Disturbance
 
 MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
 _ROUNDED_DOWN = 0.995  # a limit that is printed with three digits is not above itself
@@ -63,7 +61,6 @@ class Point:
     law: Law | None = PAPER_LAW  # law of the contact; ``None`` for a free tip
     solver: Solver = DEFAULT  # how it is solved
     thermal: Thermal | None = None  # drift of the motor, which its own losses heat; ``None`` for a motor that does not
-    disturbance: Disturbance | None = None  # what happens to the motor during the run
 
     def __post_init__(self) -> None:
         assert self.step > 0.0  # the rule has seen it
@@ -73,7 +70,7 @@ class Point:
     def of(
         cls,
         motor: Motor,
-        drive: Excitation | Source,
+        drive: Drive | Excitation,
         *,
         speed: float | None = None,
         load_torque: float = 0.0,
@@ -91,13 +88,9 @@ class Point:
         )
 
     @property
-    def drive(self) -> Excitation:
+    def drive(self) -> Any:
         """The drive or the driver. Raise ParameterError for another source, whose values cannot be changed here."""
-        if isinstance(self.source, DriveSource):
-            return self.source.drive
-        if isinstance(self.source, Driver):
-            return self.source
-        raise ParameterError(f"The parameters of a {type(self.source).__name__} have no paths.")
+        return self.source.given
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -196,7 +189,7 @@ class Point:
         """Return the bench, from rest or from a motion that the source has driven for ``begun`` seconds."""
         return motor_bench(
             self.motor, self.source, load=self.load, law=self.law, discretisation=self.discretisation,
-            thermal=self.thermal, disturbance=self.disturbance, start=start, begun=begun, title=title,
+            thermal=self.thermal, start=start, begun=begun, title=title,
         )  # fmt: skip
 
     def run(

@@ -10,8 +10,7 @@ from typing import Any
 
 from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
 from pyspice_runner.circuit.law import ContactLaw
-from pyspice_runner.circuit.waveforms import Waveform
-from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.circuit.source import Excitation
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.drive import Drive
@@ -27,7 +26,6 @@ from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
-from pyspice_runner.trackers.tracker import Tracker
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
 _MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to some 20 %
@@ -38,7 +36,7 @@ _FEWEST_KEPT = 10  # points of an interrupted run; fewer show nothing
 @checked
 def simulate(
     motor: Motor,
-    drive: Drive | Driver | Tracker | Waveform,
+    drive: Drive | Excitation,
     duration: float,
     *,
     contact: ContactLaw | None = "spring-slider",

@@ -13,8 +13,8 @@ from math import nan, sqrt
 
 import numpy as np
 
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.motor import groups
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Plant

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor

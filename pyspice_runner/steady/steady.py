@@ -17,9 +17,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
 from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError

@@ -12,11 +12,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pyspice_runner.circuit.bench import Excitation
-from pyspice_runner.drivers.driver import Driver, of_groups
+from pyspice_runner.drivers.driver import of_groups
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.refusal import as_number, quoted
+from pyspice_runner.motor.refusal import Stated, as_number, quoted
 from pyspice_runner.run.paths import Parameter, canonical, parameter
 from pyspice_runner.run.waveforms import Array
 
@@ -69,12 +68,12 @@ class Plan:
     changes: list[dict[str, float]]
 
 
-def named(path: str, motor: Motor, drive: Excitation, run: Mapping[str, Any]) -> list[Parameter]:
+def named(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> list[Parameter]:
     """Return the parameters that a path names: one, or with ``modes.*`` one of each mode.
 
     A parameter of a driver's part that differs between the groups is one of each group.
     """
-    if isinstance(drive, Driver) and path.startswith("drive.") and "." in path[6:]:
+    if path.startswith("drive.") and "." in path[6:]:
         both = parameter(path, motor, drive, run)
         each = [parameter(f"drive.{one}", motor, drive, run) for one in of_groups(path[6:])]
         return each if len({one.nominal for one in each}) > 1 else [both]

@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.circuit.bench import Excitation
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.refusal import checked, quoted
+from pyspice_runner.motor.refusal import Stated, checked, quoted
 from pyspice_runner.run.paths import LOADS, canonical, changed, unit_of_name, unknown
 from pyspice_runner.run.simulate import simulate
 from pyspice_runner.run.waveforms import Array
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
 @checked
 def sweep(
     motor: Motor,
-    drive: Excitation,
+    drive: Stated,
     *,
     over: Mapping[str, SkipValidation[Sequence[float] | Array | Tolerance]],
     quantities: Sequence[str] | Mapping[str, Quantity] = ("mean_rotor_speed_rad_s", "mean_torque_n_m"),

@@ -17,12 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.circuit.bench import Excitation
 from pyspice_runner.circuit.law import Law, contact_library, is_own
-from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.refusal import quoted
+from pyspice_runner.motor.refusal import Stated, quoted
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.sweeps.store import fingerprint
@@ -42,7 +40,7 @@ class Task:
 
     analysis: Analysis
     motor: Motor
-    drive: Excitation
+    drive: Stated
     run: dict[str, Any]
     functions: dict[str, Callable[[Any], float]]
     versions: dict[str, str]
@@ -110,9 +108,9 @@ def _numbers(document: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
             yield f"{prefix}{key}", float(value)
 
 
-def drive_document(drive: Excitation) -> dict[str, Any]:
+def drive_document(drive: Stated) -> dict[str, Any]:
     """Return a drive as a JSON object, with the hash of a user's own file."""
-    own = {"own_sha256": _sha256(drive.own_text)} if isinstance(drive, Driver) and drive.own_text else {}
+    own = {"own_sha256": _sha256(drive.own_text)} if drive.own_text else {}
     return {"kind": type(drive).__name__, **drive.model_dump(), **own}
 
 

@@ -126,7 +126,7 @@ def track(
     if duration is None:
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
     source = replace(source, disturbance=disturbance)
-    setup = replace(setup, source=source, disturbance=disturbance)
+    setup = replace(setup, source=source)
     run = TrackedRun(setup, source, disturbance, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run, engine) if averaged else _track_full(run)
 

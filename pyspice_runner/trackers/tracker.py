@@ -23,7 +23,7 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
-from pyspice_runner.circuit.source import GROUPS, Pins, Source
+from pyspice_runner.circuit.source import GROUPS, Excitation, Pins, Source
 from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
@@ -48,7 +48,7 @@ TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol":
 STEP_TIME = 0.2e-3  # s, rise time of a step of load or preload: short for the loop, long for the modes
 
 
-class Tracker(Stated):
+class Tracker(Stated, Excitation):
     """A two-phase drive whose frequency a tracker sets; with ``none`` the frequency is constant.
 
     Raises:
@@ -108,6 +108,12 @@ class Tracker(Stated):
     def wanted_deg(self) -> float:
         """Target phase of the motional current in degrees; that of an observer is 0, resonance."""
         return self.target_deg if self.kind == "pll" else 0.0
+
+    def as_source(self, motor: Motor, law: Law | None) -> TrackedSource:
+        """Return a tracker of the last mode, with the proposed filter for its bandwidth."""
+        mode = len(motor.modes) - 1
+        lag = tracked_lag(motor, self, mode, contact=law is not None)
+        return TrackedSource(self, mode, tracker_filter(self, lag))
 
     def phasors(self) -> dict[str, complex]:
         """Return the voltages' phasors in V, group A at phase 0."""
@@ -247,7 +253,7 @@ class TrackedSource(Source):
     # driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
     # frequency.
     driver: Driver | None = None
-    disturbance: Disturbance | None = None  # change of the target phase
+    disturbance: Disturbance | None = None  # what happens to the loop and the motor
     inject: str = ""  # source between ``control`` and ``tuning``, by default 0 V
     vectors = ("v(tuned)",)
     fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
@@ -327,6 +333,19 @@ class TrackedSource(Source):
         )  # fmt: skip
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
         _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, disturbance)
+        add_disturbance(circuit, motor, disturbance)
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """Pins of the motor that the disturbance drives."""
+        kind = self.disturbance.kind if self.disturbance else ""
+        return {"preload": ("approach",), "temperature": ("temperature", "heat")}.get(kind, ())
+
+    @property
+    def thermal(self) -> Thermal | None:
+        """Drift of a motor whose temperature the disturbance changes."""
+        disturbance = self.disturbance
+        return disturbance.coefficients if disturbance and disturbance.kind == "temperature" else None
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
@@ -345,14 +364,6 @@ class TrackedSource(Source):
             "kind": "tracker", "label": self.label, "tracker": self.tracker.model_dump(), "mode": self.mode,
             "driver": self.driver.to_dict() if self.driver else None,
         }  # fmt: skip
-
-
-def tracked_source(tracker: Tracker, motor: Motor, law: Law | None) -> TrackedSource:
-    """Return a tracker of the last mode, with the proposed filter for its bandwidth."""
-    mode = len(motor.modes) - 1
-    return TrackedSource(
-        tracker, mode, tracker_filter(tracker, tracked_lag(motor, tracker, mode, contact=law is not None))
-    )
 
 
 def averaged_bench(
@@ -447,8 +458,8 @@ def _add_tracker(
     )  # fmt: skip
 
 
-def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> tuple[str, ...]:
-    """Add the sources of a disturbance, and return the nodes of the motor's additional pins."""
+def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> None:
+    """Add the sources of a disturbance."""
 
     def ramp(value: float) -> str:
         return f"PWL(0 0 {disturbance.begin_s:.9g} 0 {disturbance.end_s:.9g} {value:.10g})"
@@ -459,8 +470,5 @@ def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) ->
         preload = (1.0 + disturbance.preload_change) * motor.contact.preload_n
         moved = motor.approach_m(preload)
         circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
-        return ("approach",)
     if disturbance.kind == "temperature":
         circuit.V("temperature", "temperature", circuit.gnd, ramp(disturbance.rise_k))
-        return ("temperature", "heat")
-    return ()

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.run.kernel import transient
 

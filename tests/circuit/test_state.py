@@ -6,9 +6,10 @@ from __future__ import annotations
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation, motion, motion_of, motor_states, state_vectors
 from pyspice_runner.run.kernel import transient
 

@@ -26,8 +26,9 @@ import numpy as np
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource, motor_bench
+from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.motor import motor_library
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import app, run
 from pyspice_runner.commands.common import complete_motor
 from pyspice_runner.export.circuit import CircuitExport

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.drivers import report as drive_module
 from pyspice_runner.run.audit import (

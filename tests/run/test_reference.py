@@ -13,7 +13,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.run.point import Point as RunPoint
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.integrator import ReferenceRun, Tone, integrate

@@ -190,7 +190,7 @@ def test_deck_is_the_same_in_every_process() -> None:
     script = """
 import pyspice_runner as pr
 from pyspice_runner.motor.drive import Load
-from pyspice_runner.circuit.bench import source_of
+from pyspice_runner.circuit.source import source_of
 from pyspice_runner.run.kernel import simulator as ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.circuit.motor import motor_library

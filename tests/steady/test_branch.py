@@ -11,8 +11,8 @@ import pytest
 import xarray
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat

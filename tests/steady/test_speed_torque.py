@@ -16,8 +16,9 @@ import pytest
 import xarray
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource, dynamometer_bench
+from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat

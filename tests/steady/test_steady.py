@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Load

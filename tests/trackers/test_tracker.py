@@ -41,7 +41,7 @@ def run(chosen: Tracker, disturbance: Disturbance, contact: Any, end: float, *na
     step = 100e-9
     source = TrackedSource(chosen, 1, tracker_filter(chosen, lag), disturbance=disturbance)
     bench = motor_bench(
-        MOTOR, source, law=Law() if contact else None, disturbance=disturbance,
+        MOTOR, source, law=Law() if contact else None,
         discretisation=Discretisation(step, exact_resonance=False),
     )  # fmt: skip
     simulator = BatchSimulator(bench.circuit)
