@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A calibration that was interrupted: the places of its searches in a JSON file, from which it goes on.
 
-The file has the hash of the problem and a hash over its content, so that another problem and a damaged file are told.
+The file has the hash of the problem and a hash of its content, which reveal another problem and a damaged file.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.sweeps.store import fingerprint
 from pyspice_runner.sweeps.task import drive_document, law_document
 
-_OTHERWISE = "Remove it, or name another file, to start from the beginning."
+_REMEDY = "Remove it, or name another file, to start from the beginning."
 
 
 class Checkpoint:
@@ -34,14 +35,14 @@ class Checkpoint:
 
     def __init__(self, path: str | Path | None, predictors: Sequence[Predictor]) -> None:
         self.path = None if path is None else Path(path)
-        self.problem = "" if path is None else fingerprint([_content(predictor) for predictor in predictors])
         self.places: dict[str, list[float]] = {}  # number of the law → coordinates
         if self.path is None:
             return
+        self.problem = fingerprint([_content(predictor) for predictor in predictors])
         if self.path.exists():
             self.places = self._read(self.path)
         else:
-            self._write()  # a place that cannot be written is told before the work begins
+            self._write(self.path)  # so that a place that cannot be written is an error before the work begins
 
     def place(self, law: int) -> Array | None:
         """Return the coordinates from which the search with the law of this number goes on; ``None`` for a new one."""
@@ -50,30 +51,29 @@ class Checkpoint:
     def keep(self, law: int, x: Array) -> None:
         """Keep the coordinates of a search."""
         self.places[str(law)] = x.tolist()
-        self._write()
+        if self.path is not None:
+            self._write(self.path)
 
     def _read(self, path: Path) -> dict[str, list[float]]:
-        damaged = ParameterError(f"{path} is not the unfinished state of a calibration, or is damaged. {_OTHERWISE}")
+        damaged = ParameterError(f"{path} is not the unfinished state of a calibration, or is damaged. {_REMEDY}")
         try:
             found = json.loads(read_document(path, "the path of a .json file in which a calibration keeps its state"))
             problem, places = found["problem"], found["places"]
-            whole = found["seal"] == fingerprint([problem, places])
+            if found["seal"] != fingerprint([problem, places]):
+                raise damaged
         except (ValueError, TypeError, KeyError, RecursionError):
             raise damaged from None
-        if not whole:
-            raise damaged
         if problem != self.problem:
             raise ParameterError(
                 f"{path} belongs to another calibration: motor, drive, free parameters, data, contact laws or priors "
-                f"differ. {_OTHERWISE}"
+                f"differ. {_REMEDY}"
             )
         return dict(places)
 
-    def _write(self) -> None:
-        if self.path is not None:
-            document = {"problem": self.problem, "places": self.places}
-            document["seal"] = fingerprint([self.problem, self.places])
-            save_by_ending(self.path, {".json": lambda file: write_json(file, document)})
+    def _write(self, path: Path) -> None:
+        seal = fingerprint([self.problem, self.places])
+        document = {"problem": self.problem, "places": self.places, "seal": seal}
+        save_by_ending(path, {".json": lambda file: write_json(file, document)})
 
     def __enter__(self) -> Checkpoint:
         return self
@@ -89,7 +89,7 @@ class Checkpoint:
             ) from None
 
 
-def _content(predictor: Predictor) -> dict[str, object]:
+def _content(predictor: Predictor) -> dict[str, Any]:
     """Return all that the result of a search follows from, but its start."""
     base, points = predictor.base, predictor.points
     return {
@@ -97,11 +97,9 @@ def _content(predictor: Predictor) -> dict[str, object]:
         "drive": drive_document(base.drive),
         "law": {**base.law.to_dict(), **law_document(base.law.name)} if base.law else None,
         "free": [vars(unknown) for unknown in predictor.unknowns],
-        "conditions": [[points.conditions, points.rows, points.quantities]] if points else [],
-        "spectra": [[band.spectrum.frequency_hz, band.state, band.connection, band.error, vars(band.condition)]
-                    for band in predictor.bands],
-        "run_ups": [[own.conditions, own.time_s] for own in predictor.run_ups],
+        "conditions": [points.conditions, points.rows, points.quantities] if points else [],
+        "curves": [vars(curve) | {"at": curve.at, "spectrum": None} for curve in predictor.curves],
         "reference_c": predictor.reference_c,
         "measured": predictor.measured,
         "errors": predictor.errors,
-    }  # fmt: skip
+    }

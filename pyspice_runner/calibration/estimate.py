@@ -3,7 +3,7 @@ r"""Calibration: the parameters of a motor from measured operating points, spect
 
 With the coordinates x of the free parameters (:class:`~.unknowns.Unknown`), the residuals are
 :math:`r_i = (f_i(x) - y_i)/\sigma_i` of each measured value, and :math:`x_j/w_j` of what was known before, at
-least the order of magnitude. :mod:`.search` finds x, :mod:`.judged` what it means, :mod:`.profiles` the intervals.
+least the order of magnitude. :mod:`.search` finds x, :mod:`.statistics` its meaning, :mod:`.profiles` the intervals.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Any
 from pydantic import SkipValidation
 
 from pyspice_runner.calibration.checkpoint import Checkpoint
-from pyspice_runner.calibration.conditions import conditions_of, scales, temperatures_of
 from pyspice_runner.calibration.misfit import misfits
 from pyspice_runner.calibration.points import read_points
-from pyspice_runner.calibration.prediction import SPECTRUM_ERROR, STEP, Band, Predictor
+from pyspice_runner.calibration.prediction import STEP, Counter, Predictor
 from pyspice_runner.calibration.result import Calibration, Rival
-from pyspice_runner.calibration.run_up import run_ups
+from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.search import Search
-from pyspice_runner.calibration.statistics import Judged
+from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, scales, temperatures_of
+from pyspice_runner.calibration.statistics import Judgement
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
 from pyspice_runner.circuit.law import ContactLaw, touching_law
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -62,12 +62,12 @@ def calibrate(
             ``None`` without points.
         free: dotted paths of the parameters to calibrate; ``modes.*.quality_factor`` stands for each mode's.
         spectra: measured spectra with the state of the tip, ``"free"`` or ``"preloaded"``, and with
-            ``{"temperature": °C, "level": V}``, or one of these, where it is known (:mod:`.conditions`).
+            ``{"temperature": °C, "level": V}``, or one of these, where it is known (:mod:`.spectra`).
         connection: of the groups in the spectra.
         spectrum_error: standard error of a measured admittance, relative to its magnitude.
         transients: measured run-ups from rest, each a table like ``data`` with ``time_s`` (:mod:`.run_up`).
         priors: path of a free parameter → relative standard deviation of its value in ``motor``, as a soft limit.
-        drive: conditions that the points do not state; by default the recommended drive.
+        drive: what the points leave out; by default the recommended drive.
         contact: law of the contact, as in :func:`~pyspice_runner.simulate`.
         against: other laws, with which the parameters are calibrated too; ``rivals`` of the result compares them.
         starts: number of starts; all but the first lie within a factor of 2 about the values of ``motor``.
@@ -91,53 +91,46 @@ def calibrate(
         raise ParameterError(f"starts = {starts} is not valid: it must be a whole number from 1 to 64.")
     if not 0.0 < spectrum_error < 1.0:
         raise ParameterError(f"spectrum_error = {spectrum_error:g} is not valid: it must be a number > 0 and < 1.")
-    points = read_points(data, motor.slider is not None) if data is not None else None
-    moving = run_ups(transients, motor.slider is not None)
+    linear = motor.slider is not None
+    points = read_points(data, linear) if data is not None else None
+    moving = [RunUp.read(one, number, linear) for number, one in enumerate(transients, start=1)]
     laws = [touching_law(one, "A free tip has no torque.") for one in (contact, *against)]
     excitation = drive or default_drive(motor)
-    stated = conditions_of(spectra)
-    sizes = scales(motor, connection, [condition for *_, condition in stated])
-    unknowns = unknowns_of(motor, excitation, free, priors, sizes)
-    others = [(f"point {row}", one) for row, one in enumerate(points.conditions if points else (), start=1)]
-    others += [(one.source, one.conditions) for one in moving]
-    warm = temperatures_of([condition for *_, condition in stated], others)
-    if any(one.path.startswith(THERMAL) for one in unknowns) and len(set(warm)) < 2:
+    bands = bands_of(spectra, connection, spectrum_error)
+    unknowns = unknowns_of(motor, excitation, free, priors, scales(motor, bands))
+    conditions = [(f"spectrum {number}", one.conditions) for number, one in enumerate(bands, start=1)]
+    conditions += [(f"point {row}", one) for row, one in enumerate(points.conditions if points else (), start=1)]
+    temperatures = temperatures_of(conditions + [(one.source, one.conditions) for one in moving])
+    if any(one.path.startswith(THERMAL) for one in unknowns) and len(set(temperatures)) < 2:
         raise ParameterError(
             "A drift takes spectra, points or run-ups at temperatures that differ; state that of each of them."
         )
-    bands = tuple(Band.of(spectrum, state, connection, spectrum_error, one) for spectrum, state, one in stated)
     predictors = []
     for law in laws:
         base = Point.of(motor, excitation, contact=law, timeout=timeout, audit=False)
-        base = base.with_step(STEP * base.step)
         predictor = Predictor(
-            base, unknowns, points, bands, progress or (lambda _: None), run_ups=moving,
-            reference_c=warm[0] if warm else None,
+            base.with_step(STEP * base.step), unknowns, points, (*bands, *moving),
+            temperatures[0] if temperatures else None, counter=Counter(progress or (lambda _: None)),
         )  # fmt: skip
         # a wrong path or value is an error now, not a point that is left out
         if points:
-            points.check([predictor.point(base, conditions) for conditions in points.conditions])
+            points.check([predictor.point(predictor.base, one) for one in points.conditions])
         for one in moving:
-            one.check(predictor.point(base, one.conditions))
+            one.check(predictor.point(predictor.base, one.conditions))
         predictors.append(predictor)
     with Checkpoint(checkpoint, predictors) as kept:
         searches = [Search(one, kept.place(law), partial(kept.keep, law)) for law, one in enumerate(predictors)]
-        found = _calibrated(searches[0], starts)
+        found = Judgement(searches[0], searches[0].solved(starts)).calibration()
         return replace(found, rivals=tuple(_rival(search, starts) for search in searches[1:]))
-
-
-def _calibrated(search: Search, starts: int) -> Calibration:
-    predictor, x = search.predictor, search.solved(starts)
-    assert predictor.base.law is not None
-    return Judged(search, x).calibration(str(predictor.base.law.to_dict()["contact"]))
 
 
 def _rival(search: Search, starts: int) -> Rival:
     """Return the fit with another law of the contact."""
-    assert search.predictor.base.law is not None
-    law = str(search.predictor.base.law.to_dict()["contact"])
+    law = search.predictor.base.law
+    assert law is not None
+    name = str(law.to_dict()["contact"])
     try:
-        found = _calibrated(search, starts)
+        found = Judgement(search, search.solved(starts)).calibration()
     except SimulationError as error:
-        return Rival(law, float("nan"), 0, (), str(error))
-    return Rival(law, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))
+        return Rival(name, float("nan"), 0, (), str(error))
+    return Rival(name, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))

@@ -18,10 +18,9 @@ from scipy.stats import chi2
 
 from pyspice_runner.run.waveforms import Array
 
-LIKELY = 1e-3  # probability of the least likely of all sets below which the model does not explain the data
+SIGNIFICANCE = 1e-3  # probability of the least likely of all sets below which the model does not explain the data
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
-FAR = 4.0  # standard errors: one normal residual in 16,000 is beyond
-
+WRONG_READING = 4.0  # standard errors: one normal residual in 16,000 is beyond
 FEW = 10  # values, of which one may be a wrong reading
 
 
@@ -35,14 +34,10 @@ class SetFit:
     expected: float  # its mean if the model holds
     probability: float  # of a sum that is as large, if the model holds
 
-    def to_dict(self) -> dict[str, object]:
-        """Return the fit, JSON-ready."""
-        return dict(vars(self))
 
-
-def weights_of(residuals: Array, scale: float = 1.0) -> Array:
-    """Return the weights that Huber's loss gives to residuals."""
-    return np.minimum(1.0, OUTLIER * scale / np.maximum(np.abs(residuals), 1e-12))
+def weights_of(residuals: Array, scale: float = 1.0, outlier: float = OUTLIER) -> Array:
+    """Return the weights that Huber's loss gives to residuals; ``outlier`` is where it becomes linear."""
+    return np.minimum(1.0, outlier * scale / np.maximum(np.abs(residuals), 1e-12))
 
 
 def huber(residuals: Array) -> Array:
@@ -54,8 +49,7 @@ def huber(residuals: Array) -> Array:
 def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope: Array) -> tuple[SetFit, ...]:
     """Return the fit of each set.
 
-    A set of :data:`FEW` values and more with one residual beyond :data:`FAR` is judged without it: it may be a wrong
-    reading.
+    A set of :data:`FEW` values and more with one residual beyond :data:`WRONG_READING` is judged without it.
 
     Args:
         names: of the sets.
@@ -66,7 +60,7 @@ def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope
     hat = slope @ np.linalg.solve(slope.T @ slope, slope.T)
     found = []
     for name, own in zip(names, sets, strict=True):
-        far = np.abs(residuals[own]) > FAR
+        far = np.abs(residuals[own]) > WRONG_READING
         judged = own[~far] if far.sum() == 1 and len(own) >= FEW else own
         left = np.eye(len(judged)) - hat[np.ix_(judged, judged)]
         mean, variance = float(np.trace(left)), 2.0 * float(np.sum(left**2))
@@ -80,4 +74,4 @@ def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope
 
 def misfits(fits: Sequence[SetFit]) -> list[SetFit]:
     """Return the sets that the model does not explain: in all, one calibration in 1,000 has one by chance."""
-    return [fit for fit in fits if fit.probability < LIKELY / len(fits)]
+    return [fit for fit in fits if fit.probability < SIGNIFICANCE / len(fits)]

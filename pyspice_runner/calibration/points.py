@@ -2,27 +2,27 @@
 """Measured operating points: a table with a row for each point, checked.
 
 Columns state the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`` and further values of the drive, any
-path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.conditions`), and the load:
+path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.spectra`), and the load:
 ``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held. The other columns are measured: quantities of
 :func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, the phase ``current_a_phase_deg`` of a group's current
 ahead of its voltage at the drive frequency, the ``resonance_hz`` (:mod:`.resonance`), and the ``speed_rad_s`` of a row
 with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
 without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
-``Torque [mN·m]`` states its unit (:mod:`.headings`).
+``Torque [mN·m]`` states its unit.
 """
 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, remainder
+from math import degrees, pi, remainder, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pyspice_runner.calibration.headings import column_of
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.document import read_document
@@ -34,7 +34,7 @@ from pyspice_runner.run.waveforms import Array
 
 MOST_POINTS = 2000
 ERROR = "_error"
-SPEED, LOAD, POWER = "speed_rad_s", "load_torque_n_m", "power_w"
+SPEED, LOAD, POWER, CURRENT = "speed_rad_s", "load_torque_n_m", "power_w", "current_rms_a"
 LINEAR = {"speed_m_s": SPEED, "load_force_n": LOAD, "force_n": "torque_n_m"}  # of a slider → of its rotor of 1 m
 TEMPERATURE = "temperature"  # °C of the stator: a condition that is no path of the motor
 PHASES = ("current_a_phase_deg", "current_b_phase_deg")
@@ -51,6 +51,41 @@ DEFAULT_ERROR = 0.02
 _RESONANCE_SPAN = 0.05
 _FAR = 2.0  # of the motor's modes: farther, a resonance has another unit
 
+_HEADING = re.compile(r"\s*([A-Za-z][A-Za-z .]*?)\s*(?:\[([^\]]+)\]|\(([^)]+)\)|/\s*(\S.*?))\s*")
+_G = 9.80665  # m/s², standard gravity: weights are stated in grams
+_LINEAR = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6}
+_PER_MINUTE, _DEGREES = pi / 30.0, pi / 180.0
+_ROTARY = {
+    "rad/s": 1.0, "rpm": _PER_MINUTE, "1/min": _PER_MINUTE, "r/min": _PER_MINUTE, "deg/s": _DEGREES, "°/s": _DEGREES,
+}  # fmt: skip
+_FORCE = {"n": 1.0, "mn": 1e-3, "kgf": _G, "kg": _G, "gf": 1e-3 * _G, "g": 1e-3 * _G}
+_TORQUE = {"nm": 1.0, "mnm": 1e-3, "unm": 1e-6, "ncm": 1e-2, "nmm": 1e-3, "kgfcm": 1e-2 * _G, "gfcm": 1e-5 * _G}
+_FREQUENCY = {"hz": 1.0, "khz": 1e3}
+_ANGLE = {"deg": 1.0, "°": 1.0, "rad": 180.0 / pi}
+_KINDS: dict[str, tuple[tuple[str, dict[str, float]], ...]] = {  # of headings: words → columns, each with its units
+    "speed": (("speed_m_s", _LINEAR), ("speed_rad_s", _ROTARY)),
+    "force": (("force_n", _FORCE),),
+    "torque": (("torque_n_m", _TORQUE),),
+    "load": (("force_n", _FORCE), ("torque_n_m", _TORQUE)),
+    "frequency": (("frequency", _FREQUENCY),),
+    "voltage": (("voltage", {"v": 1.0, "vp": 1.0, "vpp": 0.5, "vrms": sqrt(2.0)}),),
+    "power": (("power_w", {"w": 1.0, "mw": 1e-3}),),
+    "resonance": (("resonance_hz", _FREQUENCY),),
+    "temperature": (("temperature", {"°c": 1.0, "c": 1.0, "degc": 1.0}),),
+    "current phase": (("current_a_phase_deg", _ANGLE),),
+    "current phase a": (("current_a_phase_deg", _ANGLE),),
+    "current phase b": (("current_b_phase_deg", _ANGLE),),
+}
+_WORDS = {
+    "velocity": "speed",
+    "n": "speed",
+    "v": "speed",
+    "f": "force",
+    "thrust": "force",
+    "m": "torque",
+    "t": "torque",
+}
+
 
 @dataclass(frozen=True)
 class Points:
@@ -62,7 +97,7 @@ class Points:
     quantities: tuple[str, ...]  # and its quantity
     values: Array  # measured values, SI units
     errors: Array  # their standard errors
-    stated: bool  # whether the errors are those of the measurement; if not, only their ratios count
+    errors_given: bool  # whether the errors are those of the measurement; if not, only their ratios count
 
     def __len__(self) -> int:
         return len(self.conditions)
@@ -147,11 +182,30 @@ def _scaled(columns: Mapping[str, list[float]], source: str) -> dict[str, list[f
     """Return the columns in SI units under the names of this module, where their headings state a unit."""
     found: dict[str, list[float]] = {}
     for name, values in columns.items():
-        own, factor = column_of(name) or (name, 1.0)
+        own, factor = _column_of(name) or (name, 1.0)
         if own in found:
             raise ParameterError(f"{source}: {quoted(name)} is a second column of {own}. Leave one out.")
         found[own] = [factor * value for value in values]
     return found
+
+
+def _column_of(heading: str) -> tuple[str, float] | None:
+    """Return the column that a heading with a unit means, and the factor to its unit; ``None`` for another heading.
+
+    A voltage is an amplitude; one in ``Vrms`` is that of a sine.
+    """
+    found = _HEADING.fullmatch(heading)
+    if found is None:
+        return None
+    words = found[1].lower().split()
+    unit = (found[2] or found[3] or found[4]).strip().lower()
+    unit = re.sub(r"[·*⋅ .-]", "", unit.replace("µ", "u").replace("μ", "u"))
+    named = (" ".join(words), words[-1], words[0])
+    for word in ("resonance",) if any(word.startswith("resonan") for word in words) else named:
+        for column, units in _KINDS.get(_WORDS.get(word, word), ()):
+            if unit in units:
+                return column, units[unit]
+    return None
 
 
 def _columns(path: Path) -> dict[str, list[str]]:
@@ -215,12 +269,12 @@ def _checked(source: str, columns: Mapping[str, list[float]], *, measured: bool)
         conditions_of_row({name: values[row] for name, values in columns.items()}) for row in range(count)
     )
     found: list[tuple[int, str, float, float]] = []
-    stated = True
+    errors_given = True
     for name in filter(columns.__contains__, MEASURED):
         rows = [row for row, value in enumerate(columns[name]) if not np.isnan(value)]
         rows = [row for row in rows if name != SPEED or conditions[row]["load.speed"] is None]
         own = columns.get(f"{name}{ERROR}")
-        stated = stated and (own is not None or not rows)
+        errors_given = errors_given and (own is not None or not rows)
         size = span(name, [columns[name][row] for row in rows]) or float(not measured)
         for row in rows:
             error = own[row] if own is not None else DEFAULT_ERROR * size
@@ -237,7 +291,7 @@ def _checked(source: str, columns: Mapping[str, list[float]], *, measured: bool)
             "speed_torque; speed_rad_s is measured where load_torque_n_m is given."
         )
     places, quantities, values, errors = zip(*found, strict=True)
-    return Points(source, conditions, places, quantities, np.array(values), np.array(errors), stated)
+    return Points(source, conditions, places, quantities, np.array(values), np.array(errors), errors_given)
 
 
 def conditions_of_row(row: Mapping[str, float]) -> dict[str, float | None]:
@@ -265,6 +319,8 @@ def measured_of(values: Mapping[str, float], quantity: str, measured: float = 0.
     """Return a measured quantity of a steady state; a phase within 180° of the measured one."""
     if quantity == POWER:
         return values["power_a_w"] + values["power_b_w"]
+    if quantity == CURRENT:  # of a data sheet that does not name the group
+        return sqrt(0.5 * (values["current_a_rms_a"] ** 2 + values["current_b_rms_a"] ** 2))
     if quantity in PHASES:
         return measured + remainder(values[quantity] - measured, 360.0)
     return values[quantity]

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.calibration.conditions import temperatures_of
 from pyspice_runner.calibration.misfit import SetFit
-from pyspice_runner.calibration.points import SPEED, TEMPERATURE, Points, read_points
-from pyspice_runner.calibration.prediction import Band, Predictor
+from pyspice_runner.calibration.points import TEMPERATURE, Points, read_points
+from pyspice_runner.calibration.prediction import Curve, Predictor
 from pyspice_runner.calibration.run_up import RunUp
+from pyspice_runner.calibration.spectra import Band, temperatures_of
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_rows
@@ -26,8 +26,7 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.steady import SteadyState
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
-DECISIVE = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
-_PARTS = ("admittance_real_s", "admittance_imaginary_s")
+NO_SUPPORT = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
 _SAMPLE = 20_000  # cases: the quantile of 95 % is known to 0.3 %
 
 
@@ -45,10 +44,9 @@ class Estimate:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the estimate, JSON-ready."""
-        return {
-            "value": self.value, "standard_error": self.standard_error, "interval_95": list(self.interval_95),
-            "identifiable": self.identifiable, "start": self.start, "unit": self.unit,
-        }  # fmt: skip
+        found = json_ready(vars(self))
+        del found["path"]
+        return dict(found)
 
 
 @dataclass(frozen=True)
@@ -104,13 +102,9 @@ class Calibration(Result):
 
     Attributes:
         estimates: value, standard error and interval of each free parameter.
-        start: the motor before.
         calibrated: the motor with the new values.
-        law: law of the contact.
-        points: the measured points; ``None`` without.
-        bands: the measured spectra.
-        run_ups: the measured run-ups.
-        measured, predicted, errors: all measured values, those of the calibrated motor, and the standard errors.
+        predictor: data, motor at the start and model.
+        predicted: the measured values, of the calibrated motor.
         predicted_errors: standard errors of the predicted values by those of the parameters.
         correlations, covariance: of the coordinates of the parameters, in the order of ``estimates``.
         coordinates: of the solution: ln(value/start) of each parameter, or the difference over ``start``.
@@ -126,21 +120,14 @@ class Calibration(Result):
     """
 
     estimates: tuple[Estimate, ...]
-    start: Motor = field(repr=False)
     calibrated: Motor = field(repr=False)
-    law: str
-    points: Points | None
-    bands: tuple[Band, ...]
-    run_ups: tuple[RunUp, ...]
-    measured: Array
+    predictor: Predictor
     predicted: Array
     predicted_errors: Array
-    errors: Array
     correlations: Array
     covariance: Array
     coordinates: Array
     ends: tuple[Array, ...]
-    predictor: Predictor
     rms_residual: float
     squares: float
     freedom: int
@@ -150,6 +137,47 @@ class Calibration(Result):
     steady_states: int
     states: tuple[SteadyState, ...]
     rivals: tuple[Rival, ...] = ()
+
+    @property
+    def start(self) -> Motor:
+        """The motor at the start."""
+        return self.predictor.base.motor
+
+    @property
+    def law(self) -> str:
+        """Law of the contact."""
+        assert self.predictor.base.law is not None
+        return str(self.predictor.base.law.to_dict()["contact"])
+
+    @property
+    def points(self) -> Points | None:
+        """The measured points; ``None`` without."""
+        return self.predictor.points
+
+    @property
+    def curves(self) -> list[tuple[Curve, slice]]:
+        """The measured spectra, then the run-ups, each with the places of its values."""
+        return self.predictor.of_curves
+
+    @property
+    def bands(self) -> tuple[Band, ...]:
+        """The measured spectra."""
+        return tuple(one for one in self.predictor.curves if isinstance(one, Band))
+
+    @property
+    def run_ups(self) -> tuple[RunUp, ...]:
+        """The measured run-ups."""
+        return tuple(one for one in self.predictor.curves if isinstance(one, RunUp))
+
+    @property
+    def measured(self) -> Array:
+        """All measured values: of the points, the spectra, the run-ups."""
+        return self.predictor.measured
+
+    @property
+    def errors(self) -> Array:
+        """Their standard errors."""
+        return self.predictor.errors
 
     @property
     def motor(self) -> Motor:
@@ -178,8 +206,7 @@ class Calibration(Result):
     def sources(self) -> str:
         """Names of the data."""
         names = [self.points.source] if self.points else []
-        names += [band.spectrum.source or f"a spectrum ({band.state})" for band in self.bands]
-        return " and ".join([*names, *(one.source for one in self.run_ups)])
+        return " and ".join([*names, *(one.file for one in self.predictor.curves)])
 
     @property
     def aicc(self) -> float:
@@ -190,9 +217,9 @@ class Calibration(Result):
         count, free = len(self.measured), len(self.estimates)
         if count <= free + 2:
             return float("nan")
-        stated = self.points is None or self.points.stated
-        fit = self.squares if stated else count * log(self.squares / count)
-        free += 0 if stated else 1  # the size of the errors
+        given = self.points is None or self.points.errors_given
+        fit = self.squares if given else count * log(self.squares / count)
+        free += 0 if given else 1  # the size of the errors
         return fit + 2.0 * free + 2.0 * free * (free + 1.0) / (count - free - 1.0)
 
     def _limits(self) -> tuple[str, ...]:
@@ -211,7 +238,7 @@ class Calibration(Result):
         """
         points = read_points(data, self.start.slider is not None, measured=False)
         own = self.predictor
-        temperatures_of([], [(f"point {row}", one) for row, one in enumerate(points.conditions, start=1)])
+        temperatures_of([(f"point {row}", one) for row, one in enumerate(points.conditions, start=1)])
         predictor = Predictor(own.base, own.unknowns, points, reference_c=own.reference_c)
         if own.reference_c is None and TEMPERATURE in points.conditions[0]:
             raise ParameterError(
@@ -219,7 +246,7 @@ class Calibration(Result):
                 "Leave it out, or calibrate with data whose temperature is stated."
             )
         points.check([predictor.point(own.base, conditions) for conditions in points.conditions])
-        here = predictor.refine(self.coordinates)
+        predictor, here = predictor.refined(self.coordinates)
         if not here.known:
             raise SimulationError("The calibrated motor has no steady state at any of the points.")
         slope = predictor.jacobian(self.coordinates, here, central=True)
@@ -247,7 +274,7 @@ class Calibration(Result):
             "sum_of_squares": self.squares,
             "degrees_of_freedom": self.freedom,
             "error_scale": self.scale,
-            "fits": [fit.to_dict() for fit in self.fits],
+            "fits": self.fits,
             "aicc": self.aicc,
             "rivals": [{**one.to_dict(), "verdict": self._against(one)} for one in self.rivals],
             "correlations": self.correlations,
@@ -260,7 +287,7 @@ class Calibration(Result):
                         strict=False) if self.points else ()
                 )
             ],
-            "curves": [self._curve(*each) for each in self._axes()],
+            "curves": [self._curve(*each) for each in self.curves],
         })  # fmt: skip
         return document
 
@@ -270,8 +297,8 @@ class Calibration(Result):
         for one in self.estimates:
             unit = "" if one.unit == "1" else f" {one.unit}"
             low, high = one.interval_95
-            said = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
-            found[one.path] = said if one.identifiable else f"{said} (not decided by the data)"
+            text = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
+            found[one.path] = text if one.identifiable else f"{text} (not decided by the data)"
         found["RMS residual"] = f"{self.rms_residual:.3g} standard errors, {len(self.measured)} values"
         return found | {f"law {one.law}": self._against(one) for one in self.rivals}
 
@@ -282,25 +309,19 @@ class Calibration(Result):
         if other.freedom != self.freedom:
             return f"not comparable: it has {other.freedom - self.freedom:+d} values, where it has a steady state"
         by = other.aicc - self.aicc
-        told = f"{self.law if by > 0.0 else other.law} fits better by {abs(by):.3g} in AICc"
-        told += "" if abs(by) > DECISIVE else ", which does not decide"
-        return told + (f"; {other.law} does not explain {' and '.join(other.misfits)}" if other.misfits else "")
+        verdict = f"{self.law if by > 0.0 else other.law} fits better by {abs(by):.3g} in AICc"
+        verdict += "" if abs(by) > NO_SUPPORT else ", which does not decide"
+        return verdict + (f"; {other.law} does not explain {' and '.join(other.misfits)}" if other.misfits else "")
 
-    def _axes(self) -> list[tuple[str, slice, str, Array, tuple[str, ...]]]:
-        """Return of each spectrum and run-up its name, places, axis with its values, and quantities."""
-        sets = self.predictor.sets[1 if self.points else 0 :]
-        axes: list[tuple[str, Array, tuple[str, ...]]]
-        axes = [("frequency_hz", band.spectrum.frequency_hz, _PARTS) for band in self.bands]
-        axes += [("time_s", one.time_s, (SPEED,)) for one in self.run_ups]
-        return [(name, places, *axis) for (name, places), axis in zip(sets, axes, strict=True)]
-
-    def _curve(self, name: str, places: slice, along: str, at: Array, quantities: tuple[str, ...]) -> dict[str, Any]:
+    def _curve(self, curve: Curve, places: slice) -> dict[str, Any]:
         """Return a spectrum or a run-up, JSON-ready."""
-        found: dict[str, Any] = {"data": name, "along": along, "at": at, "quantities": {}}
-        parts = (np.split(values[places], len(quantities)) for values in (self.measured, self.predicted, self.errors))
-        for quantity, *values in zip(quantities, *parts, strict=True):
-            found["quantities"][quantity] = dict(zip(("measured", "predicted", "error"), values, strict=True))
-        return dict(json_ready(found))
+        columns = {"measured": self.measured, "predicted": self.predicted, "error": self.errors}
+        parts = {name: np.split(values[places], len(curve.quantities)) for name, values in columns.items()}
+        quantities = {
+            quantity: {name: values[number] for name, values in parts.items()}
+            for number, quantity in enumerate(curve.quantities)
+        }
+        return {"data": curve.source, "along": curve.along, "at": curve.at, "quantities": quantities}
 
     def columns(self) -> Mapping[str, Array]:
         """Return measured and predicted value and residual of each measured value, in the order of the data.
@@ -311,8 +332,8 @@ class Calibration(Result):
         """
         points = np.array(self.points.rows, float) + 1.0 if self.points else np.zeros(0)
         found = {"point": [points], "set": [np.ones(len(points))], "at": [np.full(len(points), np.nan)]}
-        for number, (_, _, _, at, quantities) in enumerate(self._axes(), start=2 if self.points else 1):
-            several = len(quantities)
+        for number, (curve, _) in enumerate(self.curves, start=2 if self.points else 1):
+            several, at = len(curve.quantities), curve.at
             found["point"].append(np.tile(np.arange(1.0, len(at) + 1.0), several))
             found["set"].append(np.full(several * len(at), float(number)))
             found["at"].append(np.tile(at, several))
@@ -329,7 +350,7 @@ class Calibration(Result):
         columns = dict(self.columns())
         names = [name for name, places in self.predictor.sets for _ in range(places.stop - places.start)]
         quantities = list(self.points.quantities) if self.points else []
-        quantities += [name for _, _, _, at, several in self._axes() for name in several for _ in at]
+        quantities += [name for curve, _ in self.curves for name in curve.quantities for _ in curve.at]
         del columns["set"]
         rows = zip(names, quantities, *columns.values(), strict=True)
         cells = [[name, quantity, *("" if np.isnan(one) else f"{one:.12g}" for one in values)]

@@ -17,9 +17,8 @@ more than that. Its dynamics are right, since the shaft is slower than the modes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -38,9 +37,6 @@ TIME = "time_s"
 FEWEST = 3  # points: two are a line, which any time constant explains
 MOST = 100_000  # rows of a table
 COMPARED = 200  # points of a run-up that are compared, as of a spectrum
-# of a run-up that settles: its first duration in periods of the drive, how often it is doubled, and the share of the
-# speed by which that of its second half differs, some four time constants of the mechanics
-SHORTEST_PERIODS, DOUBLINGS, SETTLED = 200, 10, 0.02
 RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the error of the model
 HELD = 9  # speeds at which the torque of steady states is computed, from rest to beyond the greatest by a share of it:
 BEYOND = 0.1  # the full motor may be faster than the averaged one, and the slope of the torque limits by how much
@@ -51,11 +47,29 @@ HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed
 class RunUp:
     """A measured run-up: what is compared of it."""
 
+    along: ClassVar[str] = "time_s"
+    quantities: ClassVar[tuple[str, ...]] = (SPEED,)
+    smooth: ClassVar[bool] = False  # its integration selects its steps
+
     source: str
     conditions: dict[str, float | None]  # path → value
     time_s: Array
     measured: Array  # rad/s
     errors: Array  # standard errors, rad/s
+
+    @property
+    def file(self) -> str:
+        """Name of the file."""
+        return self.source
+
+    @property
+    def at(self) -> Array:
+        """Times in s."""
+        return self.time_s
+
+    def errors_at(self, _: Array | None) -> Array:
+        """Return the standard errors in rad/s."""
+        return self.errors
 
     @classmethod
     def read(cls, data: Any, number: int, linear: bool = False) -> RunUp:
@@ -192,29 +206,3 @@ def _correction(motor: Point, time: Array, speed: Array, speeds: Array, full: Ar
 
     longest = (time[-1] - time[0]) / COMPARED  # so that no part of the run-up is stepped over
     return np.asarray(solve_ivp(rate, (time[0], time[-1]), [0.0], t_eval=time, max_step=longest).y[0])
-
-
-def settled_run_up(motor: Point) -> RunUp:
-    """Return the run-up of a motor from rest to its settled speed, without a load, as if it was measured.
-
-    Raises:
-        ParameterError: if the motor has no averaged model, does not move, or does not settle.
-        SimulationError: if the averaged motor fails.
-    """
-    duration = SHORTEST_PERIODS / min(motor.source.frequencies)
-    for _ in range(DOUBLINGS):
-        time = np.linspace(0.0, duration, COMPARED)
-        own = RunUp("a run-up", conditions_of_row({}), time, time, time)
-        free = motor.updated(own.conditions)
-        own.check(free)
-        speed = own.predicted(free)
-        greatest = float(np.abs(speed).max())
-        if np.ptp(speed[COMPARED // 2 :]) < SETTLED * greatest:
-            return replace(own, measured=speed, errors=np.full(COMPARED, RUN_UP_ERROR * greatest))
-        duration *= 2.0
-    raise ParameterError(f"The motor does not settle at a speed within {0.5 * duration:.3g} s.")
-
-
-def run_ups(data: Sequence[Any], linear: bool) -> tuple[RunUp, ...]:
-    """Return the run-ups of tables. Raise ParameterError as :meth:`RunUp.read`."""
-    return tuple(RunUp.read(one, number, linear) for number, one in enumerate(data, start=1))

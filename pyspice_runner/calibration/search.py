@@ -8,76 +8,80 @@ P. J. Huber, "Robust Statistics", Wiley 1981.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import log
+from dataclasses import dataclass
+from math import inf, log
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from pyspice_runner.calibration.misfit import huber, weights_of
+from pyspice_runner.calibration.misfit import OUTLIER, huber, weights_of
 from pyspice_runner.calibration.prediction import Prediction, Predictor
-from pyspice_runner.calibration.unknowns import WIDE
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.waveforms import Array
 
 START_REACH = log(2.0)  # of further starts about the first
-_MOST_STEPS = 40
 _INSIDE = 0.05  # of a start at its bound: scipy's first step is as long as the start is from 0, which is in the middle
-# Steps of the search. Beyond the long one (of a smooth model: the short one) there is a new Jacobian; below the short
-# one the differences of ngspice are noise.
-_LONG, _SHORT = 0.1, 0.025
-# of the sum of squares by a further step, by a smooth model and by ngspice: 0.1 and 0.3 standard errors
-_GAIN, _ROUGH_GAIN = 0.01, 0.1
 _NORMAL = 1.4826  # standard deviation over the median of the magnitudes
-_CLOSE = 1e-4  # relative gain of the sum of squares, and step of a coordinate, that are noise
-_REFINEMENTS = 5  # searches by the fast model, each with its difference to ngspice where the last one ended
-_SETTLED = 0.1  # gain where the difference to ngspice was taken anew, by whose accuracy it varies that much
 
 
-class _Found(Exception):
-    """The search has found its place: a further step would gain less than :data:`_GAIN` of the sum of squares."""
+@dataclass(frozen=True)
+class Tolerances:
+    """Where a search ends. A gain is that of the sum of squares by a further step."""
 
-    def __init__(self, x: Array) -> None:
-        super().__init__()
-        self.x = x.copy()
+    gain: float = 0.01  # by a smooth model: 0.1 standard errors
+    rough_gain: float = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
+    settled: float = 0.1  # where the difference to ngspice was taken anew, by whose accuracy it varies that much
+    refinements: int = 5  # searches by the fast model, each with its difference to ngspice where the last one ended
+    steps: int = 40  # of each search
+    close: float = 1e-4  # relative gain, and step of a coordinate, that are noise
+    # Steps in coordinates: beyond the long one, with a smooth model the short one, there is a new Jacobian; below the
+    # short one differences of ngspice are noise.
+    long: float = 0.1
+    short: float = 0.025
+    outlier: float = OUTLIER  # standard errors beyond which a residual counts linearly
+
+
+CALIBRATION = Tolerances()
 
 
 class Search:
-    """The search for the least sum of squares; every prediction is computed once."""
+    """The search for the least sum of squares; every prediction is computed once.
 
-    def __init__(self, predictor: Predictor, kept: Array | None, keep: Callable[[Array], None]) -> None:
-        self.predictor, self.kept, self.keep = predictor, kept, keep  # place of an interrupted search, and its keeper
-        self.measured = predictor.measured
-        known = [0.0 if unknown.prior is None else 1.0 / unknown.prior for unknown in predictor.unknowns]
-        self.stated_priors = int(np.count_nonzero(known))
-        self.prior = np.hypot(
-            known, 1.0 / WIDE
-        )  # what the data leave open stays at the order of magnitude of its start
+    Args:
+        predictor: the model; that of the result has the difference to ngspice at the solution.
+        resumed: place of an interrupted search.
+        keep: is called with each place at which the difference to ngspice is taken.
+        tolerances: where it ends.
+    """
+
+    def __init__(
+        self, predictor: Predictor, resumed: Array | None = None, keep: Callable[[Array], object] = lambda _: None,
+        tolerances: Tolerances = CALIBRATION,
+    ) -> None:  # fmt: skip
+        self.predictor, self.resumed, self.keep, self.tolerances = predictor, resumed, keep, tolerances
+        self.bounds = np.array([unknown.bounds for unknown in predictor.unknowns]).T
+        self.prior = np.array([unknown.weight for unknown in predictor.unknowns])
         self.found: dict[bytes, Prediction] = {}
         self.slopes: dict[bytes, Array] = {}
         self.last: Prediction | None = None
         self.roots: Array = np.ones(0)  # of the weights of Huber's loss, where the last search began
         self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
 
-    @property
-    def errors(self) -> Array:
-        """Standard errors of the measured values."""
-        return self.predictor.errors
-
-    def solved(self, starts: int) -> Array:
+    def solved(self, starts: int = 1) -> Array:
         """Return the coordinates of the least sum of squares.
 
         Raises:
             SimulationError: if there is no steady state at the start.
         """
-        bounds = np.array([unknown.bounds for unknown in self.predictor.unknowns]).T
-        x = np.clip(np.zeros(len(self.prior)), bounds[0] + _INSIDE, bounds[1] - _INSIDE)
-        if self.kept is not None:
-            x = np.clip(self.kept, *bounds)
+        allowed = self.tolerances
+        x = np.clip(np.zeros(len(self.prior)), self.bounds[0] + _INSIDE, self.bounds[1] - _INSIDE)
+        if self.resumed is not None:
+            x = np.clip(self.resumed, *self.bounds)
         elif starts > 1:
-            x = self._best(x, bounds, starts)
-        for _ in range(_REFINEMENTS):
-            here = self.predictor.refine(x, self.prediction(x))
+            x = self._best(x, starts)
+        for _ in range(allowed.refinements):
+            self.predictor, here = self.predictor.refined(x, self.prediction(x))
             if not here.known:
                 raise SimulationError(
                     "The motor has no steady state at any of the measured points with these values. Check drive and "
@@ -86,35 +90,33 @@ class Search:
             self.keep(x)
             self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
             residuals = self.residuals(x)
-            self.roots = np.sqrt(weights_of(residuals, max(1.0, _NORMAL * float(np.median(np.abs(residuals))))))
-            if self._gain(x, self.slope(x), residuals) < (_ROUGH_GAIN if self.rough else _SETTLED):
+            size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
+            self.roots = np.sqrt(weights_of(residuals, size, allowed.outlier))
+            self._jacobian(x)
+            if self._gain() < (allowed.rough_gain if self.predictor.rough else allowed.settled):
                 break
-            try:
-                x = np.asarray(least_squares(
-                    lambda x: self.roots * self.residuals(x), x, self.descent, bounds=bounds, x_scale="jac",
-                    xtol=_CLOSE, ftol=_CLOSE, gtol=1e-12, max_nfev=_MOST_STEPS,
-                ).x)  # fmt: skip
-            except _Found as found:
-                x = found.x
+            x = np.asarray(least_squares(
+                lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
+                xtol=allowed.close, ftol=allowed.close, gtol=1e-12, max_nfev=allowed.steps, callback=self._end,
+            ).x)  # fmt: skip
         return x
 
-    def _best(self, x: Array, bounds: Array, starts: int) -> Array:
+    def _best(self, x: Array, starts: int) -> Array:
         """Return the best of several starts."""
         cube = qmc.Sobol(len(x), seed=0).random(1 << (starts - 1).bit_length())[: starts - 1]
-        others = [np.clip(x + START_REACH * (2.0 * row - 1.0), *bounds) for row in cube]
-        starting = [x, *others]
-        for one, prediction in zip(starting, self.predictor.at(starting), strict=True):
-            self.found[one.tobytes()] = prediction
-        every = [one for one in starting if self.found[one.tobytes()].known]
-        if not every:
+        starting = [x, *(np.clip(x + START_REACH * (2.0 * row - 1.0), *self.bounds) for row in cube)]
+        self.found = dict(zip([one.tobytes() for one in starting], self.predictor.at(starting), strict=True))
+
+        def badness(one: Array) -> tuple[int, float]:
+            prediction = self.found[one.tobytes()]
+            residuals = float(np.sum(huber(self.residuals(one)))) if prediction.known else inf
+            return int(np.isnan(prediction.values).sum()), residuals
+
+        best: Array = min(starting, key=badness)
+        if not self.found[best.tobytes()].known:
             raise SimulationError(f"The motor has no steady state at any of the points from any of {starts} starts.")
-
-        def missed(one: Array) -> tuple[int, float]:
-            own = np.isnan(self.found[one.tobytes()].values)
-            return int(own.sum()), float(np.sum(huber(self.residuals(one))))
-
         self.last = None
-        return min(every, key=missed)
+        return best
 
     def prediction(self, x: Array) -> Prediction:
         """Return the prediction at a place."""
@@ -127,55 +129,52 @@ class Search:
 
     def residuals(self, x: Array) -> Array:
         """Return the residuals. A value that is not known there keeps the last known one, so that it has no pull."""
-        before = self.last
+        before, measured = self.last, self.predictor.measured
         values = self.prediction(x).values
         if before is not None:
             values = np.where(np.isnan(values), before.values, values)
-        values = np.where(np.isnan(values), self.measured, values)
-        return np.concatenate([(values - self.measured) / self.errors, self.prior * x])
+        values = np.where(np.isnan(values), measured, values)
+        return np.concatenate([(values - measured) / self.predictor.errors, self.prior * x])
 
-    def slope(self, x: Array) -> Array:
-        """Return the Jacobian of the residuals."""
+    def _slope(self, x: Array) -> Array:
+        """Return the Jacobian of the residuals by differences."""
         key = x.tobytes()
         if key not in self.slopes:
             self.slopes[key] = self.predictor.jacobian(x, self.prediction(x))
-        return np.vstack([self.slopes[key] / self.errors[:, None], np.diag(self.prior)])
+        return np.vstack([self.slopes[key] / self.predictor.errors[:, None], np.diag(self.prior)])
 
-    @property
-    def rough(self) -> bool:
-        """Whether the fast model is ngspice at a coarse step, whose values vary from event to event."""
-        return self.predictor.points is not None and not self.predictor.balanced
-
-    def _followed(self, x: Array) -> Array:
-        """Return the Jacobian: new after a long step, otherwise the last one, by Broyden's rule."""
-        if self.way is None:
-            return self.slope(x)
-        before, residuals, slope = self.way
-        step = x - before
-        length = float(np.linalg.norm(step))
-        if length > (_LONG if self.rough else _SHORT):
-            return self.slope(x)
-        if (self.rough and length < _SHORT) or length == 0.0:
-            return slope
-        missed = self.residuals(x) - residuals - slope @ step
-        return np.asarray(slope + np.outer(missed, step) / length**2)
-
-    def descent(self, x: Array) -> Array:
-        """Return the Jacobian for a step of the search. Raise :class:`_Found` where the step would gain too little."""
-        slope, residuals = self._followed(x), self.residuals(x)
+    def _jacobian(self, x: Array) -> Array:
+        """Return the weighted Jacobian: new after a long step, otherwise the last one, by Broyden's rule."""
+        residuals = self.residuals(x)
+        slope = self._slope(x) if self.way is None else self._followed(x, residuals, *self.way)
         self.way = x.copy(), residuals, slope
-        if self._gain(x, slope, residuals) < (_ROUGH_GAIN if self.rough else _GAIN):
-            raise _Found(x)
         return np.asarray(self.roots[:, None] * slope)
 
-    def _gain(self, x: Array, slope: Array, residuals: Array) -> float:
-        """Return the reduction of the sum of squares by a step to its minimum."""
+    def _followed(self, x: Array, residuals: Array, before: Array, known: Array, slope: Array) -> Array:
+        step, allowed, rough = x - before, self.tolerances, self.predictor.rough
+        length = float(np.linalg.norm(step))
+        if length > (allowed.long if rough else allowed.short):
+            return self._slope(x)
+        return slope if rough and length < allowed.short else broyden(slope, residuals - known, step)
+
+    def _end(self, _: object) -> None:
+        """End the search of the optimiser where a further step would gain too little."""
+        if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.gain):
+            raise StopIteration
+
+    def _gain(self) -> float:
+        """Return the reduction of the sum of squares by a step from the last place to its minimum."""
+        assert self.way is not None
+        x, residuals, slope = self.way
         slope, residuals = self.roots[:, None] * slope, self.roots * residuals
-        free = np.ones(len(x), dtype=bool)
         gradient = slope.T @ residuals
-        for place, (low, high) in enumerate(unknown.bounds for unknown in self.predictor.unknowns):
-            free[place] = not (x[place] < low + 1e-6 and gradient[place] > 0.0) and not (
-                x[place] > high - 1e-6 and gradient[place] < 0.0
-            )
+        low, high = self.bounds
+        free = ~((x < low + 1e-6) & (gradient > 0.0)) & ~((x > high - 1e-6) & (gradient < 0.0))
         inner = slope.T @ slope + 1e-6 * np.eye(len(x))
         return float(gradient[free] @ np.linalg.solve(inner[np.ix_(free, free)], gradient[free]))
+
+
+def broyden(slope: Array, change: Array, step: Array) -> Array:
+    """Return a Jacobian that is right along a step, by the change of the residuals there."""
+    square = float(step @ step)
+    return slope + np.outer(change - slope @ step, step) / square if square > 0.0 else slope

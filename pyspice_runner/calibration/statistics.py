@@ -1,148 +1,132 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 r"""What the end of a search means: covariance, intervals, fit of each set of data, and warnings.
 
-With the weights :math:`W` of the loss, the covariance is :math:`s^2 (J^T W J)^{-1}`, where s = 1 for stated errors, and
+With the weights :math:`W` of the loss, the covariance is :math:`s^2 (J^T W J)^{-1}`, where s = 1 for given errors, and
 the RMS residual otherwise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from math import sqrt
 
 import numpy as np
 
-from pyspice_runner.calibration.misfit import FAR, SetFit, fits_of, huber, misfits, weights_of
-from pyspice_runner.calibration.next_experiment import advice, informations
+from pyspice_runner.calibration.misfit import WRONG_READING, fits_of, huber, misfits, weights_of
 from pyspice_runner.calibration.points import DEFAULT_ERROR
-from pyspice_runner.calibration.prediction import Prediction
 from pyspice_runner.calibration.profiles import Side, Solution, profiles
 from pyspice_runner.calibration.result import Calibration, Estimate
+from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.search import Search
-from pyspice_runner.calibration.unknowns import WIDE
+from pyspice_runner.calibration.unknowns import WIDE, Unknown
 from pyspice_runner.run.waveforms import Array
 
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
-_MOST_TOLD = 10  # outliers that are named
+_MOST_NAMED = 10  # outliers that are named
+_EXPERIMENTS = {  # start of a path → what determines such a value; the first that matches
+    "modes.": "measure a spectrum of the free stator about that mode",
+    "piezo.": "measure a spectrum of the free stator",
+    "thermal.": "measure the spectra at temperatures that differ more",
+    "rotor.": "measure a run-up from rest",
+    "slider.": "measure a run-up from rest",
+    "contact.friction": "measure the torque at speeds at which the contact slips",
+    "contact.": "measure a spectrum of the stator pressed on the rotor, and torque and current over speed",
+    "mount.": "measure a spectrum of the stator pressed on the rotor",
+}
 
 
-@dataclass
-class Judged:
-    """The solution with its covariance and what it means."""
+class Judgement:
+    """The solution of a search with its covariance and what it means."""
 
-    search: Search
-    x: Array
-
-    def __post_init__(self) -> None:
-        search = self.search
-        self.here = search.prediction(self.x)
-        self.known = np.append(np.isfinite(self.here.values), np.ones(len(search.prior), dtype=bool))
-        residuals = search.residuals(self.x)
-        self.residuals: Array = np.where(self.known, residuals, 0.0)
-        weights = weights_of(self.residuals) * self.known
-        slope = search.predictor.jacobian(self.x, self.here, central=True)
-        slope = np.vstack([slope / search.errors[:, None], np.diag(search.prior)])
-        self.slope = slope
-        self.weighted = slope * np.sqrt(weights)[:, None]
-        count = len(search.measured)
-        self.freedom = int(self.known[:count].sum()) + search.stated_priors - len(self.x)
+    def __init__(self, search: Search, x: Array) -> None:
+        self.search, self.x = search, x
+        predictor = self.predictor = search.predictor
+        points, count = predictor.points, len(predictor.measured)
+        self.here = search.prediction(x)
+        self.known = np.append(np.isfinite(self.here.values), np.ones(len(x), dtype=bool))
+        self.residuals: Array = np.where(self.known, search.residuals(x), 0.0)
+        slope = predictor.jacobian(x, self.here, central=True) / predictor.errors[:, None]
+        self.slope = np.vstack([slope, np.diag(search.prior)])
+        weights = weights_of(self.residuals, outlier=search.tolerances.outlier) * self.known
+        weighted = self.slope * np.sqrt(weights)[:, None]
+        priors = count + np.array([at for at, one in enumerate(predictor.unknowns) if one.prior is not None], dtype=int)
+        self.freedom = int(self.known[:count].sum()) + len(priors) - len(x)
         self.squares = float(huber(self.residuals).sum())
-        stated = search.predictor.points is None or search.predictor.points.stated
-        self.stated = stated
-        self.scale = 1.0 if stated or self.freedom < 1 else sqrt(self.squares / self.freedom)
-        self.fits = self._fits() if stated and self.freedom > 0 else ()
-        wide = np.eye(len(self.x)) / WIDE**2
-        self.data = self.weighted[:count].T @ self.weighted[:count] / self.scale**2 + wide
-        self.by_data = np.linalg.inv(self.data)
-        self.covariance = np.linalg.inv(self.data - wide + np.diag(search.prior**2))
+        self.errors_given = points is None or points.errors_given
+        scaled = not self.errors_given and self.freedom > 0
+        self.scale = sqrt(self.squares / self.freedom) if scaled else 1.0
+        data = weighted[:count].T @ weighted[:count] / self.scale**2
+        self.by_data = np.linalg.inv(data + np.eye(len(x)) / WIDE**2)
+        self.covariance = np.linalg.inv(data + np.diag(search.prior**2))
+        sets = [(name, np.arange(count)[places]) for name, places in predictor.sets]
+        sets += [("the priors", priors)] if len(priors) else []
+        names, places = [name for name, _ in sets], [own[self.known[own]] for _, own in sets]
+        judged = self.errors_given and self.freedom > 0
+        self.fits = fits_of(names, places, self.residuals, weighted) if judged else ()
 
-    def _fits(self) -> tuple[SetFit, ...]:
-        """Return the fit of points, of each spectrum and run-up, and of what was known before."""
-        predictor = self.search.predictor
-        every = np.arange(len(predictor.measured))
-        names = [name for name, _ in predictor.sets]
-        sets = [every[places] for _, places in predictor.sets]
-        known = [place for place, unknown in enumerate(predictor.unknowns) if unknown.prior is not None]
-        if known:
-            names.append("the priors")
-            sets.append(len(every) + np.array(known))
-        return fits_of(names, [own[self.known[own]] for own in sets], self.residuals, self.weighted)
-
-    def calibration(self, law: str) -> Calibration:
+    def calibration(self) -> Calibration:
         """Return the result."""
-        search, predictor = self.search, self.search.predictor
+        predictor, x = self.predictor, self.x
+        pairs = self._profiles()
+        estimates = [self._estimate(*each) for each in zip(range(len(x)), predictor.unknowns, pairs, strict=True)]
         deviations = np.sqrt(np.diag(self.covariance))
-        sides = self._profiles()
-        pairs = list(zip(sides[::2], sides[1::2], strict=True))
-        ends = [[float(self.x[side.place] + side.sign * side.end) for side in pair] for pair in pairs]
-        open_ends = [any(side.open for side in pair) for pair in pairs]
-        estimates = []
-        for place, unknown in enumerate(predictor.unknowns):
-            x, deviation = float(self.x[place]), float(deviations[place])
-            low, high = sorted(unknown.value(float(end)) for end in ends[place])
-            by_data = sqrt(self.by_data[place, place])
-            estimates.append(Estimate(
-                unknown.path, unknown.value(x), unknown.spread(x, deviation), (low, high),
-                by_data <= IDENTIFIED and not open_ends[place], unknown.start, unknown.unit,
-            ))  # fmt: skip
-        changed = predictor.base.motor.updated(predictor.changes(self.x))
         correlations = self.covariance / np.outer(deviations, deviations)
-        count = len(search.measured)
-        kept, own = self.residuals[:count], self.slope[:count]
+        count = len(predictor.measured)
+        own, known = self.slope[:count], self.known[:count]
         return Calibration(
-            estimates=tuple(estimates), start=predictor.base.motor, calibrated=changed, law=law,
-            points=predictor.points, bands=predictor.bands, run_ups=predictor.run_ups,
-            predicted=self.here.values, measured=search.measured,
-            predicted_errors=np.sqrt(np.einsum("ij,jk,ik->i", own, self.covariance, own)) * search.errors,
-            errors=search.errors, correlations=correlations, covariance=self.covariance, coordinates=self.x,
-            ends=tuple(side.x for side in sides if not side.open),
-            predictor=replace(predictor, progress=lambda _: None),
-            rms_residual=float(np.sqrt(np.mean(kept[self.known[:count]] ** 2))) if self.known[:count].any() else 0.0,
+            estimates=tuple(estimates), calibrated=predictor.motor(x).motor, predictor=predictor,
+            predicted=self.here.values,
+            predicted_errors=np.sqrt(np.einsum("ij,jk,ik->i", own, self.covariance, own)) * predictor.errors,
+            correlations=correlations, covariance=self.covariance, coordinates=x,
+            ends=tuple(side.x for pair in pairs for side in pair if not side.open),
+            rms_residual=float(np.sqrt(np.mean(self.residuals[:count][known] ** 2))) if known.any() else 0.0,
             squares=self.squares, freedom=self.freedom, scale=self.scale, fits=self.fits,
-            warnings=tuple(self._warnings(estimates, correlations)), steady_states=predictor.solved,
+            warnings=tuple(self._warnings(estimates, correlations)), steady_states=predictor.counter.solved,
             states=self.here.states,
         )  # fmt: skip
 
-    # --- intervals ---
-
-    def _profiles(self) -> list[Side]:
+    def _profiles(self) -> list[tuple[Side, Side]]:
         """Return both sides of the profile of each coordinate."""
-        predictor = self.search.predictor
-        bounds = np.array([unknown.bounds for unknown in predictor.unknowns]).T
-        solution = Solution(self.x, self.covariance, self.slope, self.residuals, self.known, self.squares, self.scale)
+        predictor, prior = self.predictor, self.search.prior
 
         def residuals_at(places: list[Array]) -> list[Array]:
             found = predictor.at(places, self.here)
-            return [self._residuals_of(prediction, x) for prediction, x in zip(found, places, strict=True)]
+            every = [np.append((one.values - predictor.measured) / predictor.errors, prior * x)
+                     for one, x in zip(found, places, strict=True)]  # fmt: skip
+            return [np.where(self.known & np.isfinite(one), one, 0.0) for one in every]
 
-        return profiles(solution, bounds, residuals_at)
+        return profiles(Solution(
+            self.x, self.search.bounds, self.covariance, self.slope, self.residuals, self.known, self.squares,
+            self.scale,
+        ), residuals_at)  # fmt: skip
 
-    def _residuals_of(self, prediction: Prediction, x: Array) -> Array:
-        """Return the residuals of a prediction; 0 for what is not known at the solution or there."""
-        search = self.search
-        residuals = np.append((prediction.values - search.measured) / search.errors, search.prior * x)
-        return np.where(self.known & np.isfinite(residuals), residuals, 0.0)
+    def _estimate(self, place: int, unknown: Unknown, sides: tuple[Side, Side]) -> Estimate:
+        x = float(self.x[place])
+        low, high = sorted(unknown.value(x + side.sign * side.end) for side in sides)
+        closed = not any(side.open for side in sides)
+        return Estimate(
+            unknown.path, unknown.value(x), unknown.spread(x, sqrt(self.covariance[place, place])), (low, high),
+            sqrt(self.by_data[place, place]) <= IDENTIFIED and closed, unknown.start, unknown.unit,
+        )  # fmt: skip
 
     # --- warnings ---
 
     def _warnings(self, estimates: Sequence[Estimate], correlations: Array) -> list[str]:
-        search = self.search
-        count = len(search.measured)
+        count = len(self.predictor.measured)
+        known = int(self.known[:count].sum())
         found: list[str] = []
-        missing = int(np.sum(~self.known[:count]))
-        if missing:
+        if known < count:
             found.append(
-                f"{missing} of {count} measured values were left out: the calibrated motor has no stable steady state "
-                "there, its contact sticks throughout, it has no resonance near the measured one, or its averaged "
-                "motor does not run."
+                f"{count - known} of {count} measured values were left out: the calibrated motor has no stable steady "
+                "state there, its contact sticks throughout, it has no resonance near the measured one, or its "
+                "averaged motor does not run."
             )
         if self.freedom < 1:
             found.append(
-                f"There are {int(self.known[:count].sum())} values for {len(self.x)} parameters, so nothing is left to "
-                "tell whether the model fits. Measure more points."
+                f"There are {known} values for {len(self.x)} parameters, so nothing is left to tell whether the model "
+                "fits. Measure more points."
             )
-        elif self.stated:
+        elif self.errors_given:
             found += [
                 f"The model does not explain {fit.data}: the sum of squares of its {fit.values} values is "
                 f"{fit.squares:.4g}, expected are {fit.expected:.0f} ± {sqrt(2.0 * fit.expected):.2g}. The intervals "
@@ -155,32 +139,34 @@ class Judged:
                 f"{100.0 * DEFAULT_ERROR:g} % of the greatest value of each column, and their size is that of the "
                 "scatter about the fit."
             )
-        if self.search.predictor.points is not None:
-            found += self._outliers()
-        for run_up in search.predictor.run_ups:
-            found += run_up.cautions(search.predictor.moving(run_up, self.x))
+        found += self._outliers()
+        for curve in self.predictor.curves:
+            if isinstance(curve, RunUp):
+                found += curve.cautions(self.predictor.of_curve(curve, self.x))
         weak = [place for place, one in enumerate(estimates) if not one.identifiable]
-        further = informations(search.predictor, self.x) if weak else {}
-        return [*found, *(self._undecided(place, estimates, correlations, further) for place in weak)]
+        return [*found, *(_undecided(estimates, place, correlations[place]) for place in weak)]
 
     def _outliers(self) -> list[str]:
-        points = self.search.predictor.points
-        assert points is not None
-        far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > FAR * self.scale)
+        points = self.predictor.points
+        if points is None:
+            return []
+        far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > WRONG_READING * self.scale)
         return [
             f"Point {points.rows[place] + 1}: {points.quantities[place]} = {points.values[place]:.4g} is "
             f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
-            for place in far[:_MOST_TOLD]
+            for place in far[:_MOST_NAMED]
         ]
 
-    def _undecided(
-        self, place: int, estimates: Sequence[Estimate], correlations: Array, further: Mapping[str, Array]
-    ) -> str:
-        one = estimates[place]
-        said = f"The data do not decide {one.path}: any value from {one.interval_95[0]:.3g} to {one.interval_95[1]:.3g}"
-        said += f" {one.unit} explains them." if one.unit != "1" else " explains them."
-        others = np.abs(correlations[place]) * (np.arange(len(estimates)) != place)
-        if others.max(initial=0.0) > 0.9:
-            other = int(np.argmax(others))
-            said += f" It goes together with {estimates[other].path} (correlation {correlations[place, other]:+.3f})."
-        return f"{said} {advice(place, self.data, further, IDENTIFIED)}"
+
+def _undecided(estimates: Sequence[Estimate], place: int, correlations: Array) -> str:
+    """Return what the data leave open of a value, and which measurement determines it."""
+    one = estimates[place]
+    unit = "" if one.unit == "1" else f" {one.unit}"
+    low, high = one.interval_95
+    text = f"The data do not decide {one.path}: any value from {low:.3g} to {high:.3g}{unit} explains them."
+    others = np.abs(correlations) * (np.arange(len(estimates)) != place)
+    if others.max(initial=0.0) > 0.9:
+        other = int(np.argmax(others))
+        text += f" It goes together with {estimates[other].path} (correlation {correlations[other]:+.3f})."
+    experiment = next((words for path, words in _EXPERIMENTS.items() if one.path.startswith(path)), "measure more")
+    return f"{text} To decide it, {experiment}, or leave it out of free."

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, inf, log
+from math import exp, hypot, inf, log
 
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import (
@@ -45,6 +45,12 @@ class Unknown:
     unit: str
     prior: float | None = None  # standard deviation of x about 0 that was known before; ``None``: nothing
     size: float = 1.0  # scale of a linear coordinate whose start is 0
+    wide: float = WIDE  # further standard deviation: what the data leave open stays at the order of its start
+
+    @property
+    def weight(self) -> float:
+        """Reciprocal of the standard deviation of x about 0 that is known beforehand."""
+        return hypot(1.0 / self.prior if self.prior else 0.0, 1.0 / self.wide)
 
     @property
     def logarithmic(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Annotated, get_args
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.prediction import SPECTRUM_ERROR
+from pyspice_runner.calibration.spectra import SPECTRUM_ERROR
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import RunOptions, Targets, with_options

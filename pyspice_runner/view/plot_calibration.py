@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from matplotlib.axes import Axes
 
-from pyspice_runner.calibration.prediction import Band
 from pyspice_runner.calibration.result import Calibration
 from pyspice_runner.calibration.run_up import RunUp
+from pyspice_runner.calibration.spectra import Band
 from pyspice_runner.view.draw import AXIS, Panel, Sheet, dress
 from pyspice_runner.view.style import BLUE, CYCLE, LABELS, VERMILION, Label, label_of, time_label
 

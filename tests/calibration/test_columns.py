@@ -150,4 +150,4 @@ def test_columns_without_errors_have_those_of_instruments() -> None:
     assert values == pytest.approx({"current_a_phase_deg": 60.0, "resonance_hz": 45e3})
     assert errors == pytest.approx({"current_a_phase_deg": np.degrees(0.02), "resonance_hz": 45.0})
     assert found.conditions[0]["temperature"] == 30.0
-    assert not found.stated
+    assert not found.errors_given

@@ -20,7 +20,7 @@ def test_a_speed_force_table_of_a_stage_is_read_in_its_units(tmp_path: Path) -> 
     assert points.conditions[0]["drive.voltage"] == pytest.approx(80.0 * np.sqrt(2.0))
     assert set(points.quantities) == {"torque_n_m"}  # of the rotor of 1 m that stands for a slider: N
     assert points.values == pytest.approx([0.0, 2.0, 4.0])
-    assert not points.stated
+    assert not points.errors_given
 
 
 def test_a_speed_torque_table_of_a_motor_is_read_in_its_units(tmp_path: Path) -> None:

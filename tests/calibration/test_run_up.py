@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import csv
-import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import pyspice_runner as pr
 from pyspice_runner.calibration.misfit import misfits
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.record import Record
-from pyspice_runner.calibration.run_up import RUN_UP_ERROR, RunUp, run_ups, settled_run_up
+from pyspice_runner.calibration.run_up import RUN_UP_ERROR, RunUp
 from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.cli import run
 from pyspice_runner.run.point import Point
@@ -90,9 +89,7 @@ def test_derivatives_of_a_run_up_do_not_follow_the_steps_of_its_integration(name
         "speed_rad_s": np.ones(200),
         "load_torque_n_m": np.full(200, 1e-3),
     }
-    predictor = Predictor(
-        base, unknowns_of(motor, base.drive, list(TRUTH)), None, run_ups=run_ups([table], linear=False)
-    )
+    predictor = Predictor(base, unknowns_of(motor, base.drive, list(TRUTH)), None, (RunUp.read(table, 1),))
     x = np.zeros(len(TRUTH))
     slope = predictor.jacobian(x, predictor.at([x])[0], central=True)
     for place, own in enumerate(slope.T):
@@ -162,22 +159,6 @@ def test_the_command_takes_a_run_up_and_draws_it(tmp_path: Path) -> None:
     assert found.rotor.inertia_kg_m2 == pytest.approx(TRUTH["rotor.inertia_kg_m2"], rel=0.01)
     assert "spinup.csv" in found.provenance["rotor.inertia_kg_m2"].note
     assert plot.stat().st_size > 10_000
-
-
-@pytest.mark.soak
-def test_the_run_up_that_decides_the_bearing_is_named_with_the_error_that_it_has() -> None:
-    start = pr.load_motor(SET)
-    points = {"speed_rad_s": [4.0], "torque_n_m": [0.0143], "torque_n_m_error": [1e-4]}
-    result = pr.calibrate(start, points, free=["rotor.bearing_damping_n_m_s"])
-    (warning,) = [one for one in result.warnings if "do not decide" in one]
-    told = re.search(r"measure a run-up from rest: its standard error would be ([0-9.]+) %", warning)
-    assert told is not None
-    settled = settled_run_up(Point.of(start, pr.default_drive(start)))
-    table = {"time_s": settled.time_s, "speed_rad_s": settled.measured}
-    measured = pr.calibrate(start, points, free=["rotor.bearing_damping_n_m_s"], transients=[table])
-    (one,) = measured.estimates
-    # two digits are told, and the calibration ends within 0.3 standard errors of the start
-    assert 100.0 * one.standard_error / one.value == pytest.approx(float(told[1]), rel=0.06)
 
 
 GOOD = {"time_s": [0.0, 1e-3, 2e-3], "speed_rad_s": [0.0, 1.0, 2.0]}

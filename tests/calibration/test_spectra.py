@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.conditions import added
+from pyspice_runner.calibration.spectra import added
 from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum
 from tools.benches.duffing import amplitudes
