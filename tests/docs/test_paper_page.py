@@ -48,17 +48,3 @@ def test_on_the_mount_the_bundled_mode_keeps_one_order_only() -> None:
     assert f"{1e3 * stalls[0]:.1f} against {1e3 * stalls[1]:.1f} mN·m" in PAGE
     assert f"{found['speed_high_torque_rad_s']:.1f} against {found['speed_high_speed_rad_s']:.1f} rad/s" in PAGE
     assert found["speed_high_speed_rad_s"] < found["speed_high_torque_rad_s"]
-
-
-def test_the_page_reports_the_search_as_it_went() -> None:
-    drawn = list(RECORD["search"].values())
-    assert len(drawn) == DRAWN
-    for one in drawn:
-        assert all(low <= one["point"][name] <= high for name, (low, high) in BOX.items())
-    holding = [one for one in drawn if one["margin"] > 0.0]
-    assert f"Both orders hold for {len(holding) / DRAWN:.0%}".replace("%", " %") in PAGE
-    margins = [one["margin"] for one in RECORD["map"].values()]
-    assert f"reaches {100 * max(margins):.0f} %" in PAGE
-    sensitivity = RECORD["sensitivity"]
-    assert sensitivity["contact stiffness halved"]["margin"] < 0.0
-    assert f"0.8 leaves {100 * sensitivity['restitution 0.8']['margin']:.0f} %" in PAGE
