@@ -35,7 +35,7 @@ pytest: setup
 
 fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every entry point (20 minutes)
 	$(PY) -m pytest -n $(JOBS) -m fuzz
-	$(PY) -m tests.fuzz
+	$(PY) -m validation.fuzz
 
 soak: setup ## run all further cases of tests, and 2,000 random motors (30 minutes; can be resumed)
 	$(PY) -m pytest -n $(JOBS) -m soak

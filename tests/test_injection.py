@@ -30,11 +30,11 @@ from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Provenance
 from pyspice_runner.spice.library import read_library
 from tests.data.spectra import make
-from tests.fuzz.entry_points import clear, harmless, nothing_runs, warm
-from tests.fuzz.nasty import ATTEMPTS, MARKER
-from tests.fuzz.watch import watched
 from tests.motor.toml_text import toml
 from tests.selection import mostly
+from validation.fuzz.entry_points import clear, harmless, nothing_runs, warm
+from validation.fuzz.nasty import ATTEMPTS, MARKER
+from validation.fuzz.watch import watched
 
 MOTOR = pr.load_motor("andersen2002")
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3)

@@ -25,9 +25,9 @@ from pyspice_runner.cli import run
 from pyspice_runner.drivers.own_device import read_driver, read_mosfet
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.spice.library import data_path
-from tests.fuzz.entry_points import clear, harmless
-from tests.fuzz.nasty import ATTEMPTS, MARKER
-from tests.fuzz.watch import watched
+from validation.fuzz.entry_points import clear, harmless
+from validation.fuzz.nasty import ATTEMPTS, MARKER
+from validation.fuzz.watch import watched
 
 pytestmark = pytest.mark.xdist_group("drivers")
 

@@ -20,10 +20,10 @@ from pyspice_runner.motor import contact as law
 from pyspice_runner.motor.load import SETS, available_motors, load_motor
 from pyspice_runner.motor.motor import Motor, Provenance
 from pyspice_runner.motor.parameters import Beam, Damping, Patch, Tip
-from tests.fuzz.watch import watched
 from tests.motor.toml_text import reads_well, toml
 from tests.motors import within
 from tests.selection import mostly
+from validation.fuzz.watch import watched
 
 Document = dict[str, Any]
 

@@ -33,8 +33,8 @@ from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows
 from pyspice_runner.view.report import _free_rotor
-from tests.fuzz.nasty import ATTEMPTS
 from tests.motors import motor as motor_without_a_beam
+from validation.fuzz.nasty import ATTEMPTS
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("report")]
 

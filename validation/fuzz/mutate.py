@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from tests.fuzz.nasty import ATTEMPTS, EDGES, NUMBERS, VALUES
+from validation.fuzz.nasty import ATTEMPTS, EDGES, NUMBERS, VALUES
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _FIELD = re.compile(r"[^\s,;=]+")

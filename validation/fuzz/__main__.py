@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The fuzzer as a command: ``python -m tests.fuzz --count 10000 --entry-point motor --seed 0``."""
+"""The fuzzer as a command: ``python -m validation.fuzz --count 10000 --entry-point motor --seed 0``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from tests.fuzz.entry_points import ENTRY_POINTS, EntryPoint, attempt, warm
+from validation.fuzz.entry_points import ENTRY_POINTS, EntryPoint, attempt, warm
 
 
 def drawn(entry_point: EntryPoint, seed: int, number: int) -> Any:

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from tests.fuzz import watch
-from tests.fuzz.__main__ import drawn, fault
-from tests.fuzz.entry_points import ENTRY_POINTS, EntryPoint, warm
+from validation.fuzz import watch
+from validation.fuzz.__main__ import drawn, fault
+from validation.fuzz.entry_points import ENTRY_POINTS, EntryPoint, warm
 
 COUNT, SEED = 20, 7
 
@@ -37,7 +37,8 @@ def test_every_entry_point_accepts_an_input_or_rejects_it_clearly(entry_point: E
     for number in range(round(COUNT * entry_point.share)):
         _, words = fault(entry_point, drawn(entry_point, SEED, number), folder)
         assert words is None, (
-            f"python -m tests.fuzz --entry-point {entry_point.name} --seed {SEED} --first {number} --count 1\n{words}"
+            f"python -m validation.fuzz --entry-point {entry_point.name} --seed {SEED} --first {number} --count 1\n"
+            f"{words}"
         )
 
 

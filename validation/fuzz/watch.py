@@ -52,6 +52,7 @@ class Said(io.TextIOWrapper):
 
     @property
     def text(self) -> str:
+        """What was written."""
         return self._bytes.getvalue().decode()
 
 
