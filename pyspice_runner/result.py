@@ -102,7 +102,7 @@ class Result(Shown):
     @property
     def linear(self) -> bool:
         """Whether the motor has a slider: its speeds are m/s, and its torques are forces in N."""
-        return False
+        return "slider" in getattr(self, "provenance", {}).get("motor", {})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result without its curves, JSON-ready, SI units."""

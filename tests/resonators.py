@@ -10,7 +10,7 @@ from math import pi, sqrt
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.export.equivalent import circuit_library
+from pyspice_runner.export.circuit import circuit_library
 from pyspice_runner.impedance.one_port_fit import SpectrumFit
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.spice.ngspice import run_deck

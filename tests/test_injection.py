@@ -23,8 +23,7 @@ from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
-from pyspice_runner.export.circuit import CircuitExport
-from pyspice_runner.export.equivalent import circuit_library
+from pyspice_runner.export.circuit import CircuitExport, circuit_library
 from pyspice_runner.motor.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Provenance

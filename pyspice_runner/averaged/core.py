@@ -250,12 +250,12 @@ class AveragedMotor:
             yield rows[:count]
 
     @property
-    def sums(self) -> tuple[tuple[complex, complex, complex, complex], float]:
-        """Integrals since the start: amplitudes of the currents into A and B, A·s, of their voltages, V·s; power, J."""
+    def sums(self) -> tuple[list[complex], list[complex], float]:
+        """Integrals since the start: amplitudes of the groups' currents, A·s, and voltages, V·s; power, J."""
         found = (ctypes.c_double * 9)()
         self._c.session_sums(self._memory, found)
-        charge_a, charge_b, flux_a, flux_b = (complex(*found[place : place + 2]) for place in range(0, 8, 2))
-        return (charge_a, charge_b, flux_a, flux_b), found[8]
+        integrals = [complex(*found[place : place + 2]) for place in range(0, 8, 2)]
+        return integrals[:2], integrals[2:], found[8]
 
     def linearised(self) -> LinearMotor:
         """Return the small signals about the present state."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from cmath import rect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from math import cos, pi, radians, sin
@@ -19,8 +19,6 @@ from typing import NamedTuple
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.bench import FREE, Bench
-from pyspice_runner.circuit.fixtures import add_cooling
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.motor import (
     CROWN,
@@ -41,7 +39,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, default_drive
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.shaft import ShaftLoad
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, Pin, check_name, read_library
@@ -538,60 +536,6 @@ def constant_settings(drive: TwoPhaseDrive, load: Load) -> dict[str, Course]:
     """Return the settings of a drive and a load that do not change."""
     values = (drive.frequency, drive.voltage, drive.voltage_b, drive.phase_deg, load.torque)
     return {name: [(0.0, value)] for name, value in zip(SETTINGS, values, strict=True)}
-
-
-def averaged_bench(
-    motor: Motor,
-    settings: Mapping[str, Course],
-    *,
-    load: Load = FREE,
-    phases: int = PHASES,
-    harmonics: int = HARMONICS,
-    thermal: Thermal | None = None,
-    shaft: ShaftLoad = UNCOUPLED,
-    add_networks: Callable[[Circuit], object] | None = None,
-) -> Bench:
-    """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.
-
-    ``settings`` has :data:`SETTINGS` over time; the phase is that of group B ahead of group A. ``v(position)`` is the
-    angle of the shaft in rad; ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents into the pins. With
-    ``thermal`` the losses heat the motor through ``Xcooling``. ``shaft`` is the load that is coupled to it.
-    ``add_networks`` adds networks between the nodes ``stage_GROUP_PART`` of the sources and ``drive_GROUP_PART``.
-
-    Raises:
-        ParameterError: for a course of the preload, which is a number in the subcircuit.
-    """
-    if "preload" in settings:
-        raise ParameterError(
-            "courses: preload cannot change in the averaged motor of ngspice. Take engine = 'compiled', or the full "
-            "motor."
-        )
-    circuit = Circuit(f"{motor.name}: averaged over the period of the drive")
-    sources = {name: course_text(settings[name]) for name in SETTINGS}
-    nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
-    for name, node in nodes.items():
-        circuit.V(node, node, circuit.gnd, sources[name])
-    angle = f"{pi / 180.0!r}*V(set_phase)"
-    values = {"a_re": "V(set_a)", "a_im": "0", "b_re": f"V(set_b)*cos({angle})", "b_im": f"V(set_b)*sin({angle})"}
-    for node, value in values.items():
-        circuit.raw_spice += f"Bdrive_{node} {'stage' if add_networks else 'drive'}_{node} 0 V={value}\n"
-        circuit.V(node, f"drive_{node}", node, "DC 0")
-    if add_networks:
-        add_networks(circuit)
-    if load.speed is not None:
-        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
-    else:
-        circuit.I("load", "shaft", circuit.gnd, sources["load_torque"])
-    add_angle(circuit, shaft)
-    if thermal is not None:
-        add_cooling(circuit, thermal)
-        add_surroundings(circuit, settings, thermal)
-    pins = ("a_re", "a_im", "b_re", "b_im", "set_frequency", "shaft", "temperature", "heat")
-    add_averaged_motor(circuit, motor, pins, phases=phases, harmonics=harmonics, thermal=thermal)
-    # of the clamped capacitances: a voltage step would draw an infinite current
-    a, b, phase = (settings[name][0][1] for name in ("voltage_a", "voltage_b", "phase_deg"))
-    start = {} if add_networks else {"a_re": a, "b_re": b * cos(radians(phase)), "b_im": b * cos(radians(phase - 90.0))}
-    return Bench(circuit, OPTIONS, start)
 
 
 def course_text(points: Course) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The result of a run of the averaged motor, and what its own check says."""
+"""The result of a run of the averaged motor, its own check, and where it differs from the full motor."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.bursts import short_bursts
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import too_fast
 from pyspice_runner.motor.parameters import Contact
@@ -26,6 +25,11 @@ ROUNDING_W = 1e-9  # power of a motor without drive
 SMALL_RISE_K = 1.0  # added to a temperature rise to which its change is taken
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
 MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
+# a burst of 20 periods turns beam40 by 10 % less than the averaged motor at 70 V and by 4 % less at 110 V, one of 40 by
+# 9 % more and 1 % less, one of 80 by 1 % more and 0.3 % less (docs/averaged.md)
+FEWEST_PERIODS = 60
+# an approach and a correction end with a stop each; a loop that stops more often with its drive on is in a limit cycle
+MOST_STOPS = 2
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "time_s": ("s", "time"),
@@ -53,7 +57,79 @@ COLUMNS: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, repr=False)
-class AveragedRun(Result):
+class RunOverTime(Result):
+    """A run whose curves are attributes, with the model's own check and a netlist on demand.
+
+    Attributes:
+        provenance: motor, drive and run settings, JSON-ready.
+        write_deck: returns the netlist of the run, for ngspice; ``None`` if ngspice cannot run it.
+    """
+
+    provenance: dict[str, Any] = field(repr=False)
+    write_deck: Callable[[], str | None] = field(repr=False)
+
+    curves_name: ClassVar[str] = "curves"  # of the attribute with the arrays by their names
+    speed_name: ClassVar[str] = "rotor_speed_rad_s"
+
+    if TYPE_CHECKING:  # the curves are attributes
+
+        def __getattr__(self, name: str) -> Array: ...
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, self.curves_name, self._localised(self.columns()))
+        self.__dict__.update(self.columns())
+
+    def columns(self) -> Mapping[str, Array]:
+        """Return the curves over time."""
+        return cast("Mapping[str, Array]", getattr(self, self.curves_name))
+
+    @cached_property
+    def deck(self) -> str | None:  # type: ignore[override]
+        """Netlist of the run, for ngspice, without a controller; ``None`` if ngspice cannot run it."""
+        return self.write_deck()
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the averaged model's own check passes throughout the run, and the rotor keeps its limit of speed.
+
+        The check passes where the harmonics of the model are enough, the contact stays closed, damping multiplies
+        the normal force by 4 at most, and the drive has no burst below 60 periods. Where it does not, speed and torque
+        may be off by more than 2 % of the friction torque μ F₀ R. The full motor has no such check.
+        """
+        return not (self._model_cautions or self._too_fast)
+
+    @property
+    def _model_cautions(self) -> tuple[str, ...]:
+        raise NotImplementedError
+
+    @property
+    def _too_fast(self) -> tuple[str, ...]:
+        return too_fast(self.provenance["motor"], float(np.abs(self.columns()[self.speed_name]).max()))
+
+    @property
+    def _watched(self) -> dict[str, str]:
+        """Curves that must settle, by their words in the table."""
+        raise NotImplementedError
+
+    @cached_property
+    def to_come(self) -> dict[str, float | None]:
+        """Relative further change of each of them if the run went on; by extrapolation. ``None``: too short."""
+        raise NotImplementedError
+
+    @property
+    def settled(self) -> bool:
+        """Whether these values stay within 2 % if the run goes on."""
+        return not self._moving
+
+    @property
+    def _moving(self) -> str:
+        """What has not settled, in words."""
+        shares = {word: self.to_come[name] for word, name in self._watched.items()}
+        return ", ".join(word for word, share in shares.items() if share is None or share > SETTLED)
+
+
+@dataclass(frozen=True, repr=False)
+class AveragedRun(RunOverTime):
     """A run of the averaged motor: means and amplitudes over time.
 
     The arrays share one time axis, which is not uniform.
@@ -64,8 +140,6 @@ class AveragedRun(Result):
             contact, relative to the energy put in.
         solver_seconds: wall time that the engine took.
         ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
-        provenance: motor, drive and run settings, JSON-ready.
-        write_deck: returns the netlist of the run, for ngspice; ``None`` if ngspice cannot run it.
         audit: the power balance.
     """
 
@@ -73,44 +147,9 @@ class AveragedRun(Result):
     energy_residual: float
     solver_seconds: float
     ngspice_version: str | None
-    provenance: dict[str, Any] = field(repr=False)
-    write_deck: Callable[[], str | None] = field(repr=False)
     audit: Audit = field(default_factory=Audit)
 
     units = COLUMNS
-
-    if TYPE_CHECKING:  # the curves are attributes
-
-        def __getattr__(self, name: str) -> Array: ...
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "curves", self._localised(self.curves))
-        self.__dict__.update(self.curves)
-
-    @cached_property
-    def deck(self) -> str | None:  # type: ignore[override]
-        """Netlist of the run, for ngspice; ``None`` with a course of the preload, which ngspice cannot follow."""
-        return self.write_deck()
-
-    @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.provenance["motor"]
-
-    def columns(self) -> Mapping[str, Array]:
-        """Return the curves over time."""
-        return self.curves
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the model's own check passes throughout the run, and the rotor keeps its limit of speed.
-
-        The check passes where the harmonics of the model are enough, the contact stays closed, damping multiplies
-        the normal force by 4 at most, and the drive has no burst below 60 periods. Where it does not, speed and torque
-        may be off by more than 2 % of the friction torque μ F₀ R.
-        """
-        fastest = float(np.abs(self.curves["rotor_speed_rad_s"]).max())
-        return not (self._model_cautions or too_fast(self.provenance["motor"], fastest))
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
@@ -129,6 +168,13 @@ class AveragedRun(Result):
             yield STUCK
         yield from self.provenance["cautions"]
 
+    @property
+    def _watched(self) -> dict[str, str]:
+        free = self.provenance["run"]["speed_rad_s"] is None
+        found = {"speed": "rotor_speed_rad_s"} if free else {"torque": "torque_n_m"}
+        found |= {"electrical power": "electrical_power_w"}
+        return found | ({"temperature": "temperature_k"} if self.curves["temperature_k"].any() else {})
+
     @cached_property
     def to_come(self) -> dict[str, float | None]:
         """By how much values at the end would still change if the run went on, relative; by extrapolation.
@@ -138,32 +184,16 @@ class AveragedRun(Result):
         """
         motor = self.provenance["motor"]
         contact, radius = motor["contact"], 1.0 if self.linear else motor["rotor"]["radius_m"]
-        free = self.provenance["run"]["speed_rad_s"] is None
-        least = {"rotor_speed_rad_s": ROUNDING_RAD_S} if free else {
-            "torque_n_m": SMALL_TORQUE * radius * contact["friction"] * contact["preload_n"]
+        least = {
+            "rotor_speed_rad_s": ROUNDING_RAD_S, "electrical_power_w": ROUNDING_W, "temperature_k": SMALL_RISE_K,
+            "torque_n_m": SMALL_TORQUE * radius * contact["friction"] * contact["preload_n"],
         }  # fmt: skip
-        least |= {"electrical_power_w": ROUNDING_W}
-        least |= {"temperature_k": SMALL_RISE_K} if self.curves["temperature_k"].any() else {}
         found = {}
-        for name, floor in least.items():
-            values = getattr(self, name)
-            share = averaged_to_come(self.curves["time_s"], values) / (abs(float(values[-1])) + floor)
+        for name in self._watched.values():
+            values = self.curves[name]
+            share = averaged_to_come(self.curves["time_s"], values) / (abs(float(values[-1])) + least[name])
             found[name] = share if isfinite(share) else None
         return found
-
-    @property
-    def settled(self) -> bool:
-        """Whether these values stay within 2 % if the run goes on."""
-        return not self._moving
-
-    @property
-    def _moving(self) -> str:
-        """What has not settled, in words."""
-        words = {
-            "rotor_speed_rad_s": "speed", "torque_n_m": "torque", "electrical_power_w": "electrical power",
-            "temperature_k": "temperature",
-        }  # fmt: skip
-        return ", ".join(words[name] for name, share in self.to_come.items() if share is None or share > SETTLED)
 
     def summary(self) -> dict[str, str]:
         """Return the most important values at the end of the run."""
@@ -226,3 +256,69 @@ def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[st
             f"this factor to {MOST_FACTOR:g}, so that its forces are too small. Use the full motor."
         )
     return tuple(found)
+
+
+# --- where a run is not what the full motor does sample by sample: short bursts, and cycles of stopping ---
+
+
+def short_bursts(
+    time: NDArray[np.float64], amplitude: NDArray[np.float64], frequency: float, *, running: bool = False
+) -> tuple[str, ...]:
+    """Return a caution for the shortest burst of a drive, if it is too short for the averaged motor.
+
+    ``amplitude`` in V is the greater one of both groups at the times in s, ``frequency`` in Hz that of the drive. A
+    burst begins and ends without voltage; of a motor that is ``running``, the start of the run begins none.
+    """
+    on = np.concatenate([[running], amplitude != 0.0])
+    begins = np.flatnonzero(~on[:-1] & on[1:])
+    ends = np.flatnonzero(on[:-1] & ~on[1:])
+    lengths = [(time[next_end] - time[begin], time[begin]) for begin, next_end in _paired(begins, ends)]
+    if not lengths or min(lengths)[0] * frequency >= FEWEST_PERIODS:
+        return ()
+    length, begin = min(lengths)
+    caution = (
+        f"The drive is on for {length * frequency:.3g} periods only, from {begin:.4g} s on. The averaged motor leaves "
+        f"out free oscillations of the first periods: below {FEWEST_PERIODS} periods the angle of a burst may be off "
+        "by a tenth. Use the full motor."
+    )
+    return (caution,)
+
+
+def presliding(motor: Mapping[str, Any]) -> float:
+    """Return the angle in rad by which the contact gives way before it slips, of a motor as of ``to_dict``.
+
+    With a slider it is the distance in m.
+    """
+    contact = Contact(**motor["contact"])
+    limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+    limit += contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
+    return float(limit if "slider" in motor else limit / motor["rotor"]["radius_m"])
+
+
+def limit_cycle(
+    time: NDArray[np.float64], position: NDArray[np.float64], amplitude: NDArray[np.float64], angle: float
+) -> tuple[str, ...]:
+    """Return a caution for a rotor that stops and starts again and again with its drive on.
+
+    ``position`` in rad at the times in s, ``amplitude`` in V from each of them on. A rotor that moves by less than
+    ``angle``, rad, from one sample to the next stands: without slip the contact gives way by twice its pre-sliding.
+    """
+    moves = np.abs(np.diff(position)) > angle
+    stops = np.flatnonzero(moves[:-1] & ~moves[1:] & (amplitude[1:-1] > 0.0)) + 2
+    if stops.size <= MOST_STOPS:
+        return ()
+    caution = (
+        f"The rotor stops {stops.size} times with its drive on, from {time[stops[0]]:.4g} s on: a limit cycle through "
+        "standstill, in which a small error shifts all later samples. Compensate the dead band, or lower the gains."
+    )
+    return (caution,)
+
+
+def _paired(begins: NDArray[np.intp], ends: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Return each begin with the end after it; the last burst of a run may have none."""
+    found = []
+    for begin in begins:
+        after = ends[ends > begin]
+        if after.size:
+            found.append((int(begin), int(after[0])))
+    return found

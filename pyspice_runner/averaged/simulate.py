@@ -11,29 +11,15 @@ from typing import Any, Literal
 
 from pydantic import SkipValidation
 
-from pyspice_runner.averaged.columns import (
-    compiled_columns,
-    missing_energy,
-    mode_amplitudes,
-    saved_vectors,
-    spice_columns,
-)
-from pyspice_runner.averaged.core import AveragedMotor
-from pyspice_runner.averaged.driver import AveragedDrive
-from pyspice_runner.averaged.library import (
-    HARMONICS,
-    PHASES,
-    averaged_bench,
-    check_averaged,
-    check_resolution,
-)
+from pyspice_runner.averaged.columns import averaged_columns, missing_energy, saved_vectors, spice_rows
+from pyspice_runner.averaged.library import HARMONICS, PHASES
+from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import Array, AveragedRun
-from pyspice_runner.averaged.schedules import CourseLike, coupled_to, settings_of
-from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
+from pyspice_runner.averaged.schedules import CourseLike
+from pyspice_runner.circuit.law import ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import Drive, Load, check_together
+from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.shaft import ShaftLoad
@@ -41,17 +27,14 @@ from pyspice_runner.motor.strength import peak_of_amplitudes, temperature_rise
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit
 from pyspice_runner.run.ceramic import stated
-from pyspice_runner.run.kernel import progress_callback, run_bench, simulator, transient_timing
+from pyspice_runner.run.kernel import progress_callback, run_bench, transient_timing
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.compiler import find_compiler
 
 FEWEST_PERIODS = 10
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
 BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
-INPUT_OF = {  # setting → input of the averaged motor in C
-    "frequency": "frequency", "voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase",
-    "load_torque": "load_torque", "preload": "preload", "temperature": "ambient_temperature",
-}  # fmt: skip
 
 
 @checked
@@ -103,55 +86,51 @@ def simulate_averaged(
         ParameterError: for a value out of range, another kind of drive or law.
         SimulationError: if the engine fails or its result cannot be trusted.
     """
-    front = AveragedDrive.of(drive)
-    drive = front.stage
-    check_averaged(contact)
-    check_resolution(phases, harmonics)
-    check_together(motor, drive)
-    load = Load(speed, load_torque)
-    load.check(motor)
-    if not (isfinite(duration) and duration >= FEWEST_PERIODS * drive.period):
+    point = Point.of(motor, drive, speed=speed, load_torque=load_torque, contact=contact, thermal=thermal)
+    return averaged_run(
+        point, duration, courses=courses, shaft=shaft, phases=phases, harmonics=harmonics, engine=engine,
+        progress=progress, timeout=timeout,
+    )  # fmt: skip
+
+
+def averaged_run(
+    point: Point,
+    duration: float,
+    *,
+    engine: Engine = "auto",
+    progress: Callable[[float, float], object] | None = None,
+    timeout: float | None = None,
+    **settings: Any,
+) -> AveragedRun:
+    """Run the averaged motor of an operating point; the arguments are those of :func:`simulate_averaged`."""
+    run = AveragedPoint.of(point, duration, **settings)
+    motor, period = run.motor, run.drive.period
+    if not (isfinite(duration) and duration >= FEWEST_PERIODS * period):
         raise ParameterError(
             f"duration = {duration:g} s is out of range: it must be at least {FEWEST_PERIODS} periods of the drive, "
-            f"{FEWEST_PERIODS * drive.period:.3g} s."
+            f"{FEWEST_PERIODS * period:.3g} s."
         )
-    settings = settings_of(motor, drive, load, courses or {}, duration, thermal)
-    coupled = coupled_to(shaft, speed)
     used = averaged_engine(engine)
-    longest = max(duration / LONGEST_STEPS[used], drive.period)  # the compiled motor damps what is faster
-    timing = transient_timing(drive.period, duration, longest)
-    vectors = saved_vectors(motor, harmonics, thermal)
-
-    def bench() -> Bench:
-        return averaged_bench(
-            motor, settings, load=load, phases=phases, harmonics=harmonics, thermal=thermal, shaft=coupled,
-            add_networks=front.add if front.networks else None,
-        )  # fmt: skip
-
+    longest = max(duration / LONGEST_STEPS[used], period)  # the compiled motor damps what is faster
+    timing = transient_timing(period, duration, longest)
+    vectors = saved_vectors(motor, run.harmonics, run.thermal)
     report = progress and progress_callback(progress, duration)
-    course = None if speed is not None else settings["load_torque"]
+    course = None if point.load.speed is not None else run.settings["load_torque"]
     version, deck_sha256 = None, {}
     if used == "compiled":
-        running = AveragedMotor(
-            motor, thermal=thermal, shaft=coupled, speed=speed, phases=phases, harmonics=harmonics, longest=longest,
-            networks=front.networks,
-        )  # fmt: skip
-        begun = monotonic()
-        inputs = {of_c: settings[name] for name, of_c in INPUT_OF.items() if name in settings}
-        columns = compiled_columns(motor, running.record(inputs, duration, timeout=timeout, progress=report), course)
-        seconds, stored = monotonic() - begun, columns.pop("stored_energy")
-        amplitudes = running.mode_amplitudes()
-        write_deck: Callable[[], str | None] = no_deck
-        if runs_in_ngspice(settings):
-            write_deck = partial(deck_of, bench, vectors, timing)
+        running = run.compiled(longest)
+        started = monotonic()
+        rows = running.record(run.inputs, duration, timeout=timeout, progress=report)
+        seconds, amplitudes = monotonic() - started, running.mode_amplitudes()
+        write_deck = run.deck(vectors, timing)
     else:
-        outcome = run_bench(bench(), vectors, timeout, "transient", timing, progress=report)
-        columns, stored = spice_columns(motor, outcome, harmonics, course)
+        outcome = run_bench(run.bench(), vectors, timeout, "transient", timing, progress=report)
+        rows, amplitudes = spice_rows(motor, outcome, run.harmonics)
         seconds, version = outcome.seconds, outcome.ngspice_version
         deck_sha256 = {"deck_sha256": outcome.deck_sha256}
-        amplitudes = mode_amplitudes(motor, outcome.vectors(), harmonics)
         write_deck = partial(str, outcome.deck)
-    residual = missing_energy(columns, stored)
+    columns = averaged_columns(motor, rows, course)
+    residual = missing_energy(columns, rows["stored_energy"])
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
         f"{100.0 * BALANCE_BOUND:g} %."
@@ -164,13 +143,10 @@ def simulate_averaged(
         ngspice_version=version,
         provenance={
             "motor": motor.to_dict(),
-            "drive": front.to_dict(),
+            "drive": run.front.to_dict(),
             "run": {
-                "engine": used,
-                "duration_s": duration, **PAPER_LAW.to_dict(), "speed_rad_s": speed, "load_torque_n_m": load_torque,
-                "shaft": None if shaft is None else shaft.model_dump(), "phases": phases, "harmonics": harmonics,
-                "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
-                "thermal": None if thermal is None else thermal.model_dump(),
+                "engine": used, "duration_s": duration, "speed_rad_s": point.load.speed, "phases": run.phases,
+                "harmonics": run.harmonics, **run.run_settings(),
             },
             **deck_sha256,
             **averaged_ceramic(
@@ -193,20 +169,6 @@ def averaged_engine(engine: Engine) -> Literal["spice", "compiled"]:
             raise
         return "spice"
     return "compiled"
-
-
-def runs_in_ngspice(settings: Mapping[str, Any]) -> bool:
-    """Return whether the averaged motor of ngspice can follow these courses: its preload is a number."""
-    return "preload" not in settings
-
-
-def no_deck() -> None:
-    """Return the netlist of a run that ngspice cannot run: none."""
-
-
-def deck_of(bench: Callable[[], Bench], vectors: Sequence[str], timing: Mapping[str, Any]) -> str:
-    """Return the netlist of a transient of a bench."""
-    return str(simulator(bench(), vectors).prepare("transient", **timing))
 
 
 def averaged_ceramic(

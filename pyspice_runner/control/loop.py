@@ -19,13 +19,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.core import INPUTS
-from pyspice_runner.control.controllers import LoopController
-from pyspice_runner.control.dead_band import STANDS, NearStandstill, dead_band, near_standstill
+from pyspice_runner.control.controllers import STANDS, LoopController, NearStandstill, dead_band, near_standstill
 from pyspice_runner.control.simulate import simulate_controlled
-from pyspice_runner.control.state_space import at_speed, linear_about, settled
+from pyspice_runner.control.state_space import at_speed, by_input, small_signals_at
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive, check_together
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
@@ -124,11 +122,6 @@ class ControlLoop(Result):
     spread: tuple[SpreadPoint, ...] = ()
     dead_band_v: float | None = None
     near_standstill: tuple[NearStandstill, ...] = ()
-
-    @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.provenance["motor"]
 
     @property
     def gain_units(self) -> dict[str, str]:
@@ -251,9 +244,6 @@ def control_loop(
         ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
         SimulationError: if there is no C compiler, no steady state, a motor that stands still, or no stable loop.
     """
-    check_together(motor, drive)
-    load = Load(None, load_torque)
-    load.check(motor)
     if not (isfinite(sample_time) and sample_time >= drive.period):
         raise ParameterError(
             f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
@@ -269,7 +259,7 @@ def control_loop(
         raise ParameterError(
             f"margin = {margin:g}° is out of range: it must be from {LEAST_MARGIN:g} to {MOST_MARGIN:g}°."
         )
-    plant = _plant(motor, drive, load, quantity, sample_time)
+    plant = _plant(motor, drive, load_torque, quantity, sample_time)
     gain, ratio = _gains(plant, crossover, margin)
     frequency = np.geomspace(LOWEST * crossover, 0.5 / sample_time, POINTS)
     responses = plant.response(frequency)
@@ -334,14 +324,14 @@ def _spread(
         changed = motor.updated(of_motor)
         if "temperature" in at:
             changed = Thermal.of(motor).warmed(changed, at["temperature"])
-        load = Load(None, at.get("load.torque", run["load_torque_n_m"]))
-        load.check(changed)
+        load_torque = at.get("load.torque", run["load_torque_n_m"])
+        Load(None, load_torque).check(changed)
         point = SpreadPoint(at)
         try:
             there = drive.updated(of_drive)
             if "speed" in at:
-                there = at_speed(changed, there, load, at["speed"])
-            plant = _plant(changed, there, load, loop.quantity, run["sample_time_s"])
+                there = at_speed(changed, there, load_torque, at["speed"])
+            plant = _plant(changed, there, load_torque, loop.quantity, run["sample_time_s"])
             point = replace(point, speed=plant.point["speed"], voltage=there.voltage)
             _predicted(plant, *fixed, 1)  # which raises for a loop that is not stable
             crossover, margin, _ = _margins(
@@ -367,20 +357,16 @@ def _named(quantity: Quantity, gain: float, ratio: float, sample_time: float) ->
     return {first: gain, second: gain * (ratio * sample_time if quantity == "position" else ratio / sample_time)}
 
 
-def _plant(motor: Motor, drive: TwoPhaseDrive, load: Load, quantity: Quantity, sample_time: float) -> _Plant:
-    running = settled(motor, drive, load)
-    shown = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")
-    point = {name: running.get(name) for name in shown}
+def _plant(motor: Motor, drive: TwoPhaseDrive, load_torque: float, quantity: Quantity, sample_time: float) -> _Plant:
+    point, small = small_signals_at(motor, drive, load_torque)
     if quantity != "phase" and abs(point["speed"]) < STANDS:
         raise SimulationError(
             f"The motor stands still at {drive.label}: there the amplitude has no small effect. Raise the voltage."
         )
-    small = linear_about(running, drive.frequency)
-    inputs = {"frequency": 1.0} if quantity == "phase" else {"amplitude_a": 1.0, "amplitude_b": drive.ratio_b}
-    by_input = sum(weight * small.by_input[:, INPUTS.index(name)] for name, weight in inputs.items())
+    driven = by_input(small, drive, "frequency" if quantity == "phase" else "amplitude")
     states = len(small.by_state)
     block = np.zeros((states + 1, states + 1))
-    block[:states, :states], block[:states, states] = small.by_state, by_input
+    block[:states, :states], block[:states, states] = small.by_state, driven
     from scipy.linalg import expm, matrix_balance  # takes long to load
 
     balanced, scale = matrix_balance(sample_time * block, permute=False)  # the units of the states differ by decades

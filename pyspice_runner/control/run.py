@@ -4,19 +4,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pyspice_runner.averaged.bursts import limit_cycle, presliding, short_bursts
-from pyspice_runner.averaged.run import damping_factor, model_cautions
-from pyspice_runner.motor.drive import too_fast
-from pyspice_runner.result import Result, contact_row
-from pyspice_runner.run.waveforms import SETTLED
+from pyspice_runner.averaged.run import (
+    RunOverTime,
+    damping_factor,
+    limit_cycle,
+    model_cautions,
+    presliding,
+    short_bursts,
+)
+from pyspice_runner.result import contact_row
 from pyspice_runner.run.window import Array, change_to_come
 
 SAMPLES: dict[str, tuple[str, str]] = {
@@ -56,7 +60,7 @@ RECORDS = (
 
 
 @dataclass(frozen=True, repr=False)
-class ControlledRun(Result):
+class ControlledRun(RunOverTime):
     """Samples and commands of a controller.
 
     Attributes:
@@ -64,47 +68,15 @@ class ControlledRun(Result):
             :data:`OF_AVERAGED`. They are what the sensors measure and the actuators set.
         records: arrays by the names of :data:`RECORDS`, between the samples, by ideal sensors.
         logs: what firmware logs at each sample, by its own names.
-        provenance: motor, drive and run settings, JSON-ready.
-        write_deck: returns the netlist of the run, without the controller; ``None`` if ngspice cannot run it.
     """
 
     samples: Mapping[str, Array] = field(repr=False)
     records: Mapping[str, Array] = field(repr=False)
     logs: Mapping[str, Array] = field(repr=False)
-    provenance: dict[str, Any] = field(repr=False)
-    write_deck: Callable[[], str | None] = field(repr=False)
 
     units = SAMPLES
-
-    if TYPE_CHECKING:  # the samples are attributes
-
-        def __getattr__(self, name: str) -> Array: ...
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", self._localised(self.samples))
-        self.__dict__.update(self.samples)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.provenance["motor"]
-
-    def columns(self) -> Mapping[str, Array]:
-        """Return the samples over time."""
-        return self.samples
-
-    @cached_property
-    def deck(self) -> str | None:  # type: ignore[override]
-        """Netlist of the run, for ngspice, without the controller; ``None`` if ngspice cannot run it."""
-        return self.write_deck()
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the averaged motor's own check passes at every sample, and the rotor keeps its limit of speed.
-
-        The full motor has no such check.
-        """
-        return not (self._model_cautions or self._too_fast)
+    curves_name = "samples"
+    speed_name = "speed_rad_s"
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
@@ -120,17 +92,12 @@ class ControlledRun(Result):
         cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, angle)
         return (*model_cautions(check, opened, factor), *bursts, *cycles)
 
-    @property
-    def _too_fast(self) -> tuple[str, ...]:
-        return too_fast(self.provenance["motor"], float(np.abs(self.samples["speed_rad_s"]).max()))
-
     def _limits(self) -> Iterable[str]:
         """Return the findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""
         return (*self._model_cautions, *self._too_fast)
 
     @property
     def _watched(self) -> dict[str, str]:
-        """Samples that must settle, by their words in the table: controlled quantity, power, temperature."""
         quantity = self.provenance["run"]["quantity"] or "speed"
         heats = {"temperature": "temperature_k"} if self.samples["temperature_k"].any() else {}
         return {quantity: CONTROLLED[quantity], "electrical power": "electrical_power_w"} | heats
@@ -154,17 +121,6 @@ class ControlledRun(Result):
     def _mean(values: Array) -> float:
         """Return the mean of the last quarter of the samples."""
         return float(np.mean(values[-max(1, len(values) // 4) :]))
-
-    @property
-    def settled(self) -> bool:
-        """Whether these means stay within 2 % if the run goes on."""
-        return not self._moving
-
-    @property
-    def _moving(self) -> str:
-        """What has not settled, in words."""
-        shares = {word: self.to_come[name] for word, name in self._watched.items()}
-        return ", ".join(word for word, share in shares.items() if share is None or share > SETTLED)
 
     @property
     def static_error(self) -> float | None:

@@ -20,20 +20,29 @@ from typing import Literal
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.library import Course
-from pyspice_runner.averaged.schedules import CourseLike, coupled_to, course_of, settings_of
-from pyspice_runner.averaged.simulate import averaged_engine, deck_of, no_deck, runs_in_ngspice
+from pyspice_runner.averaged.point import AveragedPoint, deck_of
+from pyspice_runner.averaged.schedules import CourseLike, course_of
+from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.law import PAPER_LAW
-from pyspice_runner.control.circuit import CHECKED, COMMANDS, SAMPLED, CommandedSource, controlled_bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
 from pyspice_runner.control.firmware import Firmware
-from pyspice_runner.control.plants import Compiled, Motion, Spice, State, first
+from pyspice_runner.control.plants import (
+    CHECKED,
+    COMMANDS,
+    SAMPLED,
+    CommandedSource,
+    Compiled,
+    Plant,
+    Spice,
+    State,
+    controlled_bench,
+    first,
+)
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.drive import FASTEST_DRIVE, SLOWEST_DRIVE, Load, TwoPhaseDrive
+from pyspice_runner.motor.drive import FASTEST_DRIVE, SLOWEST_DRIVE, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.shaft import ShaftLoad
@@ -127,21 +136,16 @@ def simulate_controlled(
         ParameterError: for a value out of range, also one that the controller returns.
         SimulationError: if the engine fails, or there is no steady state to start from.
     """
-    front = AveragedDrive.of(drive)
-    drive = front.stage
-    count = _count(drive, duration, sample_time)
-    load = Load(None, load_torque)
-    load.check(motor)
     given = dict(courses or {})
     course = course_of("reference", given.pop("reference", 0.0), duration)
+    point = Point.of(motor, drive, load_torque=load_torque, thermal=thermal)
+    run = AveragedPoint.of(point, duration, courses=given, shaft=shaft)
+    count = _count(run.drive, duration, sample_time)
     quantity, reference = _controlled(controller, course)
-    settings = settings_of(motor, drive, load, given, duration, thermal)
-    coupled, parts = coupled_to(shaft), electronics or IDEAL
-    parts.check(sample_time, drive.frequency)
+    parts = electronics or IDEAL
+    parts.check(sample_time, run.drive.frequency)
     if not 1 <= records <= MOST_RECORDS:
         raise ParameterError(f"records = {records} is not valid: it must be a whole number from 1 to {MOST_RECORDS}.")
-    source = CommandedSource(settings, drive, front.driver)
-    source.check(motor)
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
         raise ParameterError(
@@ -150,52 +154,44 @@ def simulate_controlled(
         )
     uniform = None
     if not averaged:  # the largest step that divides the sample time and is not above the usual one
+        source = CommandedSource(run.settings, run.drive, run.front.driver)
         coarsest = Point(motor, source, solver=Solver(step)).step
         uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
     elif step is not None:
         raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
 
     def bench() -> Bench:
-        return controlled_bench(
-            motor, front, settings, sample_time=sample_time, stops=(records, parts.delay_s), step=uniform,
-            thermal=thermal, shaft=coupled,
-        )  # fmt: skip
+        return controlled_bench(run, sample_time=sample_time, stops=(records, parts.delay_s), step=uniform)
 
     vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
-    vectors += ["v(load_position)"] if coupled.coupling_stiffness_n_m_per_rad else []
-    timing = transient_timing(uniform or drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
-    write_deck: Callable[[], str | None] = partial(deck_of, bench, vectors, timing)
-    decide = Firmware(controller, drive, sample_time) if isinstance(controller, str | Path) else controller
+    vectors += ["v(load_position)"] if run.shaft.coupling_stiffness_n_m_per_rad else []
+    timing = transient_timing(uniform or run.drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
+    write_deck = run.deck(vectors, timing, bench)
+    decide = Firmware(controller, run.drive, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
-            write_deck = write_deck if runs_in_ngspice(settings) else no_deck
-            motion: Motion = Compiled(
-                motor, settings, thermal, coupled, steady=start == "steady", networks=front.networks
-            )
+            plant: Plant = Compiled(run, steady=start == "steady")
         else:
-            deck = str(write_deck())
+            deck = str(deck_of(bench, vectors, timing))
             write_deck = partial(str, deck)
-            motion = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
-        running = Loop(motion, decide, motor, settings, Rounding(parts), reference)
+            plant = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
+        running = Loop(plant, decide, motor, run.settings, Rounding(parts), reference)
         samples, between = running.run(count, sample_time, records)
-    samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(settings["load_torque"]))
+    samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(run.settings["load_torque"]))
     return ControlledRun(
         samples={name: samples[name] for name in SAMPLES if averaged or name not in OF_AVERAGED},
         records=between,
         logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
         provenance={
             "motor": motor.to_dict(),
-            "drive": front.to_dict(),
+            "drive": run.front.to_dict(),
             "run": {
                 "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
-                "step_s": uniform, "start": start, "load_torque_n_m": load_torque,
-                "shaft": None if shaft is None else shaft.model_dump(),
+                "step_s": uniform, "start": start,
                 "electronics": None if electronics is None else electronics.model_dump(),
-                "resolution": parts.resolution(sample_time, drive.frequency), "reference": [*map(list, course)],
+                "resolution": parts.resolution(sample_time, run.drive.frequency), "reference": [*map(list, course)],
                 "quantity": quantity,
-                "courses": {name: [*map(list, course)] for name, course in settings.items() if len(course) > 1},
-                "thermal": None if thermal is None else thermal.model_dump(),
-                **PAPER_LAW.to_dict(),
+                **run.run_settings(),
             },
         },
         write_deck=write_deck,
@@ -238,7 +234,7 @@ def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
 class Loop:
     """A controller that acts on a running motor at sample times."""
 
-    motion: Motion
+    plant: Plant
     decide: Controller
     motor: Motor
     settings: Mapping[str, Course]
@@ -262,11 +258,11 @@ class Loop:
             for part in range(1, records + 1):
                 until = begun + part * sample_time / records if part < records else number * sample_time
                 if waiting and begun + delay <= until:
-                    now = self.motion.advance(begun + delay)
+                    now = self.plant.advance(begun + delay)
                     self._set(self.rounding.commands(wanted), present)
                     waiting = False
                 if until > now.time:
-                    now = self.motion.advance(until)
+                    now = self.plant.advance(until)
                 if records > 1:
                     ideal = vars(_sample(now, seen)) | {"load_position_rad": now.load_position}
                     between.append([ideal[name] for name in RECORDS])
@@ -286,18 +282,10 @@ class Loop:
             set_now = self.rounding.commands(wanted)
             if not delay:
                 self._set(set_now, present)
-            rows.append(
-                [
-                    *vars(sample).values(),
-                    *set_now.values(),
-                    power,
-                    now.heat,
-                    now.load_position,
-                    now.check,
-                    now.separated,
-                    now.tip_y_amplitude,
-                ]
-            )
+            rows.append([
+                *vars(sample).values(), *set_now.values(), power, now.heat, now.load_position, now.check,
+                now.separated, now.tip_y_amplitude,
+            ])  # fmt: skip
         names = [name for name in SAMPLES if name != "load_torque_n_m"]
         table, beside = np.array(rows), np.array(between).reshape(-1, len(RECORDS))
         samples = {name: table[:, place] for place, name in enumerate(names)}
@@ -307,7 +295,7 @@ class Loop:
         """Give the motor the commands that are not the present ones."""
         for name, value in commands.items():
             if value != present[name] and len(self.settings[name]) == 1:
-                self.motion.alter(name, value)
+                self.plant.alter(name, value)
                 present[name] = value
 
 
@@ -318,14 +306,9 @@ def _sample(
     """Return the sample between two states; ``measured`` is the angle that was measured at the last one, rad."""
     interval = now.time - last.time
     position = rounding.position(now.position, linear=linear)
-    currents = [
-        rounding.current((after - before) / interval)
-        for after, before in ((now.charge_a, last.charge_a), (now.charge_b, last.charge_b))
-    ]
-    voltages = [
-        rounding.voltage((after - before) / interval)
-        for after, before in ((now.flux_a, last.flux_a), (now.flux_b, last.flux_b))
-    ]
+    charges, fluxes = zip(now.charges, last.charges, strict=True), zip(now.fluxes, last.fluxes, strict=True)
+    currents = [rounding.current((after - before) / interval) for after, before in charges]
+    voltages = [rounding.voltage((after - before) / interval) for after, before in fluxes]
     current_a, current_b = ((abs(current), degrees(cmath.phase(current))) for current in currents)
     before = last.position if measured is None else measured
     return Sample(

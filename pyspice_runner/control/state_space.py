@@ -20,14 +20,15 @@ from numpy.typing import NDArray
 
 from pyspice_runner.averaged.c_code import state_names
 from pyspice_runner.averaged.core import INPUTS, AveragedMotor, LinearMotor
-from pyspice_runner.averaged.library import HARMONICS, constant_settings
+from pyspice_runner.averaged.library import HARMONICS
+from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import model_cautions
-from pyspice_runner.averaged.simulate import INPUT_OF
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive, check_together
+from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
+from pyspice_runner.run.point import Point
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 # names and units
 OF_INPUTS = {"amplitude": "V", "phase": "deg", "frequency": "Hz", "load_torque": "N·m"}
 OF_OUTPUTS = {"speed": "rad/s", "position": "rad", "current_amplitude_a": "A", "current_phase_a": "deg"}
+SHOWN = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")  # of the steady state
 OF_STATES = {
     "speed": "rad/s", "position": "rad", "load_speed": "rad/s", "load_position": "rad", "temperature": "K",
     "carrier_velocity": "m/s", "carrier_x_velocity": "m/s", "bearing": "1",
@@ -71,11 +73,6 @@ class StateSpace(Result):
     outputs: Mapping[str, str]
     point: Mapping[str, float]
     provenance: dict[str, Any] = field(repr=False)
-
-    @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.provenance["motor"]
 
     def _limits(self) -> Iterable[str]:
         """Return the cautions of the averaged model at the steady state."""
@@ -147,16 +144,31 @@ class StateSpace(Result):
                 **self._entries("cautions")}  # fmt: skip
 
 
-def settled(motor: Motor, drive: TwoPhaseDrive, load: Load) -> AveragedMotor:
-    """Return an averaged motor in its steady state at a drive."""
-    running = AveragedMotor(motor)
-    settings = constant_settings(drive, load)
-    running.begin(**{of_c: settings[name][0][1] for name, of_c in INPUT_OF.items() if name in settings})
+def settled(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> AveragedMotor:
+    """Return an averaged motor in its steady state at a drive, under a load torque in N·m.
+
+    Raise ParameterError for a load that is out of range or a drive that does not suit the motor.
+    """
+    run = AveragedPoint.of(Point.of(motor, drive.model_copy(update={"soft_start": 0.0}), load_torque=load_torque), 0.0)
+    running = run.compiled()
+    running.begin(**{name: course[0][1] for name, course in run.inputs.items()})
     running.settle()
     return running
 
 
-def at_speed(motor: Motor, drive: TwoPhaseDrive, load: Load, speed: float) -> TwoPhaseDrive:
+def small_signals_at(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[dict[str, float], LinearMotor]:
+    """Return values of the steady state at a drive, under a load torque in N·m, and the small signals about it."""
+    running = settled(motor, drive, load_torque)
+    return {name: running.get(name) for name in SHOWN}, linear_about(running, drive.frequency)
+
+
+def by_input(small: LinearMotor, drive: TwoPhaseDrive, name: str) -> Array:
+    """Return the rates of the states by an input of :data:`OF_INPUTS`."""
+    parts = {"amplitude_a": 1.0, "amplitude_b": drive.ratio_b} if name == "amplitude" else {name: 1.0}
+    return np.asarray(sum(weight * small.by_input[:, INPUTS.index(of_c)] for of_c, weight in parts.items()))
+
+
+def at_speed(motor: Motor, drive: TwoPhaseDrive, load_torque: float, speed: float) -> TwoPhaseDrive:
     """Return a drive with the amplitude that brings a motor under a load to a speed in rad/s, group B in proportion.
 
     Raise SimulationError if no amplitude up to :data:`MOST_RAISED` times that of the drive does.
@@ -167,7 +179,7 @@ def at_speed(motor: Motor, drive: TwoPhaseDrive, load: Load, speed: float) -> Tw
         return drive.model_copy(update={"voltage": voltage})
 
     def beyond(voltage: float) -> float:
-        return copysign(1.0, speed) * (settled(motor, with_voltage(voltage), load).get("speed") - speed)
+        return copysign(1.0, speed) * (settled(motor, with_voltage(voltage), load_torque).get("speed") - speed)
 
     low = high = drive.voltage
     while beyond(low) > 0.0 and low > drive.voltage / MOST_RAISED**2:
@@ -230,26 +242,15 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
         ParameterError: for a value out of range, or a motor without an averaged model.
         SimulationError: if there is no C compiler or no steady state.
     """
-    check_together(motor, drive)
-    load = Load(None, load_torque)
-    load.check(motor)
-    running = settled(motor, drive, load)
-    shown = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")
-    point = {name: running.get(name) for name in shown}
+    point, small = small_signals_at(motor, drive, load_torque)
     if not point["current_amplitude_a"]:
         raise SimulationError("No current flows into group A: its phase is not known. Give group A a voltage.")
-    small = linear_about(running, drive.frequency)
-    weights = {"amplitude": {"amplitude_a": 1.0, "amplitude_b": drive.ratio_b}}
-    columns = [
-        np.asarray(sum(weight * small.by_input[:, INPUTS.index(of_c)] for of_c, weight in parts.items()))
-        for parts in (weights.get(name, {name: 1.0}) for name in OF_INPUTS)
-    ]
     names = state_names(len(motor.modes), len(small.by_state), HARMONICS)
-    by_input = np.array(columns).T
+    driven = np.array([by_input(small, drive, name) for name in OF_INPUTS]).T
     turned = np.exp(-1j * np.radians(point["current_phase_a"]))
     charge = [small.place[f"charge_{part}"] for part in ("re", "im")]
     current_by_state = turned * (small.by_state[charge[0]] + 1j * small.by_state[charge[1]])
-    current_by_input = turned * (by_input[charge[0]] + 1j * by_input[charge[1]])
+    current_by_input = turned * (driven[charge[0]] + 1j * driven[charge[1]])
     degree = degrees(1.0) / point["current_amplitude_a"]
     unit = np.eye(len(small.by_state))
     rows = [unit[small.place["speed"]], unit[small.place["position"]], current_by_state.real,
@@ -257,14 +258,14 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     through = [np.zeros(len(OF_INPUTS)), np.zeros(len(OF_INPUTS)), current_by_input.real,
                degree * current_by_input.imag]  # fmt: skip
     moves = np.abs(small.by_state) > ROUNDING * np.abs(small.by_state).max(axis=1, keepdims=True)
-    kept = _moving(moves, by_input, np.array(rows))
+    kept = _moving(moves, driven, np.array(rows))
     units = {names[place]: OF_STATES.get(names[place], LENGTH) for place in kept}
     described: list[dict[str, str]] = [units, OF_INPUTS, OF_OUTPUTS]
     if motor.slider:
         described = [{name: linear_unit(unit) for name, unit in known.items()} for known in described]
     states, inputs, outputs = described
     return StateSpace(
-        small.by_state[np.ix_(kept, kept)], by_input[kept], np.array(rows)[:, kept], np.array(through),
+        small.by_state[np.ix_(kept, kept)], driven[kept], np.array(rows)[:, kept], np.array(through),
         states, inputs, outputs, point,
         {"motor": motor.to_dict(), "drive": drive.model_dump(), "run": {"load_torque_n_m": load_torque}},
     )  # fmt: skip

@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Equivalent circuits as files for other programs. :data:`CIRCUIT_FORMATS` has the writer of each ending."""
+"""Equivalent circuits as files for other programs: ``.subckt NAME p n``, symbols, Touchstone, TOML.
+
+:data:`CIRCUIT_FORMATS` has the writer of each ending.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from math import pi
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.export.equivalent import RESONATOR, circuit_library
-from pyspice_runner.export.symbols import RESONATOR_PINS, kicad_symbol, library_name, ltspice_symbol
+from pyspice_runner.export.symbols import RESONATOR_PINS, ascii_line, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit
+from pyspice_runner.motor.refusal import checked
 from pyspice_runner.spice.library import check_name
 
+RESONATOR = "resonator"
+_LEAST = 1e-9
 _POINTS = 1601
 _NEAR_POINTS = 201  # over ten bandwidths around each resonance
 
@@ -89,3 +95,131 @@ CIRCUIT_FORMATS: dict[str, Callable[[CircuitExport, Path], str]] = {
     ".s1p": _touchstone,
     ".toml": lambda export, _: circuit_toml(export.circuit, title=export.title),
 }
+
+
+# --- the library ---
+
+
+@checked
+def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title: str = "") -> str:
+    """Return a library of one equivalent circuit: header, usage and ``.subckt NAME p n``.
+
+    The digits of the values are sufficient to read them back exactly. Leads below 1e-9 of the device's impedance at its
+    resonances are omitted, and so is such a loss tangent: they would reduce the precision of the simulator.
+
+    Raises:
+        ParameterError: for an invalid name.
+    """
+    check_name(name)
+    first, last = circuit.arms[0].series_resonance_hz, circuit.arms[-1].series_resonance_hz
+    main = max(circuit.arms, key=lambda arm: arm.capacitance_f)
+    resonances = np.array([arm.series_resonance_hz for arm in circuit.arms])
+    greatest = float(np.max(np.abs(circuit.device_admittance(resonances))))
+    elements = []
+    node = "p"
+    for kind, value, impedance in (
+        ("R", circuit.lead_resistance_ohm, circuit.lead_resistance_ohm),
+        ("L", circuit.lead_inductance_h, 2.0 * pi * last * circuit.lead_inductance_h),
+    ):
+        if impedance * greatest > _LEAST:
+            elements.append(f"{kind}lead {node} lead{kind.lower()} {value!r}")
+            node = f"lead{kind.lower()}"
+    elements += _branch(circuit, 0, node, [])
+    for index, (arm, own) in enumerate(zip(circuit.arms, circuit.own_resistance_ohm, strict=True), start=1):
+        least = _LEAST * arm.resistance_ohm
+        series = [("L", arm.inductance_h), *([("R", own)] if own > least else []), ("C", arm.capacitance_f)]
+        elements += _branch(circuit, index, node, series)
+    for row in range(1, len(circuit.shared_losses) + 1):
+        elements.append(f"Rshared{row} shared{row} n 1")
+    lines = [
+        f"* {name}: piezoelectric resonator, {len(circuit.arms)} motional arm{'s' if len(circuit.arms) > 1 else ''}",
+        *([f"* {ascii_line(title)}"] if title else []),
+        "*",
+        "*   p o--- leads ---+-----------+---- ... ----.",
+        "*                   |           |             |",
+        "*                 C clamped   L1-R1-C1      Ln-Rn-Cn    clamped capacitance with its loss, motional arms",
+        "*                   |           |             |",
+        "*   n o-------------+-----------+---- ... ----'",
+        *(
+            [
+                "*",
+                "* The arms share losses: currents of Vk times gains of Fr_k add up in Rsharedr = 1 Ohm, whose",
+                "* voltage acts back on each arm through Ek_r with the same gain. That is passive for all values.",
+            ]
+            if circuit.shared_losses
+            else []
+        ),
+        "*",
+        "* PIN  p  inout  V  electrical pin",
+        "* PIN  n  inout  V  electrical pin",
+        "*",
+        f"* CLAMPED {circuit.clamped_capacitance_f:.6g} F",
+        f"* LOSS TANGENT {circuit.loss_tangent:.4g} at {circuit.loss_reference_hz:.6g} Hz",
+        f"*   of it {circuit.loss_tangent_falling:.4g} falls, {circuit.loss_tangent_rising:.4g} rises with frequency",
+        *(
+            f"* ARM {index}: {arm.series_resonance_hz:.7g} Hz, Q {arm.quality_factor:.5g}"
+            for index, arm in enumerate(circuit.arms, start=1)
+        ),
+        "*",
+        "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
+        "* OMITS  a constant loss tangent beyond 100 times its frequency to both sides, nonlinearity",
+        "* REVISION 2",
+        f"* STEP   at most {1e-2 / last:.2g} s, a hundredth of the shortest period of its arms",
+        "* TESTED WITH ngspice 39 and 46",
+        "*",
+        "* USE    the first line of a deck is its title; then:",
+        "*   * driven by minus one volt: the source's current is then the admittance, here its largest real part",
+        "*   Vdrive a 0 DC 0 AC -1",
+        f"*   Xpiezo a 0 {name}",
+        f"*   .ac lin 1001 {main.series_resonance_hz * (1.0 - 5.0 / main.quality_factor):.9g} "
+        f"{main.series_resonance_hz * (1.0 + 5.0 / main.quality_factor):.9g}"
+        if main.quality_factor > 5.0
+        else f"*   .ac dec 1001 {0.5 * first:.9g} {2.0 * last:.9g}",
+        "*   .measure ac conductance_s MAX i(Vdrive)",
+        "* END USE",
+        "*",
+        f".subckt {name} p n",
+        *elements,
+        f".ends {name}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _branch(circuit: EquivalentCircuit, index: int, node: str, series: list[tuple[str, float]]) -> list[str]:
+    """Return the elements of an arm, or with index 0 of the clamped capacitance, from a node to n."""
+    elements, count = [], 0
+
+    def next_node() -> str:
+        nonlocal node, count
+        before, count = node, count + 1
+        node = f"b{index}_{count}"
+        return f"{before} {node}"
+
+    weights = [row[index] for row in circuit.shared_losses]
+    if any(weights):
+        elements.append(f"V{index} {next_node()} 0")
+    for row, weight in enumerate(weights, start=1):
+        if weight:
+            elements.append(f"F{row}_{index} n shared{row} V{index} {weight!r}")
+            elements.append(f"E{index}_{row} {next_node()} shared{row} n {weight!r}")
+    if index == 0:
+        if circuit.loss_tangent_rising > _LEAST:
+            elements.append(f"Rloss {next_node()} {circuit.loss_resistance_ohm!r}")
+        elements += _dielectric(circuit, node)
+    for number, (kind, value) in enumerate(series, start=1):
+        elements.append(f"{kind}{index} {next_node() if number < len(series) else f'{node} n'} {value!r}")
+    return elements
+
+
+def _dielectric(circuit: EquivalentCircuit, node: str) -> list[str]:
+    """Return the elements of the clamped capacitance from a node to n, without its series loss."""
+    elements = []
+    if circuit.loss_tangent_falling > _LEAST:
+        elements.append(f"Rleak {node} n {1.0 / circuit.loss_conductance_s!r}")
+    branches = circuit.dielectric()
+    if len(branches) == 1:  # without resistance
+        return [*elements, f"Cclamped {node} n {branches[0].capacitance_f!r}"]
+    for number, (resistance, capacitance) in enumerate(branches, start=1):
+        elements.append(f"Rdie{number} {node} d{number} {resistance!r}")
+        elements.append(f"Cdie{number} d{number} n {capacitance!r}")
+    return elements

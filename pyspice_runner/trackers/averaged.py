@@ -15,8 +15,9 @@ import numpy as np
 from pyspice_runner.averaged.columns import mode_amplitudes
 from pyspice_runner.averaged.core import AveragedMotor, Loop
 from pyspice_runner.averaged.library import HARMONICS, Course
+from pyspice_runner.averaged.point import deck_of
 from pyspice_runner.averaged.run import damping_factor, model_cautions
-from pyspice_runner.averaged.simulate import averaged_ceramic, averaged_engine, deck_of
+from pyspice_runner.averaged.simulate import averaged_ceramic, averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError

@@ -34,7 +34,7 @@ def deck(analysis: str, point: tuple[float, float, float, float]) -> str:
     for name, value in zip(("frequency", "voltage", "phase", "torque"), point, strict=True):
         text, count = re.subn(rf"(\.param {name}=)\S+", rf"\g<1>{value!r}", text)
         assert count == 1
-    return text.replace("../behavioral", str(ROOT / "behavioral"))
+    return text.replace("piezomotor_averaged.lib", str(ROOT / "netlists" / "piezomotor_averaged.lib"))
 
 
 def result(analysis: str, text: str, folder: Path, limit: float = 60.0) -> tuple[float, float]:

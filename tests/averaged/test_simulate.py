@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.averaged.bursts import short_bursts
 from pyspice_runner.averaged.library import OPTIONS
-from pyspice_runner.averaged.run import AveragedRun
+from pyspice_runner.averaged.run import AveragedRun, short_bursts
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.cli import run
 from pyspice_runner.steady.speed_torque import operating_point

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.export.equivalent import circuit_library
+from pyspice_runner.export.circuit import circuit_library
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.spice.ngspice import run_deck
 from tests.resonators import fitted

@@ -31,8 +31,7 @@ from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import app, run
 from pyspice_runner.commands.common import complete_motor
-from pyspice_runner.export.circuit import CircuitExport
-from pyspice_runner.export.equivalent import circuit_library
+from pyspice_runner.export.circuit import CircuitExport, circuit_library
 from pyspice_runner.motor.beam import resonator_modes
 from pyspice_runner.motor.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.motor.load import SETS

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operating point of an averaged run: a point, its schedules, the networks and what is coupled to the shaft."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import cos, inf, pi, radians
+from typing import Any, cast
+
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.averaged.core import AveragedMotor
+from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.library import (
+    HARMONICS,
+    OPTIONS,
+    PHASES,
+    SETTINGS,
+    Course,
+    add_angle,
+    add_averaged_motor,
+    add_surroundings,
+    check_averaged,
+    check_resolution,
+    course_text,
+)
+from pyspice_runner.averaged.schedules import CourseLike, coupled_to, settings_of
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.fixtures import add_cooling
+from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, check_together
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.run.kernel import simulator
+from pyspice_runner.run.point import Point
+
+INPUT_OF = {  # setting → input of the averaged motor in C
+    "frequency": "frequency", "voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase",
+    "load_torque": "load_torque", "preload": "preload", "temperature": "ambient_temperature",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AveragedPoint:
+    """What an averaged run needs, whichever engine runs it."""
+
+    point: Point  # motor, load and drift
+    front: AveragedDrive  # the stages at the start, and the networks behind them
+    settings: Mapping[str, Course]  # of all quantities that may change, over time
+    shaft: ShaftLoad = UNCOUPLED  # coupled to the free shaft
+    phases: int = PHASES
+    harmonics: int = HARMONICS
+
+    @classmethod
+    def of(
+        cls,
+        point: Point,
+        duration: float,
+        *,
+        courses: Mapping[str, CourseLike] | None = None,
+        shaft: ShaftLoad | None = None,
+        phases: int = PHASES,
+        harmonics: int = HARMONICS,
+    ) -> AveragedPoint:
+        """Return the point of a run of a duration in s; the arguments are those of :func:`simulate_averaged`.
+
+        Raise ParameterError for a value out of range, another kind of drive or law.
+        """
+        front = AveragedDrive.of(cast("Drive | Driver", point.drive))  # a tracker has its own bench
+        check_averaged(point.law)
+        check_resolution(phases, harmonics)
+        check_together(point.motor, front.stage)
+        settings = settings_of(point.motor, front.stage, point.load, courses or {}, duration, point.thermal)
+        return cls(point, front, settings, coupled_to(shaft, point.load.speed), phases, harmonics)
+
+    @property
+    def motor(self) -> Motor:
+        """The motor."""
+        return self.point.motor
+
+    @property
+    def thermal(self) -> Thermal | None:
+        """The drift with temperature."""
+        return self.point.thermal
+
+    @property
+    def drive(self) -> TwoPhaseDrive:
+        """The stages at the start."""
+        return self.front.stage
+
+    @property
+    def inputs(self) -> dict[str, Course]:
+        """The settings by the inputs of the averaged motor in C."""
+        return {of_c: self.settings[name] for name, of_c in INPUT_OF.items() if name in self.settings}
+
+    def compiled(self, longest: float = inf) -> AveragedMotor:
+        """Return the compiled motor, with a longest internal step in s."""
+        return AveragedMotor(
+            self.motor, thermal=self.thermal, shaft=self.shaft, speed=self.point.load.speed, phases=self.phases,
+            harmonics=self.harmonics, longest=longest, networks=self.front.networks,
+        )  # fmt: skip
+
+    def bench(self) -> Bench:
+        """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.
+
+        ``v(position)`` is the angle of the shaft in rad; ``Va_re``, ``Va_im``, ``Vb_re``, ``Vb_im`` carry the currents
+        into the pins. With drift the losses heat the motor through ``Xcooling``. Networks are between the nodes
+        ``stage_GROUP_PART`` of the sources and ``drive_GROUP_PART``.
+
+        Raises:
+            ParameterError: for a course of the preload, which is a number in the subcircuit.
+        """
+        if "preload" in self.settings:
+            raise ParameterError(
+                "courses: preload cannot change in the averaged motor of ngspice. Take engine = 'compiled', or the "
+                "full motor."
+            )
+        circuit, load = Circuit(f"{self.motor.name}: averaged over the period of the drive"), self.point.load
+        sources = {name: course_text(self.settings[name]) for name in SETTINGS}
+        nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
+        for name, node in nodes.items():
+            circuit.V(node, node, circuit.gnd, sources[name])
+        angle = f"{pi / 180.0!r}*V(set_phase)"
+        values = {"a_re": "V(set_a)", "a_im": "0", "b_re": f"V(set_b)*cos({angle})", "b_im": f"V(set_b)*sin({angle})"}
+        for node, value in values.items():
+            circuit.raw_spice += f"Bdrive_{node} {'stage' if self.front.networks else 'drive'}_{node} 0 V={value}\n"
+            circuit.V(node, f"drive_{node}", node, "DC 0")
+        if self.front.networks:
+            self.front.add(circuit)
+        if load.speed is not None:
+            circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
+        else:
+            circuit.I("load", "shaft", circuit.gnd, sources["load_torque"])
+        add_angle(circuit, self.shaft)
+        if self.thermal is not None:
+            add_cooling(circuit, self.thermal)
+            add_surroundings(circuit, self.settings, self.thermal)
+        pins = ("a_re", "a_im", "b_re", "b_im", "set_frequency", "shaft", "temperature", "heat")
+        add_averaged_motor(
+            circuit, self.motor, pins, phases=self.phases, harmonics=self.harmonics, thermal=self.thermal
+        )
+        # of the clamped capacitances: a voltage step would draw an infinite current
+        a, b, phase = (self.settings[name][0][1] for name in ("voltage_a", "voltage_b", "phase_deg"))
+        at_once = {"a_re": a, "b_re": b * cos(radians(phase)), "b_im": b * cos(radians(phase - 90.0))}
+        return Bench(circuit, OPTIONS, {} if self.front.networks else at_once)
+
+    def deck(
+        self, vectors: Sequence[str], timing: Mapping[str, Any], bench: Callable[[], Bench] | None = None
+    ) -> Callable[[], str | None]:
+        """Return what writes the netlist of a transient: ``None`` with a course that ngspice cannot follow."""
+        if "preload" in self.settings:
+            return lambda: None
+        return partial(deck_of, bench or self.bench, vectors, timing)
+
+    def run_settings(self) -> dict[str, Any]:
+        """Return what the results state of the run, JSON-ready."""
+        return {
+            **PAPER_LAW.to_dict(),
+            "load_torque_n_m": self.point.load.torque,
+            "shaft": None if self.shaft is UNCOUPLED else self.shaft.model_dump(),
+            "courses": {name: [*map(list, course)] for name, course in self.settings.items() if len(course) > 1},
+            "thermal": None if self.thermal is None else self.thermal.model_dump(),
+        }
+
+
+def deck_of(bench: Callable[[], Bench], vectors: Sequence[str], timing: Mapping[str, Any]) -> str:
+    """Return the netlist of a transient of a bench."""
+    return str(simulator(bench(), vectors).prepare("transient", **timing))
