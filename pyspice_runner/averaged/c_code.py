@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaged motor in C: its sources, its variables, and their values for a motor.
 
-The C files in ``behavioral/`` are written by hand, but for the contact at one phase, which :func:`phase_source` writes
+The C files in ``behavioral/`` are written by hand, but for the contact at one phase, which :mod:`.c_source` writes
 from the library that ngspice runs. ``piezomotor_averaged.h`` declares every variable once, with unit,
 range and meaning. This module reads these lines.
 """
@@ -13,11 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from textwrap import wrap
 from typing import NamedTuple
 
-from pyspice_runner.averaged.circuit_c import NETWORK, TRACKER, circuit_source
-from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms, averaged_phase, default_two_phase
+from pyspice_runner.averaged.c_source import NETWORK, TRACKER, circuit_source, phase_source
+from pyspice_runner.averaged.library import HARMONICS, PHASES, Terms, default_two_phase
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
@@ -26,7 +25,6 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.expressions import HELPERS, equations, translated
 from pyspice_runner.spice.library import data_path, slider_words
 from pyspice_runner.units import linear_unit
 
@@ -141,80 +139,6 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
     for number, mode in enumerate(motor.modes, start=1):
         values |= {f"mode[{number}].{name}": value for name, value in mode_values(mode).items()}
     return {name: rounded(value) for name, value in values.items()}
-
-
-# the node of a phase that its own equation contains, and what that equation gives
-_IMPLICIT = """\
-static double phase_{0}_by(struct phase *p, double value)
-{{
-    p->{0} = value;
-    return {1};
-}}
-
-/* The root of an equation whose right side falls as the value rises: false position, with the weights of Anderson and
-   Bjoerck (BIT 13 (1973) 253) for an end that stays. */
-static double phase_{0}(struct phase *p)
-{{
-    double low = 0.0, high = phase_{0}_by(p, 0.0), sign = high < 0.0 ? -1.0 : 1.0, most = sign * high;
-    double under = most, over = sign * (phase_{0}_by(p, high) - high), same = 0.0;
-
-    for (int i = 0; i < 100 && over < -1e-13 * most; i++) {{
-        double middle = (low * over - high * under) / (over - under);
-        double excess = sign * (phase_{0}_by(p, middle) - middle);
-        double weight = same * excess > 0.0 ? 1.0 - excess / (excess < 0.0 ? over : under) : 1.0;
-        if (fabs(excess) <= 1e-13 * most)
-            return middle;
-        weight = weight > 0.0 ? weight : 0.5;
-        if (excess < 0.0) {{
-            high = middle, over = excess, under *= weight;
-        }} else {{
-            low = middle, under = excess, over *= weight;
-        }}
-        same = excess;
-    }}
-    return high;
-}}
-"""
-
-
-def phase_source(terms: Terms = ALL_TERMS) -> str:
-    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase`` that a motor has."""
-    library = averaged_phase(terms)
-    found = equations(library)
-    inputs = [pin.name for pin in library.pins if pin.name not in found.values]
-    fields = [*(item.name for item in averaged_phase(ALL_TERMS).parameters), *inputs, *found.parameters, *found.values]
-    texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
-    lines = {name: f"    p->{name} = {text};" for name, text in texts.items()}
-    implicit = [name for name, text in found.values.items() if f"V({name})" in text]
-    lines |= {name: f"    p->{name} = phase_{name}(p);" for name in implicit}
-    return "\n".join(
-        (
-            "/* SPDX-License-Identifier: GPL-3.0-or-later",
-            " *",
-            f" * {library.title}; displacements in um.",
-            f" * Written from {library.name}.lib.",
-            " */",
-            "#include <math.h>",
-            "",
-            HELPERS["c"],
-            "",
-            "struct phase {",
-            *wrap(f"double {', '.join(fields)};", 110, initial_indent="    ", subsequent_indent="        "),
-            "};",
-            "",
-            "static void phase_parameters(struct phase *p)",
-            "{",
-            *(lines[name] for name in lines if name in found.parameters),
-            "}",
-            "",
-            *(_IMPLICIT.format(name, texts[name]) for name in implicit),
-            "static void phase_forces(struct phase *p)",
-            "{",
-            *(lines[name] for name in lines if name in found.values),
-            "}",
-            "",
-        )
-    )
 
 
 def start_header(motor: Motor, known: list[Variable]) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.c_code import Front, session_texts, variables
-from pyspice_runner.averaged.circuit_c import NETWORK, TRACKER, Parts, circuit_parameters
+from pyspice_runner.averaged.c_source import NETWORK, TRACKER, Parts, circuit_parameters
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Course, Terms, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
