@@ -96,7 +96,7 @@ def circuit(sheet: Sheet) -> None:
         ((third, fourth), (middle, bottom), "bb", "tip_y:1", third - 0.4, "right"),
     ):
         sheet.windings(*columns, *ends, dots)
-        sheet.value(mode, ratio, (x, 0.5 * sum(ends)), ha=side)
+        sheet.value("piezomotor_tip" if ratio.startswith("tip") else mode, ratio, (x, 0.5 * sum(ends)), ha=side)
     arm(sheet, mode, (second, third), top, (12.0, 13.75, 15.5, 17.3))
     sheet.node(mode, "elastic", (15.5, top + 0.4), fontsize=7)
     sheet.flow((third, bottom), (14.3, bottom))
@@ -107,7 +107,7 @@ def circuit(sheet: Sheet) -> None:
     sheet.block((10.2, 4.5), (8.9, 1.4), MODE)
     sheet.note("mode 2 and further modes:\nthe same circuit, in parallel", (14.1, 5.2), linespacing=1.3)
     sheet.node(mode, "a\ncom\nb", (10.4, 5.2), ha="left", linespacing=1.1)
-    sheet.node(mode, "fx vx x\nfy vy y\nbase", (18.9, 5.2), ha="right", linespacing=1.4)
+    sheet.node("piezomotor_tip", "fx vx x\nfy vy y", (18.9, 5.2), ha="right", linespacing=1.4)
 
     contact(sheet, (fourth, top), middle, bottom)
     mount(sheet, bottom)

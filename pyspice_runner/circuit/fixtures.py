@@ -101,7 +101,7 @@ def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
     nodes: tuple[str | int, ...] = ("shaft", *inside)
     instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
     for index, mode in enumerate(motor.modes, start=1):
-        nodes = (f"xmotor.xmode{index}.arm_r", f"xmotor.xmode{index}.elastic")
+        nodes = (f"xmotor.xmode{index}.damped", f"xmotor.xmode{index}.elastic")
         instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)
     for spring, part in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
         nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")

@@ -257,7 +257,9 @@ class MotorSubCircuit(Assembly):
         shaking = written_stator(self._motor, self._discretisation, self._mount).carrier_recoil.T.tolist()
         for index, (mode, (along_y, along_x)) in enumerate(zip(self._motor.modes, shaking, strict=True), start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
-            values = mode_values(mode, self._discretisation) | {"preload": preload}
+            values: dict[str, float | str] = dict(mode_values(mode, self._discretisation))
+            tip = {name: values.pop(name) for name in ("tip_x", "tip_y")}
+            values["preload"] = f"{{{rounded(mode.tip_y)!r}*preload}}" if preload else 0.0
             base: str | int = "base" if self._mount else self.gnd
             if along_y and along_x:
                 base = self._add_slant(index, along_x / along_y)
@@ -265,9 +267,10 @@ class MotorSubCircuit(Assembly):
                 base = "base_x"
             if along_y or along_x:
                 values["recoil"] = along_y or along_x
-            tip = ("fx", "fy", "x", "y", "vx", "vy")
-            nodes = ("a", "b", self._common, *tip, f"xmode{index}.elastic", base, *warm)
-            self._put(f"mode{index}", part, nodes, values | more, ["preload"] if preload else [])
+            ends = [f"xmode{index}.{node}" for node in ("force", "damped", "elastic")]
+            self._put(f"mode{index}", part, ("a", "b", self._common, *ends, base, *warm), values | more)
+            tip |= {name: values[name] for name in ("damping", "stiffness")}
+            self._put(f"tip{index}", "piezomotor_tip", (*ends, "fx", "fy", "x", "y", "vx", "vy"), tip)
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:

@@ -21,7 +21,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.units import linear_words
 
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
@@ -126,8 +126,8 @@ def data_path(folder: str) -> Path:
 def read_library(name: str) -> Library:
     """Read ``behavioral/NAME.lib``. Raise ParameterError if it is missing, or header and ``.subckt`` disagree."""
     if name not in library_names():
-        names = ", ".join(library_names())
-        raise ParameterError(f"There is no library {name!r} in behavioral/; there are {names}.")
+        hint = did_you_mean(name, library_names(), "There are")
+        raise ParameterError(f"There is no library {name!r} in behavioral/. {hint}")
     return parse_library(name, (data_path("behavioral") / f"{name}.lib").read_text(encoding="utf-8"))
 
 

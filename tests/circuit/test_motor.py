@@ -27,7 +27,9 @@ from pyspice_runner.motor.dielectric import lossy_capacitance
 from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
-from pyspice_runner.spice.library import read_library
+from pyspice_runner.motor.stator import Stator
+from pyspice_runner.spice.library import definitions, read_library
+from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.spice.pyspice import BatchSimulator
 from tests.circuit.batch import measured
 from tests.motors import mode, motor
@@ -244,6 +246,35 @@ def test_the_libraries_accept_every_motor_that_the_model_accepts(index: int) -> 
         assert str(MotorSubCircuit(subject, law=law_of(law))).count("piezomotor_mode") == len(subject.modes)
 
 
+def test_a_second_tip_of_a_mode_is_a_second_instance() -> None:
+    """Two modes with two contacts and a force on one of them: both move as P (K − ω²M + jωB)⁻¹ Pᵀ."""
+    modes = (mode("first", 36e3, 0.003, 200.0), mode("second", 41e3, 0.002, 150.0))
+    shapes = np.array([[[0.2, 0.9], [-0.3, 0.8]], [[0.9, -0.1], [0.7, 0.4]]])  # of mode and contact: x, y
+    circuit = Circuit("two modes, two tips")
+    circuit.raw_spice = definitions(read_library("piezomotor_mode"), read_library("piezomotor_tip")) + "\n"
+    for number, (own, tips) in enumerate(zip(modes, shapes, strict=True)):
+        spring = {"stiffness": own.stiffness_n_per_m, "damping": own.damping_n_s_per_m}
+        ends = [f"{name}{number}" for name in ("force", "damped", "elastic")]
+        circuit.X(f"mode{number}", "piezomotor_mode", 0, 0, 0, *ends, 0, mass=own.mass_kg, **spring)
+        for contact, (x, y) in enumerate(tips.tolist()):
+            pins = [f"{name}{contact}" for name in ("fx", "fy", "x", "y", "vx", "vy")]
+            circuit.X(f"tip{number}_{contact}", "piezomotor_tip", *ends, *pins, tip_x=x, tip_y=y, **spring)
+    for contact in range(2):
+        circuit.V(f"fx{contact}", f"fx{contact}", circuit.gnd, "DC 0")
+        circuit.V(f"fy{contact}", f"fy{contact}", circuit.gnd, f"DC 0 AC {1 - contact}")
+        for name in ("x", "y", "vx", "vy"):
+            circuit.R(f"{name}{contact}", f"{name}{contact}", circuit.gnd, 1)
+    names = [f"v({name}{contact})" for contact in range(2) for name in ("x", "y", "vx", "vy")]
+    found = run_deck(f"{circuit}\n.save {' '.join(names)}\n.ac lin 3 35k 43k\n.end\n", vectors=names).raw.vectors
+    stator = Stator.of_modes(modes, motor().piezo, motor().contact)
+    contacts = shapes.transpose(1, 2, 0).reshape(4, 2)
+    omega = 2.0 * pi * found["frequency"].real
+    motion = contacts @ np.linalg.solve(stator.dynamic_stiffness(omega), contacts[1])[..., np.newaxis]
+    for place, name in enumerate(("x0", "y0", "x1", "y1")):
+        np.testing.assert_allclose(1e-6 * found[f"v({name})"], motion[:, place, 0], rtol=1e-6)
+        np.testing.assert_allclose(found[f"v(v{name})"], 1j * omega * motion[:, place, 0], rtol=1e-6)
+
+
 # --- a mode under the trapezoidal rule -----------------------------------------------------------------------
 
 
@@ -269,11 +300,11 @@ def ring(subject: Mode, step: float, periods: int, exact: bool) -> tuple[Array, 
     """Release one mode from a deflection of −1 µm; return time and displacement in µm."""
     mass, stiffness = Discretisation(step, exact_resonance=exact).mode(subject)
     circuit = Circuit("one free mode")
-    circuit.raw_spice = read_library("piezomotor_mode").subcircuit + "\n"
-    circuit.X(
-        "mode", "piezomotor_mode", 0, 0, 0, 0, 0, "x", "y", "vx", "vy", "elastic", 0,
-        mass=mass, stiffness=stiffness, damping=subject.damping_n_s_per_m, preload=1e-6 * stiffness,
-    )  # fmt: skip
+    circuit.raw_spice = definitions(read_library("piezomotor_mode"), read_library("piezomotor_tip")) + "\n"
+    spring = {"stiffness": stiffness, "damping": subject.damping_n_s_per_m}
+    ends = ("force", "damped", "elastic")
+    circuit.X("mode", "piezomotor_mode", 0, 0, 0, *ends, 0, mass=mass, preload=1e-6 * stiffness, **spring)
+    circuit.X("tip", "piezomotor_tip", *ends, 0, 0, "x", "y", "vx", "vy", **spring)
     for node in ("x", "y", "vx", "vy"):
         circuit.R(node, node, circuit.gnd, 1)
     waves = transient(circuit, periods / subject.frequency_hz, "v(y)", step=step)

@@ -39,7 +39,7 @@ def code(text: str) -> list[str]:
 
 
 def test_the_parts_of_a_motor_are_there() -> None:
-    parts = ("contact", "group", "mode", "mount", "normal", "rotor")
+    parts = ("contact", "group", "mode", "mount", "normal", "rotor", "tip")
     assert set(LIBRARIES) >= {f"piezomotor_{part}" for part in parts}
 
 
@@ -128,8 +128,10 @@ SAME = {  # library parameter: the model's field; both refuse the same values
     ("piezomotor_mode", "stiffness"): (Mode, "stiffness_n_per_m"),
     ("piezomotor_mode", "coupling_a"): (Mode, "coupling_a_n_per_v"),
     ("piezomotor_mode", "coupling_b"): (Mode, "coupling_b_n_per_v"),
-    ("piezomotor_mode", "tip_x"): (Mode, "tip_x"),
-    ("piezomotor_mode", "tip_y"): (Mode, "tip_y"),
+    ("piezomotor_tip", "damping"): (Mode, "damping_n_s_per_m"),
+    ("piezomotor_tip", "stiffness"): (Mode, "stiffness_n_per_m"),
+    ("piezomotor_tip", "tip_x"): (Mode, "tip_x"),
+    ("piezomotor_tip", "tip_y"): (Mode, "tip_y"),
     ("piezomotor_group", "capacitance"): (Piezo, "capacitance_a_f"),
     ("piezomotor_contact", "normal_stiffness"): (Contact, "normal_stiffness_n_per_m15"),
     ("piezomotor_contact", "mu"): (Contact, "friction"),
@@ -166,7 +168,7 @@ OWN = {  # what the model states otherwise: zero loss is written as next to none
 
 
 def test_every_parameter_is_accounted_for() -> None:
-    parts = ("bearing", "contact", "group", "mode", "mount", "rotor")
+    parts = ("bearing", "contact", "group", "mode", "mount", "rotor", "tip")
     parameters = {(f"piezomotor_{p}", q.name) for p in parts for q in read_library(f"piezomotor_{p}").parameters}
     assert parameters - OWN == SAME.keys(), "is the range that of the model?"
 
@@ -241,6 +243,7 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "driver_averaged": {"out_re_v": (0.1318911, 1e-4), "out_im_v": (-3.1776246, 1e-5)},
     # θ U / c at resonance; 3 Hz between the points of a 240 Hz wide peak: at most (1.5/119)² = 1.6e-4 below it
     "piezomotor_mode": {"peak_velocity_m_s": (0.12 / 15.0, 2e-4)},
+    "piezomotor_tip": {"y_um": (2.0 * 0.5, 1e-9), "vy_m_s": (2.0 * 0.1, 1e-9), "force_n": (8.0, 1e-9)},
     # 6480 N on 10 g for 100 ns
     "piezomotor_mode_soft": {"velocity_m_s": (-0.0648, 1e-4)},
     # slides: μ F₀; tip and rotor do not approach, so that the normal force is the preload to rounding
@@ -489,9 +492,9 @@ def test_malformed_library_is_refused(damage: Callable[[str], str], sentence: st
 
 def test_unknown_library_is_refused() -> None:
     with pytest.raises(ParameterError) as caught:
-        read_library("piezomotor_gear")
+        read_library("piezomotor_group_thermals")
     assert str(caught.value) == (
-        f"There is no library 'piezomotor_gear' in behavioral/; there are {', '.join(LIBRARIES)}."
+        "There is no library 'piezomotor_group_thermals' in behavioral/. Did you mean 'piezomotor_group_thermal'?"
     )
 
 
