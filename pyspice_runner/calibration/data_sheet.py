@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numbers of a motor's data sheet: checked, and computed of a motor by its steady states."""
+"""The numbers of a motor's data sheet: checked, and as measured operating points."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
 
-from pyspice_runner.errors import ParameterError, SimulationError
+import numpy as np
+
+from pyspice_runner.calibration.points import CURRENT, LOAD, POWER, SPEED, Points
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import TwoPhaseDrive
-from pyspice_runner.motor.motor import Motor
-from pyspice_runner.run.point import Point
-from pyspice_runner.steady.balanced import balanced_states
-from pyspice_runner.steady.harmonic_balance import Balance
-from pyspice_runner.steady.steady import steady_states
 
 GROUPS = 2
 
@@ -119,71 +116,29 @@ class DataSheet:
     @property
     def errors(self) -> dict[str, float]:
         """The relative standard deviation of each of :attr:`measured`."""
+        own = {"speed": self.speed_error, "current": self.current_error, "power": self.current_error}
+        return {
+            key: next((error for word, error in own.items() if word in key), self.load_error) for key in self.measured
+        }
 
-        def error(key: str) -> float:
-            if "speed" in key:
-                return self.speed_error
-            return self.current_error if key in ("rated_current_rms_a", "rated_power_w") else self.load_error
+    def points(self, keys: Sequence[str]) -> Points:
+        """Return numbers of :attr:`measured` as measured points: without a load, held at stall, and rated.
 
-        return {key: error(key) for key in self.measured}
-
-    def computed(self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str]) -> dict[str, float]:
-        """Return numbers of :attr:`measured` of a motor, by ngspice.
-
-        Raises:
-            SimulationError: if it has no steady state.
+        They are logarithmic, since a motor that is to be found may be a factor off.
         """
-        setups = self._points(motor, drive, keys)
-        states = dict(zip(setups, steady_states(list(setups.values())), strict=True)) if setups else {}
-        for name, state in states.items():
-            if not state.converged:
-                raise SimulationError(
-                    f"The motor has no steady state at this drive, {name.replace('_', ' ')}. Check frequency and "
-                    "phase_deg, or start from another base."
-                )
-        every = {name: {**one.quantities, "speed_rad_s": one.speed_rad_s} for name, one in states.items()}
-        return _numbers(keys, every)
-
-    def balanced(
-        self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str], near: dict[str, Balance]
-    ) -> dict[str, float]:
-        """Return the same by harmonic balance, NaN where it has no solution.
-
-        Args:
-            motor: the motor.
-            drive: its drive.
-            keys: the numbers.
-            near: solutions of a motor nearby, by load; those of this motor take their place.
-        """
-        setups = self._points(motor, drive, keys)
-        found = balanced_states(list(setups.values()), [near.get(name) for name in setups]) if setups else []
-        if any(state is None for state in found):
-            return dict.fromkeys(keys, float("nan"))
-        states = {name: state for name, state in zip(setups, found, strict=True) if state is not None}
-        near |= {name: state.solution for name, state in states.items()}
-        return _numbers(keys, {name: state.values for name, state in states.items()})
-
-    def _points(self, motor: Motor, drive: TwoPhaseDrive, keys: Sequence[str]) -> dict[str, Point]:
-        """Return the operating points at which numbers hold, by their load."""
-        loads: dict[str, dict[str, Any]] = {"no_load": {"load_torque": 0.0}, "stall": {"speed": 0.0}}
-        if self.rated_speed is not None:
-            loads["rated"] = {"speed": self.rated_speed}
-        elif self.rated_load is not None:
-            loads["rated"] = {"load_torque": self.rated_load}
-        wanted = {name: load for name, load in loads.items() if any(key.startswith(name) for key in keys)}
-        return {name: Point.of(motor, drive, audit=False, **load) for name, load in wanted.items()}
-
-
-def _numbers(keys: Sequence[str], states: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    found = {}
-    for key in keys:
-        values = states[next(name for name in states if key.startswith(name))]
-        if "speed" in key:
-            found[key] = values["speed_rad_s"]
-        elif key == "rated_current_rms_a":
-            found[key] = sqrt((values["current_a_rms_a"] ** 2 + values["current_b_rms_a"] ** 2) / GROUPS)
-        elif key == "rated_power_w":
-            found[key] = values["power_a_w"] + values["power_b_w"]
-        else:
-            found[key] = values["torque_n_m" if key.startswith("stall") else "load_torque_n_m"]
-    return found
+        held = self.rated_speed is not None
+        loads: dict[str, dict[str, float | None]] = {
+            "no_load": {"load.torque": 0.0, "load.speed": None}, "stall": {"load.torque": 0.0, "load.speed": 0.0},
+            "rated": {"load.torque": 0.0 if held else self.rated_load, "load.speed": self.rated_speed},
+        }  # fmt: skip
+        used = [name for name in loads if any(key.startswith(name) for key in keys)]
+        quantities = {"speed": SPEED, "stall": "torque_n_m", "current": CURRENT, "power": POWER}
+        every = self.measured
+        return Points(
+            source="the data sheet",
+            conditions=tuple(loads[name] for name in used),
+            rows=tuple(next(row for row, name in enumerate(used) if key.startswith(name)) for key in keys),
+            quantities=tuple(next((own for word, own in quantities.items() if word in key), LOAD) for key in keys),
+            values=np.log([every[key] for key in keys]), errors=np.array([self.errors[key] for key in keys]),
+            errors_given=True, logarithmic=True,
+        )  # fmt: skip

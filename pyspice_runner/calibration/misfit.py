@@ -35,9 +35,9 @@ class SetFit:
     probability: float  # of a sum that is as large, if the model holds
 
 
-def weights_of(residuals: Array, scale: float = 1.0, outlier: float = OUTLIER) -> Array:
-    """Return the weights that Huber's loss gives to residuals; ``outlier`` is where it becomes linear."""
-    return np.minimum(1.0, outlier * scale / np.maximum(np.abs(residuals), 1e-12))
+def weights_of(residuals: Array, scale: float = 1.0) -> Array:
+    """Return the weights that Huber's loss gives to residuals."""
+    return np.minimum(1.0, OUTLIER * scale / np.maximum(np.abs(residuals), 1e-12))
 
 
 def huber(residuals: Array) -> Array:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""A motor from spectra of its groups and numbers of its data sheet, or from a data sheet alone.
+"""A motor from spectra of its groups and numbers of its data sheet, or from a data sheet alone.
 
-The spectra give frequencies, quality factors, capacitances and, for every coupling, θ/√m (:mod:`..spectra.twoport`).
-The remaining values are fitted to the mechanical measurements by least squares, in the logarithms of both:
+The spectra give frequencies, quality factors, capacitances and, for every coupling, θ/√m
+(:mod:`~pyspice_runner.impedance.two_port_fit`). The remaining values are fitted to the numbers of the data sheet, which
+are measured points with relative errors, as in :func:`~pyspice_runner.calibrate`:
 
 ==================================  ==============================================
 measured                            fitted
@@ -13,59 +14,59 @@ resonances under preload            ``contact.normal_stiffness_n_per_m15``, and 
                                     tangential compliances of tip and rotor together
 ==================================  ==============================================
 
-With the Jacobian J of the measured logarithms, each over its relative deviation, the fitted ones have the covariance
-:math:`(J^T J)^{-1}`. A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two
-poorly. Therefore the contact stiffnesses of the base motor, which follow from its materials, count as measurements
-with a deviation of 20 %. All other values of contact and rotor are those of the base motor. Current and power at a
-rated point are further measurements of the same values.
+A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two poorly. Therefore the
+contact stiffnesses of the base motor, which follow from its materials, have a prior width of 20 %. All other values of
+contact and rotor are those of the base motor. Current and power at a rated point are further measurements of the same
+values.
 
 Without spectra the motor is a member of the class of the base motor (:mod:`.motor_class`): stall and no-load speed
 give the factors of force and speed, and current and power at a rated point decide on quality factors, capacitances and
-friction, which count as measurements with the width of the class.
+friction, whose priors are the widths of the class.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from functools import cached_property
+from math import inf, log, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from pyspice_runner.calibration import motor_class
-from pyspice_runner.calibration import provenance as origins
 from pyspice_runner.calibration.data_sheet import DataSheet
-from pyspice_runner.calibration.provenance import Origin
+from pyspice_runner.calibration.prediction import DIFFERENCE, Prediction, Predictor
+from pyspice_runner.calibration.provenance import Annotated, Origin, of_class, of_spectra
 from pyspice_runner.calibration.similar import as_stage
+from pyspice_runner.calibration.unknowns import Unknown
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.impedance.one_port_fit import fit_one_port
 from pyspice_runner.impedance.spectrum import Connection, Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_groups
-from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor, Provenance
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
-from pyspice_runner.steady.harmonic_balance import Balance
+from pyspice_runner.run.point import Point
+from pyspice_runner.run.waveforms import Array
 
+_STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor
+_CAPACITANCES = (1.0, 0.25, 0.5, 2.0, 4.0)  # factors to start from
+_LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
+_MISSED = 3.0  # standard deviations of a measured number from that of the motor: one in 400 is beyond by chance
 _STEPS = 10  # searches, each followed by steady states of ngspice
 _CLOSE = 0.1  # of a standard deviation: the difference between ngspice and harmonic balance no longer changes
-_STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor
-_DIFFERENCE = 0.002  # of a logarithm, for the derivatives: harmonic balance is smooth
 _REACH = 0.5  # scale of a step, of a logarithm
-_CAPACITANCES = (1.0, 0.25, 0.5, 2.0, 4.0)  # factors to start from
-_END, _MOST = 1e-4, 60  # relative gain of a step at the end of a search, and most steps
-_LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
-_FAR = 3.0  # standard deviations of a measured number from that of the motor: one in 400 is beyond by chance
-
-Pairs = Sequence[tuple[float, float]]
-Vector = NDArray[np.float64]
+_END, _MOST = 1e-4, 60  # relative gain of a step at the end of a search, and maximum number of steps
 _STIFFNESS = "contact.normal_stiffness_n_per_m15"
 _COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangential_compliance_rotor_m_per_n23"
+_MASS = "mass_kg"
+
+Pairs = Sequence[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -152,7 +153,7 @@ def motor_from(
     loads in N. The rotor of another ``base`` becomes a slider that moves as its rim.
 
     Args:
-        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`.fit_spectrum`; ``None`` for a
+        spectra: of the free stator: a two-port, or one-ports by connection, see :func:`fit_spectrum`; ``None`` for a
             motor of the class of ``base``, which takes a stall load and a no-load speed.
         preloaded: spectrum of the stator pressed on its rotor, of a two-port that through ``connection``.
         no_load_speed: rad/s, or m/s, at ``voltage`` and ``frequency``.
@@ -202,21 +203,193 @@ def motor_from(
         for word, value in {"preloaded": preloaded, "mass_kg": mass_kg, "modes": modes, "tips": tips}.items():
             if value is not None:
                 raise ParameterError(f"{word} goes with spectra of the free stator; give these too, or leave it out.")
-        task = _of_class(sheet, foundation, at, name)
+        family = _of_class(sheet, foundation, at, name)
     else:
-        task = _of_spectra(spectra, sheet, foundation, at, preloaded, connection, mass_kg, modes, tips, name)
-    values, relative = _fitted(task, progress)
-    motor, standard_errors, found = task.annotated(values, relative)
-    if task.drive is not None:
-        table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": task.drive.phase_deg}
+        pressed = _resonances(preloaded, connection)
+        family = _of_spectra(spectra, sheet, foundation, at, pressed, mass_kg, modes, tips, name)
+    x, relative = _fitted(family, progress)
+    computed = family.computed(x)
+    found = family.annotated(x, relative)
+    motor, origins = found.motor, found.origins
+    if family.drive is not None:
+        table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": family.drive.phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
-        given = Origin("data sheet")
-        found |= {"drive.voltage": given, "drive.frequency": given}
-    computed = task.computed(values, list(task.measured))
-    return MotorFrom(
-        motor, standard_errors, task.measured, computed, found, task.fit,
-        ((*task.fit.cautions,) if task.fit else ()) + _missed(task, computed),
-    )  # fmt: skip
+        origins |= dict.fromkeys(("drive.voltage", "drive.frequency"), Origin("data sheet"))
+    cautions = ((*family.fit.cautions,) if family.fit else ()) + _missed(family, computed)
+    return MotorFrom(motor, found.errors, family.measured, computed, origins, family.fit, cautions)
+
+
+@dataclass(frozen=True)
+class _Resonances:
+    """Measured resonances of a stator under preload: a curve of a calibration, in logarithms."""
+
+    along: ClassVar[str] = "number"
+    quantities: ClassVar[tuple[str, ...]] = ("frequency_hz",)
+    smooth: ClassVar[bool] = True
+
+    source: str
+    measured: Array
+    errors: Array  # relative
+
+    @property
+    def file(self) -> str:
+        """Name of the file."""
+        return self.source
+
+    @property
+    def at(self) -> Array:
+        """Numbers of the resonances."""
+        return np.arange(1.0, len(self.measured) + 1.0)
+
+    @property
+    def conditions(self) -> dict[str, float | None]:
+        """None that are measured."""
+        return {}
+
+    def errors_at(self, _: Array | None) -> Array:
+        """Return the relative standard errors."""
+        return self.errors
+
+    def predicted(self, point: Point, *, fine: bool) -> Array:  # noqa: ARG002 # one model is both
+        """Return the resonances of a motor with a linear contact, each the closest to a measured one."""
+        found = np.log(np.maximum(point.motor.pressed_stator.resonances(), 1e-9))
+        return np.asarray(found[linear_sum_assignment(np.abs(self.measured[:, None] - found))[1]])
+
+
+@dataclass(frozen=True)
+class _Family:
+    """The motors that fit the data, and the measurements that one of them must have."""
+
+    motor: Callable[[Mapping[str, float]], Motor]  # of the fitted values
+    sheet: DataSheet
+    drive: TwoPhaseDrive | None
+    values: dict[str, float]  # the most likely ones before the measurements
+    priors: dict[str, float]  # relative standard deviations of those that are known
+    base: Motor
+    fit: TwoPortFit | None = None
+    resonances: _Resonances | None = None
+    checks: tuple[str, ...] = ()  # measurements that only check the motor
+    borrowed: int = 0  # number of modes whose tips are those of the base
+    start: Array | None = None  # coordinates, if not those of the values
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """All measurements."""
+        own = np.exp(self.resonances.measured).tolist() if self.resonances else []
+        return self.sheet.measured | {
+            f"preloaded_resonance_{number}_hz": value for number, value in enumerate(own, start=1)
+        }
+
+    @cached_property
+    def predictor(self) -> Predictor:
+        """The measurements to fit as a function of the coordinates of the fitted values."""
+        keys = [key for key in self.sheet.measured if key not in self.checks]
+        drive = self.drive or default_drive(self.base)
+        return Predictor(
+            Point.of(self.base, drive, audit=False),
+            tuple(Unknown(name, value, 1e-9 * value, 1e9 * value, "", self.priors.get(name), wide=inf)
+                  for name, value in self.values.items()),
+            self.sheet.points(keys) if keys else None, (self.resonances,) if self.resonances else (),
+            motor_of=lambda base, values: replace(base, motor=self.motor(values)),
+        )  # fmt: skip
+
+    def computed(self, x: Array) -> dict[str, float]:
+        """Compute all measured quantities by ngspice. Raise SimulationError if one is not known, or not above zero."""
+        every, keys = self.measured, list(self.sheet.measured)
+        if not every:
+            return {}
+        points = replace(self.sheet.points(keys), logarithmic=False) if keys else None
+        (found,) = replace(self.predictor, points=points).at([x], fine=True)
+        values = np.append(found.values[: len(keys)], np.exp(found.values[len(keys) :]))
+        computed = dict(zip(every, values.tolist(), strict=True))
+        for key in (key for key, value in computed.items() if np.isnan(value)):
+            load = "no load" if key.startswith("no_load") else key.partition("_")[0]
+            raise SimulationError(
+                f"The motor has no steady state at this drive, {load}. Check frequency and phase_deg, or start from "
+                "another base."
+            )
+        if not all(value > 0.0 for value in computed.values()):
+            numbers = ", ".join(f"{key} = {value:.3g}" for key, value in computed.items())
+            raise SimulationError(
+                f"The motor does not run in the positive direction at this drive: {numbers}. "
+                "Check frequency, phase_deg and the tips of the modes, or start from a base that is closer."
+            )
+        return computed
+
+    def annotated(self, x: Array, relative: Mapping[str, float]) -> Annotated:
+        """Return the motor with provenance, the standard error of each value, and the origins."""
+        motor = self.motor(self.predictor.values(x))
+        if self.fit is None:
+            return of_class(motor, self.base, relative, list(self.measured))
+        origin = Provenance("assumed", f"those of {self.base.name}; state your own by tips")
+        places = {f"modes.{index}.{key}": origin for index in range(self.borrowed) for key in ("tip_x", "tip_y")}
+        motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
+        targets = [key for key in self.measured if key not in self.checks]
+        return of_spectra(motor, self.fit, relative, targets, _STIFFNESS_ERROR)
+
+
+def _fitted(family: _Family, progress: Callable[[int, int], object] | None) -> tuple[Array, dict[str, float]]:
+    """Return the coordinates of the fitted values, and their relative standard errors.
+
+    The search runs with harmonic balance, whose values contain the difference to ngspice where the last search ended.
+    It is repeated until this difference stays the same, so that the result is that of ngspice. Unlike a calibration it
+    may start far from the solution, with less data than values: it needs no robust loss, but one scale of all steps.
+    """
+    predictor, unknowns = family.predictor, family.predictor.unknowns
+    if not unknowns:
+        return np.zeros(0), {}
+    prior = np.array([unknown.weight for unknown in unknowns])
+    near: Prediction | None = None
+
+    def residuals(x: Array) -> Array:
+        nonlocal near
+        (found,) = predictor.at([x], near)
+        near = found if np.isfinite(found.values).all() else near
+        return np.append((found.values + shift - predictor.measured) / predictor.errors, prior * x)
+
+    def slope(x: Array) -> Array:
+        here = residuals(x)
+        columns = [residuals(x + step) - here for step in DIFFERENCE * np.eye(len(x))]
+        return np.asarray(np.nan_to_num(np.array(columns).T / DIFFERENCE), dtype=float)
+
+    x = np.zeros(len(unknowns)) if family.start is None else family.start
+    shift: Array = np.full(len(predictor.measured), np.inf)
+    for number in range(1, _STEPS + 1):
+        if progress is not None:
+            progress(number, _STEPS)
+        computed = np.log([value for key, value in family.computed(x).items() if key not in family.checks])
+        before, shift = shift, np.zeros(len(computed))
+        balanced = predictor.errors * residuals(x)[: len(computed)] + predictor.measured
+        shift = computed - balanced
+        if not np.all(np.isfinite(shift)):
+            raise SimulationError(
+                "Harmonic balance does not find the motion of this motor. Check the drive, or start from another base."
+            )
+        if np.all(np.abs(shift - before) < _CLOSE * predictor.errors):
+            jacobian = slope(x)
+            errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+            return x, dict(zip(family.values, errors.tolist(), strict=True))
+        x = least_squares(residuals, x, slope, x_scale=_REACH, xtol=_END, ftol=_END, max_nfev=_MOST).x
+    worst = float(np.abs(residuals(x)).max())
+    raise SimulationError(
+        f"No motor was found with the measured numbers in {_STEPS} steps; they are off by {worst:.3g} standard "
+        "deviations. Check the drive, or start from another base."
+    )
+
+
+def _missed(family: _Family, computed: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence for each number that the motor does not have."""
+    errors = family.sheet.errors
+    if family.resonances:
+        names = [key for key in family.measured if key not in errors]
+        errors |= dict(zip(names, family.resonances.errors.tolist(), strict=True))
+    return tuple(
+        f"The motor does not have the measured {key} = {value:.4g}: it has {computed[key]:.4g}, "
+        f"{abs(log(computed[key] / value)) / errors[key]:.2g} standard deviations away. The numbers do not go "
+        "together with a motor of this kind."
+        for key, value in family.measured.items()
+        if key not in family.checks and abs(log(computed[key] / value)) > _MISSED * errors[key]
+    )
 
 
 def _drive(sheet: DataSheet, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
@@ -231,19 +404,8 @@ def _drive(sheet: DataSheet, at: Mapping[str, float | None], phase_deg: float) -
     return drive
 
 
-def _missed(task: _Task, computed: Mapping[str, float]) -> tuple[str, ...]:
-    """Return a sentence for each number that the motor does not have."""
-    return tuple(
-        f"The motor does not have the measured {key} = {value:.4g}: it has {computed[key]:.4g}, "
-        f"{abs(np.log(computed[key] / value)) / task.errors[key]:.2g} standard deviations away. The numbers do not go "
-        "together with a motor of this kind."
-        for key, value in task.measured.items()
-        if key in task.targets and abs(np.log(computed[key] / value)) > _FAR * task.errors[key]
-    )
-
-
-def _of_class(sheet: DataSheet, base: Motor, at: Mapping[str, float | None], name: str) -> _Task:
-    """Return the motor of the class of another one as a function of what a data sheet decides."""
+def _of_class(sheet: DataSheet, base: Motor, at: Mapping[str, float | None], name: str) -> _Family:
+    """Return the motors of the class of another one."""
     if sheet.no_load_speed is None or sheet.stall is None:
         raise ParameterError(
             "A motor from a data sheet alone takes its no-load speed and its stall torque or stall force. Give both, "
@@ -252,30 +414,27 @@ def _of_class(sheet: DataSheet, base: Motor, at: Mapping[str, float | None], nam
     own = motor_class.class_drive(base, at["phase_deg"])
     drive = _drive(sheet, at, own.phase_deg)
     assert drive is not None
-    speed, stall = (key for key in sheet.measured if not key.startswith("rated"))
-    there = sheet.computed(base, own, [speed, stall])
-    _check_forward(there)
-    start = {motor_class.FORCE: sheet.stall / there[stall], motor_class.SPEED: sheet.no_load_speed / there[speed]}
-    if len(sheet.measured) > len(start):
-        start |= dict.fromkeys(motor_class.PRIORS, 1.0) | {motor_class.FRICTION: base.contact.friction}
+    limits = replace(sheet, rated_speed=None, rated_load=None, rated_current=None, rated_power=None)
+    there = _Family(lambda _: base, limits, own, {}, {}, base).computed(np.zeros(0))
+    speed, stall = there.values()
+    values = {motor_class.FORCE: sheet.stall / stall, motor_class.SPEED: sheet.no_load_speed / speed}
+    priors = {}
+    if len(sheet.measured) > len(values):
+        priors = motor_class.PRIORS
+        values |= dict.fromkeys(priors, 1.0) | {motor_class.FRICTION: base.contact.friction}
     factors = drive.frequency / own.frequency, drive.voltage / own.voltage
-    priors = {key: (start[key], width) for key, width in motor_class.PRIORS.items() if key in start}
-
-    def motor(values: Mapping[str, float]) -> Motor:
-        return motor_class.member(base, values, *factors, name)
-
-    task = _Task(motor, sheet, drive.updated({"ratio_b": own.ratio_b}), start, priors, base)
-    if (measured := sheet.rated_current) is None:
-        return task
-
+    family = _Family(
+        lambda values: motor_class.member(base, values, *factors, name), sheet, drive.updated({"ratio_b": own.ratio_b}),
+        values, priors, base,
+    )  # fmt: skip
+    if sheet.rated_current is None:
+        return family
     # Where the motion is inductive, the current falls and rises with the capacitance: start on the right side.
-    def missed(capacitance: float) -> float:
-        (current,) = task.balanced(start | {motor_class.CAPACITANCE: capacitance}, ["rated_current_rms_a"], {})
-        distance = abs(float(current) - np.log(measured)) / sheet.current_error
-        return distance if np.isfinite(distance) else np.inf
-
-    best = min(_CAPACITANCES, key=missed)
-    return replace(task, start=start | {motor_class.CAPACITANCE: best})
+    place, current = list(values).index(motor_class.CAPACITANCE), list(sheet.measured).index("rated_current_rms_a")
+    starts = [log(factor) * np.eye(len(values))[place] for factor in _CAPACITANCES]
+    currents = np.array([one.values[current] for one in family.predictor.at(starts)])
+    distances = np.abs(currents - log(sheet.rated_current))
+    return replace(family, start=starts[int(np.argmin(np.where(np.isnan(distances), inf, distances)))])
 
 
 def _of_spectra(
@@ -283,51 +442,38 @@ def _of_spectra(
     sheet: DataSheet,
     base: Motor,
     at: Mapping[str, float | None],
-    preloaded: Spectrum | None,
-    connection: Connection,
+    resonances: _Resonances | None,
     mass_kg: float | Sequence[float] | None,
     modes: int | None,
     tips: Pairs | None,
     name: str,
-) -> _Task:
-    """Return the motor with the stator of the spectra as a function of what a data sheet decides."""
+) -> _Family:
+    """Return the motors with the stator of the spectra."""
     drive = _drive(sheet, at, 90.0)
     if mass_kg is None and sheet.no_load_speed is None:
         raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
     fit = fit_groups(spectra, modes)
-    shift = None
-    if preloaded is not None:
-        shift = _Shift(preloaded.driven(connection) if preloaded.ports == 2 else preloaded)
     borrowed = _tips(fit, base) if tips is None and mass_kg is None else None
-    contact, start = base.contact, dict[str, float]()
+    contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
-        start["contact.friction"] = contact.friction
+        values["contact.friction"] = contact.friction
     if mass_kg is None:
-        start["mass_kg"] = base.modes[0].mass_kg
-    if start or shift is not None:  # the contact decides on both
-        start[_STIFFNESS] = contact.normal_stiffness_n_per_m15
-        start[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
+        values[_MASS] = base.modes[0].mass_kg
+    if values or resonances:  # the contact decides on both
+        values[_STIFFNESS] = contact.normal_stiffness_n_per_m15
+        values[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
     ratio = contact.tangential_compliance_rotor_m_per_n23 / contact.tangential_compliance_tip_m_per_n23
 
     def motor(values: Mapping[str, float]) -> Motor:
-        changes = {path: value for path, value in values.items() if path != "mass_kg"}
+        changes = {path: value for path, value in values.items() if path != _MASS}
         if _COMPLIANCES[0] in changes:  # the compliances of tip and rotor keep their ratio
             changes[_COMPLIANCES[1]] = ratio * changes[_COMPLIANCES[0]]
-        mass = values.get("mass_kg", mass_kg)
+        mass = values.get(_MASS, mass_kg)
         return fit.to_motor(mass_kg=mass, tips=tips or borrowed, base=base.updated(changes), name=name)
 
-    priors = {key: (start[key], _STIFFNESS_ERROR) for key in (_STIFFNESS, _COMPLIANCES[0]) if key in start}
+    priors = dict.fromkeys((_STIFFNESS, _COMPLIANCES[0]), _STIFFNESS_ERROR)
     checks = () if mass_kg is None else tuple(key for key in sheet.measured if key.startswith("no_load"))
-    return _Task(motor, sheet, drive, start, priors, base, fit, shift, checks, len(borrowed or ()))
-
-
-def _check_forward(found: Mapping[str, float]) -> None:
-    if not all(value > 0.0 for value in found.values()):
-        said = ", ".join(f"{key} = {value:.3g}" for key, value in found.items())
-        raise SimulationError(
-            f"The motor does not run in the positive direction at this drive: {said}. "
-            "Check frequency, phase_deg and the tips of the modes, or start from a base that is closer."
-        )
+    return _Family(motor, sheet, drive, values, priors, base, fit, resonances, checks, len(borrowed or ()))
 
 
 def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
@@ -340,137 +486,13 @@ def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
     return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, base.modes, strict=True)]
 
 
-@dataclass(frozen=True)
-class _Task:
-    """A motor as a function of the fitted values, and the measurements that it must reproduce."""
-
-    motor: Callable[[Mapping[str, float]], Motor]
-    sheet: DataSheet
-    drive: TwoPhaseDrive | None
-    start: dict[str, float]  # of the fitted values
-    priors: dict[str, tuple[float, float]]  # value and relative deviation of those that are known beforehand
-    base: Motor
-    fit: TwoPortFit | None = None
-    shift: _Shift | None = None
-    checks: tuple[str, ...] = ()  # measurements that only check the motor
-    borrowed: int = 0  # number of modes whose tips are those of the base
-
-    @property
-    def measured(self) -> dict[str, float]:
-        """All measurements."""
-        return self.sheet.measured | (self.shift.measured if self.shift else {})
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """Their relative standard deviations."""
-        return self.sheet.errors | (self.shift.errors if self.shift else {})
-
-    @property
-    def targets(self) -> list[str]:
-        """Measurements to fit."""
-        return [key for key in self.measured if key not in self.checks]
-
-    def computed(self, values: Mapping[str, float], keys: Sequence[str]) -> dict[str, float]:
-        """Compute the measured quantities for these values; all are above zero."""
-        motor = self.motor(values)
-        found = {} if self.shift is None else self.shift.computed(motor)
-        if self.drive is not None:
-            found |= self.sheet.computed(motor, self.drive, [key for key in keys if key not in found])
-        found = {key: found[key] for key in keys}
-        _check_forward(found)
-        return found
-
-    def balanced(self, values: Mapping[str, float], keys: Sequence[str], near: dict[str, Balance]) -> Vector:
-        """Compute their logarithms by harmonic balance, NaN where there is no motion (:meth:`.DataSheet.balanced`)."""
-        try:
-            motor = self.motor(values)
-        except ParameterError:  # there is no such motor
-            return np.full(len(keys), np.nan)
-        found = {} if self.shift is None else self.shift.computed(motor)
-        if self.drive is not None:
-            found |= self.sheet.balanced(motor, self.drive, [key for key in keys if key not in found], near)
-        every = np.array([found[key] for key in keys])
-        return np.asarray(np.log(np.where(every > 0.0, every, np.nan)), dtype=float)
-
-    def annotated(
-        self, values: Mapping[str, float], relative: Mapping[str, float]
-    ) -> tuple[Motor, dict[str, float], dict[str, Origin]]:
-        """Return the motor with provenance, the standard error of each value, and the origins."""
-        motor = self.motor(values)
-        if self.fit is None:
-            return origins.of_class(motor, self.base, relative, list(self.measured))
-        origin = Provenance("assumed", f"those of {self.base.name}; state your own by tips")
-        places = {f"modes.{index}.{key}": origin for index in range(self.borrowed) for key in ("tip_x", "tip_y")}
-        motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
-        return origins.of_spectra(motor, self.fit, relative, self.targets, _STIFFNESS_ERROR)
-
-
-class _Shift:
-    """Resonances of a stator under preload."""
-
-    def __init__(self, preloaded: Spectrum) -> None:
-        found = fit_one_port(preloaded, leads=False).resonances
-        if not found:
-            raise ParameterError(f"{preloaded.source or 'The preloaded spectrum'} shows no resonance in its band.")
-        names = [f"preloaded_resonance_{number}_hz" for number in range(1, len(found) + 1)]
-        self.measured = {name: arm.series_resonance_hz for name, arm in zip(names, found, strict=True)}
-        self.errors = {
-            name: max((arm.standard_errors["series_resonance_hz"] or 0.0) / arm.series_resonance_hz, _LINEAR)
-            for name, arm in zip(names, found, strict=True)
-        }
-
-    def computed(self, motor: Motor) -> dict[str, float]:
-        """Return the resonances in Hz of a preloaded motor with a linear contact, each closest to a measured one."""
-        found = motor.pressed_stator.resonances()
-        distances = np.abs(np.log(np.array(list(self.measured.values()))[:, None] / np.maximum(found, 1e-9)))
-        rows, columns = linear_sum_assignment(distances)
-        names = list(self.measured)
-        return {names[row]: float(found[column]) for row, column in zip(rows, columns, strict=True)}
-
-
-def _fitted(task: _Task, progress: Callable[[int, int], object] | None) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the fitted values, and their relative standard errors.
-
-    The search runs with harmonic balance, whose values contain the difference to ngspice where the last search ended.
-    It is repeated until this difference stays the same, so that the result is that of ngspice.
-    """
-    start, keys = task.start, task.targets
-    if not start:
-        return {}, {}
-    names, near = list(start), dict[str, Balance]()
-    prior = np.array([task.priors.get(name, (1.0, np.inf)) for name in names])
-    measured = np.log([task.measured[key] for key in keys])
-    errors = np.array([task.errors[key] for key in keys])
-
-    def plain(logarithms: Vector) -> dict[str, float]:
-        return dict(zip(names, np.exp(logarithms).tolist(), strict=True))
-
-    def residuals(logarithms: Vector) -> Vector:
-        missed = (task.balanced(plain(logarithms), keys, near) + shift - measured) / errors
-        return np.append(missed, (logarithms - np.log(prior[:, 0])) / prior[:, 1])
-
-    def slope(logarithms: Vector) -> Vector:
-        here = residuals(logarithms)
-        columns = [residuals(logarithms + step) - here for step in _DIFFERENCE * np.eye(len(names))]
-        return np.asarray(np.nan_to_num(np.array(columns).T / _DIFFERENCE), dtype=float)
-
-    point, shift = np.log(list(start.values())), np.full(len(keys), np.inf)
-    for number in range(1, _STEPS + 1):
-        if progress is not None:
-            progress(number, _STEPS)
-        there = np.log(list(task.computed(plain(point), keys).values()))
-        before, shift = shift, there - task.balanced(plain(point), keys, near)
-        if not np.all(np.isfinite(shift)):
-            raise SimulationError(
-                "Harmonic balance does not find the motion of this motor. Check the drive, or start from another base."
-            )
-        if np.all(np.abs(shift - before) < _CLOSE * errors):
-            jacobian = slope(point)
-            relative = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-            return plain(point), dict(zip(names, relative.tolist(), strict=True))
-        point = least_squares(residuals, point, slope, x_scale=_REACH, xtol=_END, ftol=_END, max_nfev=_MOST).x
-    worst = float(np.abs(residuals(point)).max())
-    raise SimulationError(
-        f"No motor was found with the measured numbers in {_STEPS} steps; they are off by {worst:.3g} standard "
-        "deviations. Check the drive, or start from another base."
-    )
+def _resonances(preloaded: Spectrum | None, connection: Connection) -> _Resonances | None:
+    """Return the resonances of a spectrum of the stator pressed on its rotor."""
+    if preloaded is None:
+        return None
+    found = fit_one_port(preloaded.driven(connection) if preloaded.ports == 2 else preloaded, leads=False).resonances
+    if not found:
+        raise ParameterError(f"{preloaded.source or 'The preloaded spectrum'} shows no resonance in its band.")
+    errors = [(arm.standard_errors["series_resonance_hz"] or 0.0) / arm.series_resonance_hz for arm in found]
+    measured = np.log([arm.series_resonance_hz for arm in found])
+    return _Resonances(preloaded.source, measured, np.maximum(errors, _LINEAR))

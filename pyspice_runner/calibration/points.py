@@ -98,6 +98,7 @@ class Points:
     values: Array  # measured values, SI units
     errors: Array  # their standard errors
     errors_given: bool  # whether the errors are those of the measurement; if not, only their ratios count
+    logarithmic: bool = False  # whether values and predictions are logarithms, and errors relative
 
     def __len__(self) -> int:
         return len(self.conditions)

@@ -41,13 +41,12 @@ from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady import shooting
 from pyspice_runner.steady.balanced import QUANTITIES, BalancedState, balanced_states, balances
 from pyspice_runner.steady.harmonic_balance import Balance
-from pyspice_runner.steady.steady import SteadyState, steady_states
+from pyspice_runner.steady.steady import ACCURACY, SteadyState, steady_states
 
 # of a coordinate, for the derivative. The torque by ngspice varies from event to event of a step (2e-3 of mu F0 R), and
 # a run-up with the steps that an estimated error selects (3e-5 of the speed): the coarse difference changes both more,
 # and their curvature stays small. Harmonic balance is smooth
 COARSE_DIFFERENCE, DIFFERENCE = 0.05, 0.002
-ACCURACY = 2e-3  # of the friction torque, where the coarse step is compared with finer ones
 LARGEST_DIFFERENCE = 0.2  # of the span of a quantity: another motion, or one that the harmonics do not describe
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
 
@@ -298,7 +297,7 @@ class Predictor:
         return found, replace(fine, solutions=fast.solutions, peaks=fast.peaks)
 
     def _far(self, fast: Prediction, fine: Prediction) -> bool:
-        """Whether a point by the fast model is missing, or farther off than :data:`LARGEST_DIFFERENCE`."""
+        """Whether a point by the fast model is missing, or too far off."""
         assert self.points is not None
         names = np.array(self.points.quantities)
         for name in self.points.quantities:
@@ -313,12 +312,13 @@ class Predictor:
             return Prediction(np.full(len(self.measured), np.nan))
         parts, states = [], trial.states
         if points := self.points:
-            parts.append(np.array([
+            own = np.array([
                 trial.peaks[place].frequency_hz if quantity == RESONANCE
                 else measured_of(_values(states[row]), quantity, measured) if _sound(states[row]) else np.nan
                 for place, (row, quantity, measured) in
                 enumerate(zip(points.rows, points.quantities, points.values.tolist(), strict=True))
-            ]))  # fmt: skip
+            ])  # fmt: skip
+            parts.append(np.log(np.where(own > 0.0, own, np.nan)) if points.logarithmic else own)
         for one in self.curves:
             try:
                 parts.append(one.predicted(self.point(trial.motor, one.conditions, trial.thermal), fine=fine))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, inf, sqrt
 from typing import Any
 
 from pyspice_runner.calibration import motor_class
@@ -14,7 +14,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, Provenance
 
-_DECIDED = 0.9  # of what was known before, below which the measurements count as having added something
+_IMPROVED = 0.9  # of the prior width, below which the measurements count as having added something
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,31 @@ class Origin:
         return self.kind if self.width is None else f"{self.kind}, {motor_class.spread(self.width)}"
 
 
+@dataclass(frozen=True)
+class Annotated:
+    """A motor with provenance, the standard error of each value in its unit, and the origin of each value."""
+
+    motor: Motor
+    errors: dict[str, float]
+    origins: dict[str, Origin]
+
+
+def words_of(measured: Sequence[str]) -> str:
+    """Return names of measurements without their units, in words."""
+    return "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in measured)
+
+
+def value_of(motor: Motor, path: str) -> float:
+    """Return a value of a motor; 0 for one that is not known."""
+    value: Any = motor.model_dump()
+    for key in path.split("."):
+        value = value[int(key)] if isinstance(value, list | tuple) else value[key]
+    return float(value or 0.0)
+
+
 def of_spectra(
     motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], targets: Sequence[str], known: float
-) -> tuple[Motor, dict[str, float], dict[str, Origin]]:
+) -> Annotated:
     """Return a motor with the stator of its spectra.
 
     Args:
@@ -45,70 +67,57 @@ def of_spectra(
         fit: of the spectra.
         relative: fitted value → its relative standard error.
         targets: names of the measurements to which they were fitted.
-        known: relative deviation of the contact's stiffnesses beforehand.
-
-    Returns:
-        The motor with provenance, the standard error of each value in its unit, and the origin of each value.
+        known: prior relative standard deviation of the contact's stiffnesses.
     """
+    contact = {path: share for path, share in relative.items() if path != "mass_kg"}
+    errors = _errors_of_modes(motor, fit, relative.get("mass_kg", 0.0))
+    errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
+    errors |= {path: share * value_of(motor, path) for path, share in contact.items()}
+    provenance = dict(motor.provenance)
+    note = f"fitted to {words_of(targets)} by steady_state"
+    # where the measurements improve on the base motor
+    provenance |= {path: Provenance("derived", note) for path, share in contact.items() if share < _IMPROVED * known}
+    for path, error in errors.items():
+        if path.endswith("mass_kg"):
+            provenance[path] = Provenance("derived", f"{note}, one for all modes")
+        origin = provenance.get(path, Provenance("derived", f"fitted to {fit.source}"))
+        provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
+    origins = {}
+    for path, own in provenance.items():
+        if path.startswith("drive."):
+            continue
+        value = abs(value_of(motor, path))
+        width = errors[path] / value if path in errors and value else None
+        of_sheet = path.startswith("contact.") or path.endswith("mass_kg")
+        if own.kind == "assumed":
+            origins[path] = Origin("class average", width or motor_class.width(path))
+        elif of_sheet:
+            origins[path] = Origin("derived" if width else "stated", width)
+        else:
+            origins[path] = Origin("spectrum" if own.kind == "derived" else "stated", width)
+    return Annotated(motor.model_copy(update={"provenance": provenance}), errors, origins)
+
+
+def _errors_of_modes(motor: Motor, fit: TwoPortFit, mass_error: float) -> dict[str, float]:
+    """Return the standard errors of the modes: path → error. The stiffness has that of the mass and the resonance."""
     errors: dict[str, float] = {}
-    mass_error = relative.get("mass_kg", 0.0)
     for index, (mode, found) in enumerate(zip(motor.modes, fit.modes, strict=True)):
         quality = found.standard_errors["quality_factor"] / found.quality_factor
         place = found.standard_errors["series_resonance_hz"] / found.series_resonance_hz
         shares = {
             "mass_kg": mass_error,
-            "stiffness_n_per_m": sqrt(mass_error**2 + (2.0 * place) ** 2),
-            "damping_n_s_per_m": sqrt(mass_error**2 + quality**2 + place**2),
+            "stiffness_n_per_m": hypot(mass_error, 2.0 * place),
+            "damping_n_s_per_m": hypot(mass_error, quality, place),
         }
         errors |= {f"modes.{index}.{key}": share * getattr(mode, key) for key, share in shares.items() if share}
         for group, coupling in zip(GROUPS, mode.couplings, strict=True):
             name = groups.column("coupling", group, "n_per_v")
             own = found.standard_errors[f"{name}_kg05"] * sqrt(mode.mass_kg)
-            errors[f"modes.{index}.{name}"] = sqrt(own**2 + (0.5 * mass_error * coupling) ** 2)
-    errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
-    contact = {path: share for path, share in relative.items() if path != "mass_kg"}
-    errors |= {path: share * getattr(motor.contact, path.partition(".")[2]) for path, share in contact.items()}
-    provenance = dict(motor.provenance)
-    source = "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in targets)
-    for path, share in contact.items():
-        if share < _DECIDED * known:  # the measurements improve on the base motor
-            provenance[path] = Provenance("derived", f"fitted to {source} by steady_state")
-    for path, error in errors.items():
-        if path.endswith("mass_kg"):
-            provenance[path] = Provenance("derived", f"fitted to {source} by steady_state, one for all modes")
-        origin = provenance.get(path, Provenance("derived", f"fitted to {fit.source}"))
-        provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
-    motor = motor.model_copy(update={"provenance": provenance})
-    return motor, errors, _origins(motor, errors)
+            errors[f"modes.{index}.{name}"] = hypot(own, 0.5 * mass_error * coupling)
+    return errors
 
 
-def _origins(motor: Motor, errors: Mapping[str, float]) -> dict[str, Origin]:
-    """Return the origin of each value of a motor with the stator of its spectra."""
-    found = {}
-    for path, origin in motor.provenance.items():
-        if path.startswith("drive."):
-            continue
-        value = abs(_value(motor, path))
-        width = errors[path] / value if path in errors and value else None
-        if origin.kind == "assumed":
-            found[path] = Origin("class average", width or motor_class.width(path))
-        elif path.startswith("contact.") or path.endswith("mass_kg"):
-            found[path] = Origin("derived" if width else "stated", width)
-        else:
-            found[path] = Origin("spectrum" if origin.kind == "derived" else "stated", width)
-    return found
-
-
-def _value(motor: Motor, path: str) -> float:
-    value: Any = motor.model_dump()
-    for key in path.split("."):
-        value = value[int(key)] if isinstance(value, list | tuple) else value[key]
-    return float(value or 0.0)
-
-
-def of_class(
-    motor: Motor, base: Motor, relative: Mapping[str, float], measured: Sequence[str]
-) -> tuple[Motor, dict[str, float], dict[str, Origin]]:
+def of_class(motor: Motor, base: Motor, relative: Mapping[str, float], measured: Sequence[str]) -> Annotated:
     """Return a motor of a class.
 
     Args:
@@ -116,12 +125,8 @@ def of_class(
         base: that represents the class.
         relative: fitted value → its relative standard error.
         measured: names of the numbers of the data sheet.
-
-    Returns:
-        The motor with provenance, the standard error of what the data sheet decides, and the origin of each value.
     """
-    decided = {key: share for key, share in relative.items() if share < _DECIDED * motor_class.PRIORS.get(key, 0.0)}
-    sources = {
+    factors = {
         "contact.friction": motor_class.FRICTION,
         **{f"modes.{number}.damping_n_s_per_m": motor_class.QUALITY for number in range(len(motor.modes))},
         **{f"modes.{number}.tip_y": motor_class.NORMAL for number in range(len(motor.modes))},
@@ -132,18 +137,19 @@ def of_class(
     paths += [f"{section}.{key}" for section in ("piezo", "contact", motor.moved, "mount")
               for key in document[section] or {}]  # fmt: skip
     origins, errors, provenance = dict[str, Origin](), dict[str, float](), dict[str, Provenance]()
-    said = "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in measured)
+    words = words_of(measured)
     for path in paths:
-        value, key = _value(motor, path), sources.get(path)
+        value, factor = value_of(motor, path), factors.get(path, "")
         if not value:  # an effect that is off
             continue
-        if key in decided:
-            errors[path] = decided[key] * abs(value)
-            origins[path] = Origin("derived", decided[key])
-            provenance[path] = Provenance("derived", f"fitted to {said}; standard error {errors[path]:.2g}")
+        share = relative.get(factor, inf)
+        if share < _IMPROVED * motor_class.PRIORS.get(factor, 0.0):
+            errors[path] = share * abs(value)
+            origins[path] = Origin("derived", share)
+            provenance[path] = Provenance("derived", f"fitted to {words}; standard error {errors[path]:.2g}")
         else:
             width = motor_class.width(path)
             origins[path] = Origin("class average", width)
-            note = f"class average: that of {base.name}, scaled to {said}"
+            note = f"class average: that of {base.name}, scaled to {words}"
             provenance[path] = Provenance("assumed", note + (f"; {motor_class.spread(width)}" if width else ""))
-    return motor.model_copy(update={"provenance": provenance}), errors, origins
+    return Annotated(motor.model_copy(update={"provenance": provenance}), errors, origins)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from pyspice_runner.calibration.misfit import OUTLIER, huber, weights_of
+from pyspice_runner.calibration.misfit import huber, weights_of
 from pyspice_runner.calibration.prediction import Prediction, Predictor
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.waveforms import Array
@@ -39,10 +39,9 @@ class Tolerances:
     # short one differences of ngspice are noise.
     long: float = 0.1
     short: float = 0.025
-    outlier: float = OUTLIER  # standard errors beyond which a residual counts linearly
 
 
-CALIBRATION = Tolerances()
+TOLERANCES = Tolerances()
 
 
 class Search:
@@ -52,14 +51,12 @@ class Search:
         predictor: the model; that of the result has the difference to ngspice at the solution.
         resumed: place of an interrupted search.
         keep: is called with each place at which the difference to ngspice is taken.
-        tolerances: where it ends.
     """
 
     def __init__(
-        self, predictor: Predictor, resumed: Array | None = None, keep: Callable[[Array], object] = lambda _: None,
-        tolerances: Tolerances = CALIBRATION,
-    ) -> None:  # fmt: skip
-        self.predictor, self.resumed, self.keep, self.tolerances = predictor, resumed, keep, tolerances
+        self, predictor: Predictor, resumed: Array | None = None, keep: Callable[[Array], object] = lambda _: None
+    ) -> None:
+        self.predictor, self.resumed, self.keep = predictor, resumed, keep
         self.bounds = np.array([unknown.bounds for unknown in predictor.unknowns]).T
         self.prior = np.array([unknown.weight for unknown in predictor.unknowns])
         self.found: dict[bytes, Prediction] = {}
@@ -74,13 +71,12 @@ class Search:
         Raises:
             SimulationError: if there is no steady state at the start.
         """
-        allowed = self.tolerances
         x = np.clip(np.zeros(len(self.prior)), self.bounds[0] + _INSIDE, self.bounds[1] - _INSIDE)
         if self.resumed is not None:
             x = np.clip(self.resumed, *self.bounds)
         elif starts > 1:
             x = self._best(x, starts)
-        for _ in range(allowed.refinements):
+        for _ in range(TOLERANCES.refinements):
             self.predictor, here = self.predictor.refined(x, self.prediction(x))
             if not here.known:
                 raise SimulationError(
@@ -91,13 +87,13 @@ class Search:
             self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
             residuals = self.residuals(x)
             size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
-            self.roots = np.sqrt(weights_of(residuals, size, allowed.outlier))
+            self.roots = np.sqrt(weights_of(residuals, size))
             self._jacobian(x)
-            if self._gain() < (allowed.rough_gain if self.predictor.rough else allowed.settled):
+            if self._gain() < (TOLERANCES.rough_gain if self.predictor.rough else TOLERANCES.settled):
                 break
             x = np.asarray(least_squares(
                 lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
-                xtol=allowed.close, ftol=allowed.close, gtol=1e-12, max_nfev=allowed.steps, callback=self._end,
+                xtol=TOLERANCES.close, ftol=TOLERANCES.close, gtol=1e-12, max_nfev=TOLERANCES.steps, callback=self._end,
             ).x)  # fmt: skip
         return x
 
@@ -151,15 +147,15 @@ class Search:
         return np.asarray(self.roots[:, None] * slope)
 
     def _followed(self, x: Array, residuals: Array, before: Array, known: Array, slope: Array) -> Array:
-        step, allowed, rough = x - before, self.tolerances, self.predictor.rough
+        step, rough = x - before, self.predictor.rough
         length = float(np.linalg.norm(step))
-        if length > (allowed.long if rough else allowed.short):
+        if length > (TOLERANCES.long if rough else TOLERANCES.short):
             return self._slope(x)
-        return slope if rough and length < allowed.short else broyden(slope, residuals - known, step)
+        return slope if rough and length < TOLERANCES.short else broyden(slope, residuals - known, step)
 
     def _end(self, _: object) -> None:
         """End the search of the optimiser where a further step would gain too little."""
-        if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.gain):
+        if self._gain() < (TOLERANCES.rough_gain if self.predictor.rough else TOLERANCES.gain):
             raise StopIteration
 
     def _gain(self) -> float:

@@ -27,7 +27,34 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.motor import Motor, Provenance, assemble
+
+_MASS, _STIFFNESS, _DAMPING = (1.0, -1.0, -2.0, 0.0), (1.0, -1.0, 0.0, 0.0), (1.0, -1.0, -1.0, 0.0)
+_FORCE, _LENGTH, _SPEED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 1.0, 1.0, 0.0)
+_NUMBER = (0.0, 0.0, 0.0, 0.0)
+_EXPONENTS = {  # field of a motor → exponents of force, displacement, frequency and voltage
+    **dict.fromkeys(("mass_kg", "inertia_kg_m2", "recoil_kg", "recoil_x_kg"), _MASS),
+    **dict.fromkeys(("stiffness_n_per_m", "tangential_stiffness_n_per_m"), _STIFFNESS),
+    **dict.fromkeys(("damping_n_s_per_m", "tangential_damping_n_s_per_m"), _DAMPING),
+    **dict.fromkeys(("bearing_damping_n_m_s", "guide_damping_n_s_per_m"), _DAMPING),
+    **dict.fromkeys(("preload_n", "bearing_friction_n_m", "guide_friction_n"), _FORCE),
+    **dict.fromkeys(("bearing_presliding_rad", "guide_presliding_m"), _LENGTH),
+    **dict.fromkeys(("restitution_velocity_m_s", "stribeck_velocity_m_s"), _SPEED),
+    **dict.fromkeys(("coupling_a_n_per_v", "coupling_b_n_per_v"), (1.0, 0.0, 0.0, -1.0)),
+    **dict.fromkeys(("capacitance_a_f", "capacitance_b_f", "capacitance_ab_f"), (1.0, 1.0, 0.0, -2.0)),
+    **dict.fromkeys(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), (-1.0, 1.0, 0.0, 0.0)),
+    **dict.fromkeys(("softening_per_m2", "damping_growth_per_m2"), (0.0, -2.0, 0.0, 0.0)),
+    "normal_stiffness_n_per_m15": (1.0, -1.5, 0.0, 0.0),
+    "tangential_compliance_tip_m_per_n23": (-2.0 / 3.0, 1.0, 0.0, 0.0),
+    "tangential_compliance_rotor_m_per_n23": (-2.0 / 3.0, 1.0, 0.0, 0.0),
+    **dict.fromkeys(("loss_tangent", "friction", "restitution", "sliding_ratio", "tip_x", "tip_y"), _NUMBER),
+    "radius_m": _NUMBER,  # of the rotor
+}
+_TRAVELS = ("bearing_presliding_rad", "guide_presliding_m")
+LEAST_TRAVEL = 1e-5  # in their ranges; a steady state does not depend on them
+# of a tip whose size is not known: no pressure, no tension, no wear
+_UNKNOWN = {"effective_radius_m": None, "poisson": None, "specific_wear_rate_m3_per_n_m": None}
 
 
 @dataclass(frozen=True)
@@ -39,53 +66,17 @@ class Factors:
     frequency: float
     voltage: float
 
-    @property
-    def length(self) -> float:
-        """Factor of a displacement."""
-        return self.speed / self.frequency
-
     def of(self, key: str) -> float:
-        """Return the factor of a value of a motor; 1 for one without a dimension, and for the radius of a rotor."""
-        force, length = self.force, self.length
-        found = {
-            "mass_kg": force / (length * self.frequency**2),
-            "stiffness_n_per_m": force / length,
-            "damping_n_s_per_m": force / self.speed,
-            "force_n": force,
-            "coupling": force / self.voltage,
-            "capacitance": force * length / self.voltage**2,
-            "length_m": length,
-            "length_per_force": length / force,
-            "per_m2": length**-2,
-            "speed_m_s": self.speed,
-            "normal_stiffness_n_per_m15": force / length**1.5,
-            "tangential_compliance": length / force ** (2.0 / 3.0),
-        }
-        return found[_KINDS[key]] if key in _KINDS else 1.0
+        """Return the factor of a field of a motor; 1 for one without a dimension, and for the radius of a rotor.
 
-
-_KINDS = {
-    **dict.fromkeys(("mass_kg", "inertia_kg_m2", "recoil_kg", "recoil_x_kg"), "mass_kg"),
-    **dict.fromkeys(("stiffness_n_per_m", "tangential_stiffness_n_per_m"), "stiffness_n_per_m"),
-    **dict.fromkeys(
-        ("damping_n_s_per_m", "tangential_damping_n_s_per_m", "bearing_damping_n_m_s", "guide_damping_n_s_per_m"),
-        "damping_n_s_per_m",
-    ),
-    **dict.fromkeys(("preload_n", "bearing_friction_n_m", "guide_friction_n"), "force_n"),
-    **dict.fromkeys(("coupling_a_n_per_v", "coupling_b_n_per_v"), "coupling"),
-    **dict.fromkeys(("capacitance_a_f", "capacitance_b_f", "capacitance_ab_f"), "capacitance"),
-    **dict.fromkeys(("bearing_presliding_rad", "guide_presliding_m"), "length_m"),
-    **dict.fromkeys(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), "length_per_force"),
-    **dict.fromkeys(("softening_per_m2", "damping_growth_per_m2"), "per_m2"),
-    **dict.fromkeys(("restitution_velocity_m_s", "stribeck_velocity_m_s"), "speed_m_s"),
-    "normal_stiffness_n_per_m15": "normal_stiffness_n_per_m15",
-    "tangential_compliance_tip_m_per_n23": "tangential_compliance",
-    "tangential_compliance_rotor_m_per_n23": "tangential_compliance",
-}
-_TRAVELS = ("bearing_presliding_rad", "guide_presliding_m")
-LEAST_TRAVEL = 1e-5  # in their ranges; a steady state does not depend on them
-# of a tip whose size is not known: no pressure, no tension, no wear
-_UNKNOWN = {"effective_radius_m": None, "poisson": None, "specific_wear_rate_m3_per_n_m": None}
+        Raises:
+            ParameterError: for a field whose dimension is not known.
+        """
+        if key not in _EXPONENTS:
+            raise ParameterError(f"A similar motor cannot be made: it is not known how {key} scales.")
+        force, length, frequency, voltage = _EXPONENTS[key]
+        displacement = self.speed / self.frequency
+        return float(self.force**force * displacement**length * self.frequency**frequency * self.voltage**voltage)
 
 
 def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, Provenance]) -> Motor:
@@ -95,16 +86,17 @@ def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, P
         ParameterError: if a value leaves its range.
     """
     document = motor.model_dump() | {"name": name, "limits": None}
+    document["contact"] |= _UNKNOWN | {"worn_flat_radius_m": 0.0}
     document["modes"] = [_grown(mode, factors) for mode in document["modes"]]
     for section in ("piezo", "contact", motor.moved, "mount"):
         if document[section] is not None:
             document[section] = _grown(document[section], factors)
-    document["contact"] |= _UNKNOWN | {"worn_flat_radius_m": 0.0}
     return assemble(document, None, dict(provenance), where=f"a motor similar to {motor.name}")
 
 
 def _grown(table: Mapping[str, Any], factors: Factors) -> dict[str, Any]:
-    found = {key: factors.of(key) * value if isinstance(value, float) else value for key, value in table.items()}
+    found = {key: factors.of(key) * value if value and not isinstance(value, str) else value
+             for key, value in table.items()}  # fmt: skip
     return found | {key: max(found[key], LEAST_TRAVEL) for key in _TRAVELS if key in found}
 
 

@@ -47,7 +47,7 @@ class Judgement:
         self.residuals: Array = np.where(self.known, search.residuals(x), 0.0)
         slope = predictor.jacobian(x, self.here, central=True) / predictor.errors[:, None]
         self.slope = np.vstack([slope, np.diag(search.prior)])
-        weights = weights_of(self.residuals, outlier=search.tolerances.outlier) * self.known
+        weights = weights_of(self.residuals) * self.known
         weighted = self.slope * np.sqrt(weights)[:, None]
         priors = count + np.array([at for at, one in enumerate(predictor.unknowns) if one.prior is not None], dtype=int)
         self.freedom = int(self.known[:count].sum()) + len(priors) - len(x)
