@@ -14,7 +14,7 @@ import numpy as np
 from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, drive_words, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 
 TOLERANCES = {
     "contact.friction": (0.20, "friction"),
@@ -32,8 +32,8 @@ def draw(folder: Path) -> list[str]:
     speeds = {"run.speed": SPEEDS}
     tolerances = {path: pr.Tolerance(relative) for path, (relative, _) in TOLERANCES.items()}
     keep = {"torque": "torque_n_m"}
-    nominal = pr.sweep(motor, drive, over=speeds, analysis=operating_point, quantities=keep)["torque"]
-    swept = pr.sweep(motor, drive, over=speeds | tolerances, analysis=operating_point, quantities=keep, samples=SAMPLES)
+    nominal = pr.sweep(motor, drive, over=speeds, analysis=held_point, quantities=keep)["torque"]
+    swept = pr.sweep(motor, drive, over=speeds | tolerances, analysis=held_point, quantities=keep, samples=SAMPLES)
     cloud = swept["torque"]
     low, median, high = 1e3 * cloud.quantile([0.05, 0.5, 0.95], dim="sample").values
 

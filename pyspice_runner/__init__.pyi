@@ -27,6 +27,7 @@ from .impedance.scope import read_recording as read_recording
 from .impedance.spectrum import Spectrum as Spectrum
 from .motor.beam import resonator_modes as resonator_modes
 from .motor.circuit_file import load_circuit as load_circuit
+from .motor.drive import Load as Load
 from .motor.drive import TwoPhaseDrive as TwoPhaseDrive
 from .motor.drive import TwoToneDrive as TwoToneDrive
 from .motor.drive import default_drive as default_drive
@@ -35,10 +36,10 @@ from .motor.load import load_motor as load_motor
 from .motor.motor import Motor as Motor
 from .motor.shaft import ShaftLoad as ShaftLoad
 from .motor.thermal import Thermal as Thermal
+from .operating_point import OperatingPoint as OperatingPoint
 from .run.simulate import simulate as simulate
 from .steady.branch import steady_branch as steady_branch
 from .steady.small_signals import small_signals as small_signals
-from .steady.speed_torque import operating_point as operating_point
 from .steady.speed_torque import speed_torque as speed_torque
 from .steady.steady import steady_state as steady_state
 from .steady.working_points import working_points as working_points

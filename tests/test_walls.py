@@ -47,6 +47,7 @@ WALLS = {
     "calibration": CORE | {"averaged", "impedance", "steady", "sweeps"},
     "view": CORE
     | {"averaged", "calibration", "control", "datasets", "drivers", "export", "impedance", "steady", "trackers"},
+    "operating_point": CORE | {"averaged", "drivers", "steady"},
     "commands": CORE
     | {"", "calibration", "control", "drivers", "export", "impedance", "steady", "sweeps", "trackers", "view"},
     "cli": {"commands", "interrupts", ""},

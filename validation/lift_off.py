@@ -26,7 +26,7 @@ from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.parameters import Mode, Piezo
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.period_map import PeriodMap
-from pyspice_runner.steady.shooting import Point, Shooting, balance, start_point
+from pyspice_runner.steady.shooting import Orbit, Shooting, balance, start_point
 from pyspice_runner.steady.steady import SteadyState
 from tests.motors import mode, motor
 from validation.campaign import Campaign
@@ -138,7 +138,7 @@ def _starts(plant: Plant) -> dict[str, bool]:
 def _run_long(plant: Plant) -> dict[str, Any]:
     """Run a motor from rest; return whether its motion is then periodic, and the share of time in which it is open."""
     period_map = PeriodMap(plant.drive.period, STEPS, LONGEST_CHECK)
-    point: Point = start_point(plant)
+    point: Orbit = start_point(plant)
     state, decays = np.zeros(plant.order), DECAYS
     longest = decays * max(2.0 * one.mass_kg / one.damping_n_s_per_m for one in plant.motor.modes)
     for place, one in enumerate(plant.motor.modes):

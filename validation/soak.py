@@ -35,7 +35,7 @@ from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Ro
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.trackers.loop_filter import DisturbanceKind
 from validation.campaign import Campaign
 
@@ -366,7 +366,7 @@ def _run(subject: Case) -> dict[str, Any]:
     if isinstance(subject.drive, pr.Tracker):
         return pr.track(subject.motor, subject.drive, margin=False, **settings).to_dict()
     if subject.question == "operating_point":
-        return operating_point(subject.motor, subject.drive, **settings)
+        return held_point(subject.motor, subject.drive, **settings)
     return pr.simulate(subject.motor, subject.drive, **settings).to_dict()
 
 

@@ -27,7 +27,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import Shooting
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState
 from validation.campaign import Campaign
 from validation.soak import Case, case
@@ -90,7 +90,7 @@ def _verdict(subject: Case, state: SteadyState, point: dict[str, Any]) -> str:
     history = STUCK in state.cautions  # torque and normal force depend on it
     if not history and POINT * Dynamometer(setup).duration / setup.step < QUICK:
         try:
-            settled = operating_point(subject.motor, subject.drive, mode="settle", **point)
+            settled = held_point(subject.motor, subject.drive, mode="settle", **point)
         except (pr.ParameterError, pr.SimulationError):
             settled = {"settled": False}
         if settled["settled"]:

@@ -51,7 +51,7 @@ LARGEST_DIFFERENCE = 0.2  # of the span of a quantity: another motion, or one th
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
 
 State = SteadyState | BalancedState | None
-Solution = shooting.Point | Balance | None
+Solution = shooting.Orbit | Balance | None
 
 
 class Curve(Protocol):
@@ -253,7 +253,7 @@ class Predictor:
         if self.balanced and not fine:
             states = balanced_states(setups, [start if isinstance(start, Balance) else None for start in starts])
         else:
-            own = [start if isinstance(start, shooting.Point) else None for start in starts]
+            own = [start if isinstance(start, shooting.Orbit) else None for start in starts]
             states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
         self.counter.add(len(states))
         return states

@@ -141,6 +141,11 @@ class AuditOptions(Options):
 
     audit: common.AuditOption = True
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings of an analysis."""
+        return {"audit": self.audit}
+
 
 @dataclass(frozen=True)
 class Targets(Options):

@@ -183,9 +183,9 @@ def _question(
 ) -> dict[str, Any]:
     """Return the analysis of a point, what is kept of it, and the settings that are not given."""
     if analysis == "operating-point":
-        from pyspice_runner.steady.speed_torque import operating_point
+        from pyspice_runner.steady.speed_torque import held_point
 
-        return {"analysis": operating_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
+        return {"analysis": held_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
     if isinstance(excitation, pr.Driver) and analysis == "driver-state":
         from pyspice_runner.drivers.state import driver_state
 

@@ -57,8 +57,8 @@ from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
-from pyspice_runner.run.point import Point as OperatingPoint
-from pyspice_runner.steady.shooting import Point
+from pyspice_runner.run.point import Point
+from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.steady import SteadyState, steady_states
 
 PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
@@ -119,7 +119,7 @@ def propose_matching(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    ideal = OperatingPoint.of(
+    ideal = Point.of(
         motor, drive, speed=speed, load_torque=0.0 if speed is not None else load_torque, contact=contact,
         timeout=timeout, audit=False,
     )  # fmt: skip
@@ -153,7 +153,7 @@ class _NotFeasibleError(Exception):
     """There is no such driver; the message says why and what can be done."""
 
 
-def _range(ideal: OperatingPoint) -> dict[str, SteadyState]:
+def _range(ideal: Point) -> dict[str, SteadyState]:
     """Return the steady states at stall, at the operating point and at no load with the wanted voltages at the pins."""
     held, free = replace(ideal, load=Load(speed=0.0)), replace(ideal, load=Load())
     given = ideal.load.speed is not None or ideal.load.torque != 0.0
@@ -164,7 +164,7 @@ def _range(ideal: OperatingPoint) -> dict[str, SteadyState]:
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 
 
-def _solved(points: Sequence[OperatingPoint], starts: Sequence[Point | None], *, surely: bool) -> list[SteadyState]:
+def _solved(points: Sequence[Point], starts: Sequence[Orbit | None], *, surely: bool) -> list[SteadyState]:
     """Return steady states behind a driver; if ``surely``, those that Newton's method does not find at once, too."""
     found = steady_states(points, accuracy=ACCURACY, waveforms=True, starts=starts)
     lost = [place for place, state in enumerate(found) if surely and not state.converged]
@@ -198,7 +198,7 @@ class _Search:
 
     def __init__(
         self,
-        ideal: OperatingPoint,
+        ideal: Point,
         drive: TwoPhaseDrive,
         driver: Driver,
         rail: float | None,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import date
 from functools import cache, wraps
 from numbers import Real
-from typing import Any, ParamSpec, Self, TypeVar
+from typing import Any, ParamSpec, Self, TypeVar, get_args, get_type_hints
 
 from pydantic import ConfigDict, ValidationError, validate_call
 
@@ -211,8 +211,9 @@ def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Re
     """Check the names and types of a function's arguments by pydantic's ``validate_call``, not their ranges.
 
     A number of NumPy's becomes one of Python's. The function raises ParameterError for an unknown or missing argument,
-    or a value of another type.
+    or a value of another type. Keywords that are the ``Unpack`` of a TypedDict are named one by one in its signature.
     """
+    _unpack_keywords(function)
     returned = function.__annotations__.pop("return", None)  # may name what only a type checker imports
     validated = validate_call(config=ConfigDict(arbitrary_types_allowed=True, strict=True))(function)
     function.__annotations__["return"] = returned
@@ -230,11 +231,27 @@ def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Re
     return call
 
 
+def _unpack_keywords(function: Callable[..., Any]) -> None:
+    """Name the keywords ``**settings: Unpack[TypedDict]`` one by one in a signature, with their defaults."""
+    *others, last = inspect.signature(function, eval_str=False).parameters.values()
+    if last.kind is not last.VAR_KEYWORD or "Unpack[" not in str(last.annotation):
+        return
+    (kind,) = get_args(eval(str(last.annotation), function.__globals__))
+    own = {parameter.name for parameter in others}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        if name not in own:
+            plain, field = get_args(hint)
+            others.append(inspect.Parameter(name, last.KEYWORD_ONLY, default=field.default, annotation=plain))
+            function.__annotations__[name] = plain
+    del function.__annotations__[last.name]
+    function.__signature__ = inspect.Signature(others, return_annotation=Any)  # type: ignore[attr-defined]
+
+
 def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
     """Return what is wrong with the arguments of a call, one sentence about the first that is wrong."""
     parameters = inspect.signature(function).parameters
     names = list(parameters)
-    where, faults = function.__name__, error.errors()
+    where, faults = function.__qualname__.removesuffix(".__init__").rpartition(".")[2], error.errors()
     first = next((fault for fault in faults if fault["type"].startswith("unexpected")), faults[0])
     place = first["loc"][0]
     if first["type"] == "unexpected_positional_argument":

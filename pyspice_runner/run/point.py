@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
-from typing import Any
+from typing import Annotated, Any, TypedDict
+
+from pydantic import Field
 
 from pyspice_runner.circuit.bench import FREE, Bench, motor_bench
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of
@@ -49,6 +51,44 @@ class Solver:
 
 
 DEFAULT = Solver()
+
+
+class RunSettings(TypedDict, total=False):
+    """Keywords of the analyses of a motor: the law of its contact, and how it is solved."""
+
+    contact: Annotated[
+        ContactLaw | None,
+        Field(
+            default="spring-slider",
+            description="law of the contact: 'spring-slider', the paper's; 'brush', which slips from the edge inwards; "
+            "'coulomb', without a spring along the tangent; the path of a law of the user's own; None for a free tip",
+        ),
+    ]
+    step: Annotated[
+        float | None,
+        Field(
+            default=None, description="longest time step in s; by default from the fastest motion of drive and motor"
+        ),
+    ]
+    timeout: Annotated[
+        float | None, Field(default=None, description="wall time in s after which a run of ngspice is ended")
+    ]
+
+
+class Settings(RunSettings, total=False):
+    """Keywords of the analyses of a motor with a load on its shaft."""
+
+    speed: Annotated[
+        float | None,
+        Field(default=None, description="speed in rad/s at which the shaft is held; None leaves it free"),
+    ]
+    load_torque: Annotated[
+        float,
+        Field(
+            default=0.0,
+            description="torque in N·m that a load draws from the free shaft, positive against the positive direction",
+        ),
+    ]
 
 
 @dataclass(frozen=True)

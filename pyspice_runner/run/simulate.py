@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from math import isfinite, sqrt
-from typing import Any
+from typing import Any, Unpack
 
 from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
-from pyspice_runner.circuit.law import ContactLaw
 from pyspice_runner.circuit.source import Excitation
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.interrupts import held
@@ -23,7 +22,7 @@ from pyspice_runner.run.audit import audit_run
 from pyspice_runner.run.ceramic import ceramic
 from pyspice_runner.run.dynamometer import delivering
 from pyspice_runner.run.kernel import Outcome, progress_callback
-from pyspice_runner.run.point import MOST_POINTS, Point
+from pyspice_runner.run.point import MOST_POINTS, Point, Settings
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
 from pyspice_runner.run.window import Window
 
@@ -39,10 +38,6 @@ def simulate(
     drive: Drive | Excitation,
     duration: float,
     *,
-    contact: ContactLaw | None = "spring-slider",
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    step: float | None = None,
     accuracy: float | None = None,
     thermal: Thermal | None = None,
     exact_resonance: bool = True,
@@ -50,8 +45,8 @@ def simulate(
     record_from: float = 0.0,
     record_every: int = 1,
     progress: Callable[[float, float], object] | None = None,
-    timeout: float | None = None,
     audit: bool = True,
+    **settings: Unpack[Settings],
 ) -> Waveforms:
     """Run a motor from rest under its preload; the drive comes on at t = 0.
 
@@ -63,11 +58,6 @@ def simulate(
         drive: the voltages of both groups, or what makes them: a driver circuit, or a tracker of the last mode; also a
             waveform (:class:`pyspice_runner.circuit.waveforms`).
         duration: simulated time in s.
-        contact: law of the contact: ``"spring-slider"``, the paper's; ``"brush"``, which slips from the edge inwards;
-            ``"coulomb"``, without a spring along the tangent; ``None`` for a free tip, which starts from r = 0.
-        speed: if given, the shaft is held at this speed, rad/s.
-        load_torque: torque in N·m that a load draws from the free shaft, positive against the positive direction.
-        step: uniform time step in s; by default from the accuracy, or the shortest period present over 128.
         accuracy: error allowed of the tip's trajectory, RMS relative to its motion, such as 0.005. The step is chosen
             so that :attr:`Waveforms.error_estimate` stays below it; a given step that is too coarse is an error. By
             default the error is estimated too, by two more runs with coarser steps that take 0.75 times as long;
@@ -79,27 +69,42 @@ def simulate(
         record_from: time in s from which on points are recorded: for a look at the end of a long run.
         record_every: number of steps from one recorded point to the next.
         progress: called several times a second with the fraction that is done, 0 to 1, and the remaining seconds.
-        timeout: wall time in s after which the run is ended.
         audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit`` has them.
+        settings: load, contact and solver, as in :class:`.Settings`.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
         Interrupted: when interrupted; ``partial`` has what was done, marked as not complete.
     """
-    setup = Point.of(
-        motor, drive, speed=speed, load_torque=load_torque, contact=contact, thermal=thermal, step=step,
-        accuracy=accuracy, exact_resonance=exact_resonance, timeout=timeout, audit=audit,
-    )  # fmt: skip
+    point = Point.of(
+        motor, drive, thermal=thermal, accuracy=accuracy, exact_resonance=exact_resonance, audit=audit, **settings
+    )
+    return simulated(
+        point, duration, signals=signals, record_from=record_from, record_every=record_every, progress=progress
+    )
+
+
+def simulated(
+    point: Point,
+    duration: float,
+    *,
+    signals: Sequence[str] | None = None,
+    record_from: float = 0.0,
+    record_every: int = 1,
+    progress: Callable[[float, float], object] | None = None,
+) -> Waveforms:
+    """Run an operating point from rest; the arguments are those of :func:`simulate`."""
+    step, accuracy = point.solver.step, point.solver.accuracy
     if accuracy is not None and step is None:
-        setup = setup.with_step(setup.shortest_period / points_per_period(accuracy))
-    _check_duration(setup, duration)
-    _check_recording(signals, record_from, record_every, duration, setup.step)
+        point = point.with_step(point.shortest_period / points_per_period(accuracy))
+    _check_duration(point, duration)
+    _check_recording(signals, record_from, record_every, duration, point.step)
     estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
     if accuracy is not None and not estimate:
         raise ParameterError("accuracy is the error of the tip: signals must have tip_x_m and tip_y_m.")
     for _ in range(_MOST_TRIALS):
-        run = _run(setup, duration, signals, record_from, record_every, estimate=estimate, progress=progress)
+        run = _run(point, duration, signals, record_from, record_every, estimate=estimate, progress=progress)
         if accuracy is None:
             return run
         if run.error_estimate is None:
@@ -107,16 +112,16 @@ def simulate(
         error = _MARGIN * run.error_estimate
         if error <= accuracy:
             return run
-        finer = setup.step * max(0.9 * sqrt(accuracy / error), 0.25)
+        finer = point.step * max(0.9 * sqrt(accuracy / error), 0.25)
         if step is not None:
             raise ParameterError(
-                f"step = {step:g} s is too coarse for accuracy = {accuracy:g}: its error is some {error:.2g}. "
+                f"step = {step:g} s is too coarse for accuracy = {accuracy:g}: its error is about {error:.2g}. "
                 f"It must be about {finer:.2g} s; leave the step out, and it is chosen."
             )
-        setup = setup.with_step(finer)
-        _check_recording(signals, record_from, record_every, duration, setup.step)
+        point = point.with_step(finer)
+        _check_recording(signals, record_from, record_every, duration, point.step)
     raise SimulationError(
-        f"No step down to {setup.step / 0.9:.2g} s reached accuracy = {accuracy:g}; the last error was some "
+        f"No step down to {point.step / 0.9:.2g} s reached accuracy = {accuracy:g}; the last error was about "
         f"{error:.2g}. The motion is likely chaotic: then only averages can be accurate. Run it with a step of your "
         "own."
     )

@@ -15,12 +15,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import ContactLaw
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive
@@ -28,13 +27,13 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.run.dynamometer import UNITS
 from pyspice_runner.run.paths import canonical
-from pyspice_runner.run.point import Point as OperatingPoint
+from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.period_map import PeriodMap, Trace, cores
 from pyspice_runner.steady.period_means import means, quantities
-from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
+from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Orbit, Shooting, start_point
 from pyspice_runner.units import linear_name, linear_words
 
 if TYPE_CHECKING:
@@ -66,12 +65,8 @@ def steady_branch(
     follow: str,
     start: float,
     stop: float,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    contact: ContactLaw | None = "spring-slider",
-    step: float | None = None,
     points: int = MOST_POINTS,
-    timeout: float | None = None,
+    **settings: Unpack[Settings],
 ) -> xarray.Dataset:
     """Follow a branch of steady states over a parameter, with its stable and unstable parts.
 
@@ -82,12 +77,8 @@ def steady_branch(
             ``load.speed``, ``load.torque``, ….
         start: value of the parameter at which the branch begins.
         stop: value at which it ends. It also ends where it comes back to ``start``.
-        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
-        load_torque: torque in N·m that a load draws from the free shaft.
-        contact: law of the contact, as in :func:`simulate`; ``None`` for a free tip.
-        step: longest time step in s; by default that of :func:`simulate`.
-        points: greatest number of points.
-        timeout: wall time in s after which a run of ngspice is ended.
+        points: maximum number of points.
+        settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
         The quantities of :func:`speed_torque` over ``point``, with the parameter, ``stable`` and ``start_state`` at
@@ -98,18 +89,14 @@ def steady_branch(
         ParameterError: for an invalid value.
         SimulationError: if there is no steady state at ``start``, or ngspice fails.
     """
-    if canonical(follow) in ({"load.speed"} if speed is not None else {"load.torque"} if load_torque else ()):
-        raise ParameterError(f"{canonical(follow)} is given twice. Give it once.")
-    point = OperatingPoint.of(
-        motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=False
-    )
-    return followed_branch(point, follow, start, stop, points)
+    return followed_branch(Point.of(motor, drive, audit=False, **settings), follow, start, stop, points)
 
 
-def followed_branch(
-    point: OperatingPoint, follow: str, start: float, stop: float, points: int = MOST_POINTS
-) -> xarray.Dataset:
+def followed_branch(point: Point, follow: str, start: float, stop: float, points: int = MOST_POINTS) -> xarray.Dataset:
     """Follow a branch from an operating point; the arguments are those of :func:`steady_branch`."""
+    given = {"load.speed": point.load.speed is not None, "load.torque": point.load.torque != 0.0}
+    if given.get(canonical(follow)):
+        raise ParameterError(f"{canonical(follow)} is given twice. Give it once.")
     if not np.isfinite([start, stop]).all() or start == stop:
         raise ParameterError(f"start = {start:g} and stop = {stop:g} are not valid: they must be different numbers.")
     if not 2 <= points <= MOST_POINTS:
@@ -125,7 +112,7 @@ def followed_branch(
 class _Family:
     """Plants that differ in one parameter."""
 
-    base: OperatingPoint  # the operating point at the nominal value of the parameter
+    base: Point  # the operating point at the nominal value of the parameter
     follow: str  # path of the parameter
     start: float  # first value of the parameter
     stop: float  # last value
@@ -136,7 +123,7 @@ class _Family:
         """Change of the parameter that counts as much as the size of the motion."""
         return SPAN * abs(self.stop - self.start)
 
-    def setup(self, value: float) -> OperatingPoint:
+    def setup(self, value: float) -> Point:
         """Return the operating point at a value of the parameter."""
         return self.base.updated({self.follow: value})
 
@@ -153,7 +140,7 @@ class _Family:
 class _Node:
     """A point of a branch: a solved point, its parameter, and the derivatives there."""
 
-    point: Point
+    point: Orbit
     value: float
     period_map: PeriodMap
     slope: Array  # of the scaled gap with respect to the scaled parameter
@@ -179,7 +166,7 @@ class _Node:
         return change
 
 
-def _first(family: _Family) -> Point:
+def _first(family: _Family) -> Orbit:
     """Return the solved point where the branch begins, from the free stator if that succeeds.
 
     Where two motions are possible, it is the one that stays in contact.
@@ -204,7 +191,7 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
         """Return the node at a state and parameter, with its derivatives; ``None`` where ngspice finds no period."""
         nudge = NUDGE * family.scale / SPAN
         here, there = family.at(value), family.at(value + nudge)
-        point = Point(here[0], state, scale)
+        point = Orbit(here[0], state, scale)
         states = [state, *(state + PERTURBATION * np.diag(scale))]
         with ThreadPoolExecutor(cores()) as pool:
             nudged = pool.submit(there[1].traces, [Copy(there[0], state)])
@@ -323,7 +310,7 @@ def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
 
 
 def dataset_of(
-    base: OperatingPoint,
+    base: Point,
     title: str,
     outcome: Mapping[str, tuple[str, str]],
     rows: Sequence[Mapping[str, Any]],

@@ -30,7 +30,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
-from pyspice_runner.run.point import Point as OperatingPoint
+from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, copy_name
 from pyspice_runner.steady.driven_copies import (
@@ -43,7 +43,7 @@ from pyspice_runner.steady.driven_copies import (
 )
 from pyspice_runner.steady.period_map import CONTACT, COPIES_PER_DECK, PeriodMap, Trace, cores
 from pyspice_runner.steady.period_means import current, loads
-from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Point, Shooting, start_point
+from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Orbit, Shooting, start_point
 from pyspice_runner.steady.threads import in_threads
 
 Array = NDArray[np.float64]
@@ -165,7 +165,7 @@ class DrivenShooting(Shooting):
     map: DrivenMap
     decks = 2  # of a derivative
 
-    def _evaluate(self, points: Sequence[Point]) -> None:
+    def _evaluate(self, points: Sequence[Orbit]) -> None:
         for point, trace in zip(
             points, self.map.traces([Copy(point.plant, point.state) for point in points]), strict=True
         ):
@@ -177,10 +177,10 @@ class DrivenShooting(Shooting):
                 point.step = point.newton_step()
                 point.judge()
 
-    def _renew(self, points: Sequence[Point]) -> None:
+    def _renew(self, points: Sequence[Orbit]) -> None:
         self.measure(points)
 
-    def measure(self, points: Sequence[Point]) -> None:
+    def measure(self, points: Sequence[Orbit]) -> None:
         """Measure the derivatives of points that have a trace."""
         decks = [
             [Copy(point.plant, state) for state in (point.state, *(point.state + part))]
@@ -192,7 +192,7 @@ class DrivenShooting(Shooting):
             point.differentiate([pair for _ in range(self.decks) for pair in next(found)])
 
 
-class DrivenPoint(Point):
+class DrivenPoint(Orbit):
     """A point with states, as the plates behind a bridge, that fade between the start of the run and the period."""
 
     @property
@@ -255,7 +255,7 @@ class DrivenPoint(Point):
 class Answer:
     """The answer to one operating point."""
 
-    point: Point  # the point at the finest step
+    point: Orbit  # the point at the finest step
     map: PeriodMap | None = None  # the map at that step; ``None`` if only the coarse step has been tried
     # the quantities of :data:`.dynamometer.UNITS`; empty without a solution.
     found: Mapping[str, float] = field(default_factory=dict)
@@ -263,7 +263,7 @@ class Answer:
     speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
 
 
-def check_driven(setup: OperatingPoint) -> None:
+def check_driven(setup: Point) -> None:
     """Raise a ParameterError for a source that shooting cannot handle."""
     source = setup.source
     settle = "Take mode = 'settle', or simulate it until it settles."
@@ -302,9 +302,9 @@ def _check_ringing(driver: Driver, settle: str) -> None:
 
 
 def driven_answers(
-    setups: Sequence[OperatingPoint],
-    starts: Sequence[Point | None],
-    near: Sequence[Point | None],
+    setups: Sequence[Point],
+    starts: Sequence[Orbit | None],
+    near: Sequence[Orbit | None],
     accuracy: float,
     processes: KeptProcesses,
 ) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
@@ -371,13 +371,13 @@ def _answer(
     return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
 
 
-def _friction(point: Point) -> float:
+def _friction(point: Orbit) -> float:
     """Return the friction torque under the preload, N·m."""
     motor = point.plant.motor
     return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
-def _behind_network(plant: DrivenPlant, start: Point) -> Array:
+def _behind_network(plant: DrivenPlant, start: Orbit) -> Array:
     """Return the state with the motor as it moves with ideal voltages at its pins, and the network to suit."""
     assert start.trace is not None
     drive, time = start.plant.drive, start.trace.time
@@ -459,9 +459,7 @@ def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: 
         point.method = ("settled" if decays else "newton") if point.done else ""
 
 
-def _metered(
-    setups: Sequence[OperatingPoint], points: Sequence[Point], period_map: DrivenMap
-) -> list[dict[str, float]]:
+def _metered(setups: Sequence[Point], points: Sequence[Orbit], period_map: DrivenMap) -> list[dict[str, float]]:
     """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
     places = [place for place, point in enumerate(points) if point.done]
 
@@ -481,7 +479,7 @@ class _Period(Dynamometer):
         return 1
 
 
-def _quantities(setup: OperatingPoint, point: Point, period_map: DrivenMap) -> dict[str, float]:
+def _quantities(setup: Point, point: Orbit, period_map: DrivenMap) -> dict[str, float]:
     bench = _Period(setup.with_step(period_map.step))
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
     inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}

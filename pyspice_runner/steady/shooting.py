@@ -53,7 +53,7 @@ SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs 
 
 
 @dataclass(eq=False)
-class Point:
+class Orbit:
     """One operating point on its way to the steady state."""
 
     plant: Plant  # motor, drive, load and law
@@ -217,7 +217,7 @@ class Point:
         changes = np.abs(self.force_slope @ step) / np.array([force, motor.contact.friction * force])
         return max(size, float(changes.max()))
 
-    def moved(self, begun: float, step: float | None = None) -> Point:
+    def moved(self, begun: float, step: float | None = None) -> Orbit:
         """Return the point with its period begun at another time in s, at the state that its orbit has there.
 
         Args:
@@ -242,7 +242,7 @@ class Point:
         """Return a copy for the map that starts at a state."""
         return Copy(self.plant, state, self.begun, reach=self.reach)
 
-    def guess(self, other: Point) -> None:
+    def guess(self, other: Orbit) -> None:
         """Start from the state and the derivative of another point."""
         self.restart(other.state)
         self.at_start, self.at_end, self.force_slope = other.at_start, other.at_end, other.force_slope
@@ -363,14 +363,14 @@ class Point:
         return np.asarray(values[np.argsort(-np.abs(values))])
 
 
-def between(points: Sequence[Point]) -> Point:
+def between(points: Sequence[Orbit]) -> Orbit:
     """Return a point in the middle of solved ones, with the mean of their derivatives, as a guess for another."""
     names = ("state", "at_start", "at_end", "force_slope")
     means: dict[str, Any] = {name: np.mean([getattr(point, name) for point in points], axis=0) for name in names}
     return replace(points[0], **means, measured_end=None, measured_at=None, guessed=True)
 
 
-def balance(points: Sequence[Point]) -> None:
+def balance(points: Sequence[Orbit]) -> None:
     """Let points start from harmonic balance, where that finds a start. Their drives have the same period."""
     for point, state in zip(points, harmonic_starts([point.plant for point in points]), strict=True):
         if state is not None:
@@ -378,7 +378,7 @@ def balance(points: Sequence[Point]) -> None:
             point.informed = differentiable(point.plant)
 
 
-def start_point(plant: Plant) -> Point:
+def start_point(plant: Plant) -> Orbit:
     """Return a point that starts from the response of the free stator, bent by the preload."""
     motor, n = plant.motor, plant.modes
     preload = motor.contact.preload_n if plant.law else 0.0
@@ -423,7 +423,7 @@ def start_point(plant: Plant) -> Point:
         *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem, *carrier,
         *turning,
     ])  # fmt: skip
-    return Point(plant, state, scale)
+    return Orbit(plant, state, scale)
 
 
 class Shooting:
@@ -432,12 +432,12 @@ class Shooting:
     With ``near`` the derivatives that points have are those of the same orbits at the same step.
     """
 
-    def __init__(self, points: Sequence[Point], period_map: PeriodMap, *, near: bool = False) -> None:
+    def __init__(self, points: Sequence[Orbit], period_map: PeriodMap, *, near: bool = False) -> None:
         self.points = list(points)
         self.map = period_map
         self.near = near
 
-    def solve(self, points: Sequence[Point] | None = None) -> None:
+    def solve(self, points: Sequence[Orbit] | None = None) -> None:
         """Iterate until every point is solved or has failed. A point keeps its derivative while that is good.
 
         Each worker has its own points, so that none waits for the others after a step.
@@ -451,7 +451,7 @@ class Shooting:
         part.map = self.map.shared_by(threads)
         in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
 
-    def _iterate(self, active: list[Point]) -> None:
+    def _iterate(self, active: list[Orbit]) -> None:
         self._evaluate(active)
         for _ in range(2 * MOST_ITERATIONS):
             active = [point for point in active if not (point.done or point.failed)]
@@ -461,7 +461,7 @@ class Shooting:
         for point in active:
             point.failed = not point.done
 
-    def _evaluate(self, points: Sequence[Point]) -> None:
+    def _evaluate(self, points: Sequence[Orbit]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
         new = [(point, point.felt) for point in points if point.at_end is None and not differentiable(point.plant)]
         copies = [point.copy(point.state) for point in points]
@@ -483,7 +483,7 @@ class Shooting:
                 kept += [point] if self.near and point.residual * NEAR_RATE < LIKELY * point.tolerance else []
         self._renew([point for point in mapped if point.exact and not (point.done or point in kept)])
 
-    def _advance(self, points: list[Point]) -> None:
+    def _advance(self, points: list[Orbit]) -> None:
         """Try the next step of every point; evaluate the derivative anew where it is too old."""
         trials = [point.state + point.damping * point.step * point.scale for point in points if point.step is not None]
         traces = self.map.traces([point.copy(trial) for point, trial in zip(points, trials, strict=True)])
@@ -501,7 +501,7 @@ class Shooting:
             point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
         self._renew([point for point in accepted if point.stale and not (point.done or point.failed)])
 
-    def _renew(self, points: Sequence[Point]) -> None:
+    def _renew(self, points: Sequence[Orbit]) -> None:
         """Take new derivatives of points that have a trace: along it where the equations are known, else by copies."""
         courses = [(point, point.trace.course) for point in points if point.trace and point.trace.course]
         with np.errstate(over="ignore", invalid="ignore"):
@@ -559,13 +559,13 @@ class Shooting:
             self.solve(doubtful)
             self._renew([point for point in doubtful if point.done and point.far])
 
-    def _retry(self, points: Sequence[Point], method: str) -> None:
+    def _retry(self, points: Sequence[Orbit], method: str) -> None:
         if points:
             self.solve(points)
         for point in points:
             point.method = method if point.done else ""
 
-    def _settle(self, points: Sequence[Point], decays: float) -> None:
+    def _settle(self, points: Sequence[Orbit], decays: float) -> None:
         """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
@@ -578,9 +578,9 @@ class Shooting:
                 point.state = end
 
 
-def _seeds(points: Sequence[Point]) -> list[Point]:
+def _seeds(points: Sequence[Orbit]) -> list[Orbit]:
     """Return the points to solve first: of a long curve at held speeds every third, otherwise all."""
-    curves: dict[str, list[Point]] = {}
+    curves: dict[str, list[Orbit]] = {}
     for point in points:
         curves.setdefault(point.plant.curve, []).append(point)
     seeds = []
@@ -593,7 +593,7 @@ def _seeds(points: Sequence[Point]) -> list[Point]:
     return seeds
 
 
-def _nearest(point: Point, points: Sequence[Point]) -> list[Point]:
+def _nearest(point: Orbit, points: Sequence[Orbit]) -> list[Orbit]:
     """Return the solved points of the same curve at held speeds, that with the nearest speed first."""
     speed = point.plant.load.speed
     if speed is None:
@@ -614,7 +614,7 @@ def _rest(plant: Plant) -> Array:
     return state
 
 
-def _perturbed(point: Point) -> list[Copy]:
+def _perturbed(point: Orbit) -> list[Copy]:
     """Return copies of a point, each with one of the felt states changed by :data:`PERTURBATION` of its scale."""
     states = point.state + PERTURBATION * np.diag(point.scale)[point.felt]
     return [Copy(point.plant, state, point.begun) for state in states]

@@ -14,15 +14,15 @@ from __future__ import annotations
 
 from cmath import rect
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi, radians, sqrt
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import SkipValidation
 
-from pyspice_runner.circuit.law import ContactLaw, touching_law
+from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
@@ -31,13 +31,13 @@ from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
-from pyspice_runner.run.point import Point as OperatingPoint
+from pyspice_runner.run.point import DEFAULT, Point, Settings
 from pyspice_runner.steady.copies import Copy, Plant, Probe
 from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.period_means import current, speed
-from pyspice_runner.steady.shooting import Point, Shooting
+from pyspice_runner.steady.shooting import Orbit, Shooting
 from pyspice_runner.steady.speed_torque import axis
-from pyspice_runner.steady.steady import SteadyState, steady_state
+from pyspice_runner.steady.steady import SteadyState, settled
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -190,15 +190,7 @@ class SmallSignals(Result):
 
 @checked
 def small_signals(
-    motor: Motor,
-    drive: Drive,
-    *,
-    frequencies: SkipValidation[Sequence[float] | Array],
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    contact: ContactLaw | None = "spring-slider",
-    step: float | None = None,
-    timeout: float | None = None,
+    motor: Motor, drive: Drive, *, frequencies: SkipValidation[Sequence[float] | Array], **settings: Unpack[Settings]
 ) -> SmallSignals:
     """Return the transfer functions of a running motor from modulations of its drive and load, and its hot admittance.
 
@@ -206,18 +198,20 @@ def small_signals(
         motor: the motor.
         drive: the voltages of both groups, with one frequency.
         frequencies: of the modulation, Hz; below 0.45 times the drive's.
-        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
-        load_torque: torque in N·m that a load draws from the free shaft.
-        contact: law of the contact, as in :func:`simulate`.
-        step: longest time step in s; by default that of :func:`simulate`. A finer step also makes the
-            additional voltages, torques and deviations smaller. Where two effects almost cancel, transfer functions
-            need a finer step; ``cautions`` names those that are not accurate.
-        timeout: wall time in s after which a run of ngspice is ended.
+        settings: load, contact and solver, as in :class:`.Settings`. A finer step also makes the additional voltages,
+            torques and deviations smaller. Where two effects almost cancel, transfer functions need a finer step;
+            ``cautions`` names those that are not accurate.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if there is no stable steady state, or ngspice fails.
     """
+    return linearised(Point.of(motor, drive, **settings), frequencies)
+
+
+def linearised(point: Point, frequencies: Sequence[float] | Array) -> SmallSignals:
+    """Return the small signals about an operating point; the arguments are those of :func:`small_signals`."""
+    motor, drive, step, timeout = point.motor, point.drive, point.solver.step, point.solver.timeout
     if not isinstance(drive, TwoPhaseDrive):
         raise ParameterError("Small signals are those about a drive with one frequency: give a TwoPhaseDrive.")
     modulation = np.unique(axis("frequencies", frequencies))
@@ -227,11 +221,11 @@ def small_signals(
         raise ParameterError(f"frequencies has {worst:g} Hz: the modulation must be > 0 and ≤ {highest:.4g} Hz.")
     if not drive.voltage:
         raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
-    law = touching_law(contact, "The two-port of a free tip does not depend on the drive: take admittance.")
-    state = steady_state(motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step, timeout=timeout)
+    touching_law(point.law, "The two-port of a free tip does not depend on the drive: take admittance.")
+    state = settled(point)
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
-    usual = OperatingPoint.of(motor, drive, contact=law).step
+    usual = replace(point, solver=DEFAULT).step
     fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
     map_step = state.step_s / FINER
     starts = [state.solution.moved(number / OFFSETS * map_step, map_step) for number in range(OFFSETS)]
@@ -268,7 +262,7 @@ Matrices = dict[float, Complex]  # by frequency
 class _Linear:
     """A solved point with the derivatives of its signals with respect to the state at the start of the run."""
 
-    point: Point  # the point, solved on the map
+    point: Orbit  # the point, solved on the map
     period_map: PeriodMap  # the map
     base: Array  # signals of the undisturbed period, shape (signals, points)
     slopes: Array  # their derivatives with respect to the scaled states, shape (states, signals, points)
@@ -278,7 +272,7 @@ class _Linear:
     fineness: float  # size of deviations and probes over that at the usual step
 
     @classmethod
-    def about(cls, point: Point, step: float, fineness: float, timeout: float | None) -> _Linear:
+    def about(cls, point: Orbit, step: float, fineness: float, timeout: float | None) -> _Linear:
         """Solve a point at a time step in s, and measure the derivatives there."""
         period = point.plant.drive.period
         period_map = PeriodMap(period, round(period / step), timeout)

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
-from pyspice_runner.circuit.law import ContactLaw, touching_law
+from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive
@@ -27,7 +27,7 @@ from pyspice_runner.motor.strength import COMPARED, exceeded
 from pyspice_runner.result import Audit
 from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
 from pyspice_runner.run.paths import canonical
-from pyspice_runner.run.point import MOST_POINTS, Point
+from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.branch import dataset_of
 from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, settle_points
@@ -65,13 +65,11 @@ def speed_torque(
     speeds: SkipValidation[ArrayLike | None] = None,
     over: Mapping[str, SkipValidation[Sequence[float] | Array]] | None = None,
     mode: Method = "steady",
-    contact: ContactLaw | None = "spring-slider",
-    step: float | None = None,
     tolerance: float = TOLERANCE,
     patience: int = PATIENCE,
     progress: Progress | None = None,
-    timeout: float | None = None,
     audit: bool = True,
+    **settings: Unpack[RunSettings],
 ) -> xarray.Dataset:
     """Measure torque, power and losses over speed, in all four quadrants.
 
@@ -91,17 +89,15 @@ def speed_torque(
         over: further axes: dotted path → values; the motor's as in :meth:`Motor.updated`, the drive's as
             ``drive.voltage``, those of a driver's parts as ``drive.bridge.dead_time``.
         mode: ``"steady"``, which takes drivers and voltages with a common period, or ``"settle"``, which takes any.
-        contact: law of the contact, as in ``simulate``.
-        step: longest time step in s; by default that of ``simulate``.
         tolerance: change from block to block that still counts as settled: of the normal force relative to itself, of
             the torque relative to itself plus a fiftieth of the friction torque that the normal force allows; the
             energy stored in the modes may change by four times as much. What is left of the start is at most 0.6 of
             the tolerance, or about twice the tolerance where the carrier vibrates on the contact longer than a block.
         patience: number of blocks after which a point counts as not settled.
         progress: called with the number of finished points and of all points.
-        timeout: wall time in s after which ngspice is stopped, per block.
         audit: whether findings of the physical audit (:mod:`.audit`) are an error; if not, ``audit_passed`` is false
             at such a point, and the attribute ``audit`` has them.
+        settings: contact and solver, as in :class:`.RunSettings`; the timeout is that of a block.
 
     Returns:
         The quantities over the axes, the speed last, with units and provenance.
@@ -111,17 +107,30 @@ def speed_torque(
         SimulationError: if ngspice fails or its result cannot be trusted; ``partial`` has the finished points.
         Interrupted: when interrupted; ``partial`` has those points, and NaN for the others.
     """
-    law = touching_law(contact, _NO_TORQUE)
+    base = Point.of(motor, drive, audit=audit, **settings)
+    return curve(base, speeds=speeds, over=over, mode=mode, settling=Settling(tolerance, patience), progress=progress)
+
+
+def curve(
+    base: Point,
+    *,
+    speeds: ArrayLike | None = None,
+    over: Mapping[str, Sequence[float] | Array] | None = None,
+    mode: Method = "steady",
+    settling: Settling = Settling(),  # noqa: B008, a frozen value
+    progress: Progress | None = None,
+) -> xarray.Dataset:
+    """Return the curve of an operating point, whose load is replaced; the arguments are as in :func:`speed_torque`."""
+    law = touching_law(base.law, _NO_TORQUE)
     axes = _axes(speeds, over or {})
-    mode = _way(mode, drive)
+    mode = _way(mode, base)
     _check(axes)
-    base = Point.of(motor, drive, contact=law, step=step, timeout=timeout, audit=audit)
     *further, _ = axes
     points: list[Dynamometer] = []
     for values in product(*(axes[path].tolist() for path in further)):
         there = base.updated(dict(zip(further, values, strict=True)))
         points += [_dynamometer(there.updated({"load.speed": speed})) for speed in axes[SPEED].tolist()]
-    found, fault = _measured(points, mode, Settling(tolerance, patience), progress)
+    found, fault = _measured(points, mode, settling, progress)
     if fault is not None and not found:
         raise fault
     outcomes = [found.get(place, _MISSING) for place in range(len(points))]
@@ -134,11 +143,12 @@ def speed_torque(
     dataset = dataset_of(
         base, ", ".join(["speed and torque", *label]), OUTCOME, outcomes, coordinates(base, axes),
         (outcome["deck_sha256"] for outcome in outcomes),
-        audit=Audit(tuple(findings)).to_dict(), cautions=[*exceeded(motor, greatest), *_cautions(points, outcomes)],
+        audit=Audit(tuple(findings)).to_dict(),
+        cautions=[*exceeded(base.motor, greatest), *_cautions(points, outcomes)],
         method=[outcome["method"] for outcome in outcomes],
         run={
-            "mode": mode, **law.to_dict(), "step_s": step, "tolerance": tolerance, "patience": patience,
-            "engine": "spice",
+            "mode": mode, **law.to_dict(), "step_s": base.solver.step, "tolerance": settling.tolerance,
+            "patience": settling.patience, "engine": "spice",
         },
     )  # fmt: skip
     if fault is None:
@@ -150,25 +160,22 @@ def speed_torque(
     raise fault
 
 
-def _way(mode: Method, drive: Drive | Driver) -> Method:
+def _way(mode: Method, base: Point) -> Method:
     """Return how the points are measured: a driver whose states are not known settles."""
-    unknown = isinstance(drive, Driver) and drive.own
-    return "settle" if unknown else mode
+    return "settle" if isinstance(base.source, Driver) and base.source.own else mode
 
 
 @checked
-def operating_point(
+def held_point(
     motor: Motor,
     drive: Drive | Driver,
     *,
     speed: float = 0.0,
     mode: Method = "steady",
-    contact: ContactLaw | None = "spring-slider",
-    step: float | None = None,
     tolerance: float = TOLERANCE,
     patience: int = PATIENCE,
-    timeout: float | None = None,
     audit: bool = True,
+    **settings: Unpack[RunSettings],
 ) -> dict[str, Any]:
     """Return the quantities of :func:`speed_torque` at one speed, plain and JSON-ready; ``sweep`` takes it as analysis.
 
@@ -178,16 +185,15 @@ def operating_point(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    mode = _way(mode, drive)
-    bench = _held(motor, drive, speed=speed, contact=contact, step=step, timeout=timeout, audit=audit)
-    found, fault = _measured([bench], mode, Settling(tolerance, patience), None)
+    bench = _held(motor, drive, speed=speed, audit=audit, **settings)
+    found, fault = _measured([bench], _way(mode, bench.setup), Settling(tolerance, patience), None)
     if fault is not None:
         raise fault
     return _reported(bench, found[0])
 
 
-def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
-    """Return the results of :func:`operating_point` for many motors, drives and settings that share runs of ngspice.
+def held_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
+    """Return the results of :func:`held_point` for many motors, drives and settings that share runs of ngspice.
 
     ``None`` stands for a point that is to be run alone: invalid, failed, or without a stable steady state.
     """
@@ -206,23 +212,17 @@ def operating_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -
     return answers
 
 
-def _held(
-    motor: Motor,
-    drive: Drive | Driver,
-    *,
-    speed: float = 0.0,
-    contact: ContactLaw | None = "spring-slider",
-    **settings: Any,
-) -> Dynamometer:
-    """Return the dynamometer at one speed; the arguments are those of :func:`operating_point`."""
+def _held(motor: Motor, drive: Drive | Driver, *, speed: float = 0.0, **settings: Any) -> Dynamometer:
+    """Return the dynamometer at one speed; the arguments are those of :func:`held_point`."""
     axis("speed", [speed])
-    solver = {name: value for name, value in settings.items() if name in ("step", "timeout", "audit")}
-    base = Point.of(motor, drive, speed=speed, contact=touching_law(contact, _NO_TORQUE), **solver)
+    known = {name: value for name, value in settings.items() if name in ("contact", "step", "timeout", "audit")}
+    base = Point.of(motor, drive, speed=speed, **known)
+    touching_law(base.law, _NO_TORQUE)
     return _dynamometer(base)
 
 
 def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
-    """Return the outcome of a point as :func:`operating_point` reports it."""
+    """Return the outcome of a point as :func:`held_point` reports it."""
     motor = bench.motor
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
     cautions = [*exceeded(motor, outcome), *_cautions([bench], [outcome])]

@@ -12,13 +12,12 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
-from pyspice_runner.circuit.law import ContactLaw
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
@@ -31,7 +30,7 @@ from pyspice_runner.motor.strength import exceeded
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.dynamometer import STUCK, Quantities, delivering, stuck
-from pyspice_runner.run.point import Point as OperatingPoint
+from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.spice.process import KeptProcesses
@@ -39,7 +38,7 @@ from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.steady.period_map import PeriodMap, cores
 from pyspice_runner.steady.period_means import current, extrapolated, means, phases, quantities, speed, tip
-from pyspice_runner.steady.shooting import Point, Shooting, start_point
+from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
 from pyspice_runner.steady.threads import in_threads
 from pyspice_runner.units import engineering
 
@@ -89,7 +88,7 @@ class SteadyState(Quantities, Result):
     audit: Audit = field(default=Audit(done=False))
     waveforms: Waveforms | None = field(default=None, repr=False)
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
-    solution: Point | None = field(default=None, repr=False)
+    solution: Orbit | None = field(default=None, repr=False)
     current_a_phase_deg: float = float("nan")
     current_b_phase_deg: float = float("nan")
 
@@ -196,13 +195,9 @@ def steady_state(
     motor: Motor,
     drive: Drive | Driver,
     *,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    contact: ContactLaw | None = "spring-slider",
-    step: float | None = None,
     accuracy: float = ACCURACY,
-    timeout: float | None = None,
     audit: bool = True,
+    **settings: Unpack[Settings],
 ) -> SteadyState:
     """Find the periodic steady state of a motor by shooting.
 
@@ -210,14 +205,10 @@ def steady_state(
         motor: the motor.
         drive: the voltages of both groups, or a built-in driver with any network. The tones of a two-tone drive must
             have a common period.
-        speed: at which the shaft is held, rad/s; ``None`` leaves it free but for its bearing and the load.
-        load_torque: torque in N·m that a load draws from the free shaft.
-        contact: law of the contact, as in ``simulate``; ``None`` for a free tip.
-        step: longest time step in s of the result; by default that of ``simulate``.
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
-        timeout: wall time in s after which a run of ngspice is ended.
         audit: whether a result that fails the physical audit is an error. If not, the result carries the finding.
+        settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
         The steady state. ``converged`` is false if none was found; then its quantities are NaN.
@@ -226,18 +217,20 @@ def steady_state(
         ParameterError: for an invalid value, or for tones without a common period.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    point = OperatingPoint.of(
-        motor, drive, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
-    )
+    return settled(Point.of(motor, drive, audit=audit, **settings), accuracy)
+
+
+def settled(point: Point, accuracy: float = ACCURACY) -> SteadyState:
+    """Return the steady state of an operating point, with its waveforms; ``accuracy`` is as in :func:`steady_state`."""
     return steady_states([point], accuracy=accuracy, waveforms=True)[0]
 
 
 def steady_states(
-    setups: Sequence[OperatingPoint],
+    setups: Sequence[Point],
     *,
     accuracy: float | None = ACCURACY,
     waveforms: bool = False,
-    starts: Sequence[Point | None] | None = None,
+    starts: Sequence[Orbit | None] | None = None,
 ) -> list[SteadyState]:
     """Find the steady states of many operating points together; see :func:`steady_state`.
 
@@ -254,7 +247,7 @@ def steady_states(
     check_accuracy(accuracy)
     behind: dict[tuple[Any, ...], list[int]] = {}
     for place, setup in enumerate(setups):
-        if not isinstance(setup.source, DriveSource):
+        if setup.source.ideal is None:
             check_driven(setup)
             behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
     starts = starts or [None] * len(setups)
@@ -281,7 +274,7 @@ def steady_states(
     return [found[place] for place in range(len(setups))]
 
 
-def _free_shafts(setups: Sequence[OperatingPoint], starts: Sequence[Point | None]) -> list[Point | None]:
+def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> list[Orbit | None]:
     """Return for each free shaft without a start the solution with the stage's ideal voltages, else ``None``.
 
     A short transient from rest leaves rotor and carrier far from where they stay.
@@ -306,12 +299,12 @@ def check_accuracy(accuracy: float | None) -> None:
 class Part(Generic[Place]):
     """Operating points that share runs of ngspice: their drives have the same period, their contacts the same law."""
 
-    setups: Mapping[Place, OperatingPoint]  # by their places in the whole
+    setups: Mapping[Place, Point]  # by their places in the whole
     steps: tuple[int, int]  # numbers of fine and of coarse steps in the period
     workers: int  # number of runs at a time, where the parts run side by side
 
 
-def divided(setups: Mapping[Place, OperatingPoint]) -> list[Part[Place]]:
+def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     """Divide operating points with ideal voltages into parts, the largest first. The points of a curve stay together.
 
     Raises:
@@ -333,25 +326,24 @@ def divided(setups: Mapping[Place, OperatingPoint]) -> list[Part[Place]]:
     return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
 
 
-def _plant(setup: OperatingPoint) -> Plant:
+def _plant(setup: Point) -> Plant:
     return Plant(setup.motor, _drive(setup), setup.load, setup.law)
 
 
-def _drive(setup: OperatingPoint) -> Drive:
+def _drive(setup: Point) -> Drive:
     """Return the drive of an operating point, after checking that shooting can find its steady state.
 
     Raises:
         ParameterError: if not.
     """
-    source = setup.source
-    assert isinstance(source, DriveSource)
+    drive = setup.source.ideal
+    assert drive is not None
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
         raise ParameterError(
             "{} = {:g} {}: the steady state of a free shaft on a bearing with dry friction is not found by shooting. "
             "Hold the shaft, or take simulate.".format(*setup.motor.dry_friction)
         )
-    drive = source.drive
-    source.check(setup.motor)
+    setup.source.check(setup.motor)
     for frequency in drive.frequencies:
         turns = frequency * drive.period
         if abs(turns - round(turns)) > 1e-6:
@@ -367,7 +359,7 @@ def _drive(setup: OperatingPoint) -> Drive:
     return drive
 
 
-def _steps(setups: Sequence[OperatingPoint]) -> tuple[int, int]:
+def _steps(setups: Sequence[Point]) -> tuple[int, int]:
     """Return the numbers of fine and of coarse steps in the period of points whose drives have the same period."""
     period = _drive(setups[0]).period
     steps = 2 * ceil(0.5 * period / min(setup.step for setup in setups) - 1e-9)
@@ -378,7 +370,7 @@ def _steps(setups: Sequence[OperatingPoint]) -> tuple[int, int]:
 def solve_part(
     part: Part[Any],
     accuracy: float | None,
-    starts: Sequence[Point | None],
+    starts: Sequence[Orbit | None],
     processes: KeptProcesses,
     *,
     waveforms: bool = False,
@@ -408,7 +400,7 @@ def solve_part(
     return found
 
 
-def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
+def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accuracy: float) -> dict[int, Answer]:
     """Refine solved points at finer steps until their error is small enough, and extrapolate; append the maps.
 
     A point that fails at a finer step keeps the answer of the step before; without one it is no longer solved.
@@ -446,29 +438,29 @@ def _answers(points: Sequence[Point], maps: list[PeriodMap], steps: int, accurac
     return answers
 
 
-def _coarse(point: Point, period_map: PeriodMap) -> Answer:
+def _coarse(point: Orbit, period_map: PeriodMap) -> Answer:
     """Return the answer of the coarse step, of which no error is known."""
     assert point.trace is not None
     return _answer(point, period_map, means(point.plant, point.trace, period_map.discretisation), float("nan"))
 
 
-def _complete(copies: Sequence[Point]) -> bool:
+def _complete(copies: Sequence[Orbit]) -> bool:
     return len(copies) == OFFSETS and all(point.done for point in copies)
 
 
-def _friction(point: Point) -> float:
+def _friction(point: Orbit) -> float:
     """Return the friction force under the preload, N."""
     return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
 
 
-def _answer(point: Point, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
+def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
     """Return the answer for means and the error of the friction force in N."""
     torque_error = point.plant.motor.rotor.radius_m * error
     return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
 
 
 def _rough(
-    point: Point, period_map: PeriodMap, averaged: tuple[Mapping[str, float], float], accuracy: float
+    point: Orbit, period_map: PeriodMap, averaged: tuple[Mapping[str, float], float], accuracy: float
 ) -> Answer | None:
     """Return the answer of the coarse step alone, if the contact stays closed and the error is allowed."""
     found, spread = averaged
@@ -478,12 +470,12 @@ def _rough(
     return _answer(point, period_map, found, error)
 
 
-def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> list[list[Point]]:
+def _between(points: Sequence[Orbit], period_map: PeriodMap, *, own: bool) -> list[list[Orbit]]:
     """Return copies of solved points on a map, their steps between each other's; of unsolved ones none.
 
     With ``own`` it is the map on which the points were solved; each is then its own first copy.
     """
-    first: list[Point | None] = list(points)
+    first: list[Orbit | None] = list(points)
     if not own:
         first = _corrected([point.moved(0.0, period_map.step) if point.done else None for point in points], period_map)
     copies = [[point] if point is not None and point.done else [] for point in first]
@@ -495,7 +487,7 @@ def _between(points: Sequence[Point], period_map: PeriodMap, *, own: bool) -> li
     return copies
 
 
-def _corrected(copies: Sequence[Point | None], period_map: PeriodMap, *, near: bool = False) -> list[Point | None]:
+def _corrected(copies: Sequence[Orbit | None], period_map: PeriodMap, *, near: bool = False) -> list[Orbit | None]:
     """Solve copies on a map, first with the derivative that they have; ``near`` is that of :class:`.Shooting`."""
     every = [copy for copy in copies if copy is not None]
     shooting = Shooting(every, period_map, near=near)
@@ -508,7 +500,7 @@ def _corrected(copies: Sequence[Point | None], period_map: PeriodMap, *, near: b
     return list(copies)
 
 
-def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str, float], float]:
+def _averaged(points: Sequence[Orbit], period_map: PeriodMap) -> tuple[dict[str, float], float]:
     """Return the means over copies, and the largest difference (N) of their mean friction forces."""
     several = []
     for point in points:
@@ -522,9 +514,7 @@ def _averaged(points: Sequence[Point], period_map: PeriodMap) -> tuple[dict[str,
     return found, max(forces) - min(forces)
 
 
-def _result(
-    setup: OperatingPoint, point: Point, answer: Answer, maps: Sequence[PeriodMap], points: int = 1
-) -> SteadyState:
+def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1) -> SteadyState:
     """Return the steady state of a point at the coarse step, with audit and provenance; ``points`` share the maps."""
     found, last = answer.found, answer.point
     step = answer.map.step if answer.map else setup.step
@@ -554,7 +544,7 @@ def _result(
     )  # fmt: skip
 
 
-def _waveforms(setup: OperatingPoint, answer: Answer, provenance: dict[str, Any]) -> Waveforms:
+def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Waveforms:
     """Return one period of a solved point as a recording of ``simulate`` is."""
     point, period_map = answer.point, answer.map
     plant, trace = point.plant, point.trace

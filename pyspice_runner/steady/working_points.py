@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from math import prod
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.circuit.bench import FREE
-from pyspice_runner.circuit.law import ContactLaw, touching_law
+from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, too_fast
@@ -24,12 +24,12 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
 from pyspice_runner.run.dynamometer import STUCK, UNITS, delivering
 from pyspice_runner.run.paths import LOADS, canonical
-from pyspice_runner.run.point import Point as OperatingPoint
+from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.branch import dataset_of
 from pyspice_runner.steady.period_map import cores
-from pyspice_runner.steady.shooting import Point, between
+from pyspice_runner.steady.shooting import Orbit, between
 from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates
 from pyspice_runner.steady.steady import Part, SteadyState, check_accuracy, divided, solve_part, steady_states
 from pyspice_runner.steady.threads import as_ready
@@ -71,13 +71,9 @@ def working_points(
     over: Mapping[str, SkipValidation[Sequence[float] | Array]],
     objective: Objective = "torque",
     limits: Mapping[str, float] | None = None,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    contact: ContactLaw | None = "spring-slider",
-    step: float | None = None,
     accuracy: float = ACCURACY,
-    timeout: float | None = None,
     progress: Progress | None = None,
+    **settings: Unpack[Settings],
 ) -> xarray.Dataset:
     """Map the steady states of a motor over parameters of drive and motor, and choose the best one within limits.
 
@@ -90,15 +86,12 @@ def working_points(
             ``"power"`` at the shaft; not the speed or the torque if ``speed`` or ``load_torque`` fixes it.
         limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
             ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``.
-        speed: at which the shaft is held, rad/s. Without speed and load torque it is held still for the torque, free
-            for the speed, and held at half of the free rotor's speed under the given drive for efficiency and power.
-        load_torque: torque in N·m that a load draws from the free shaft.
-        contact: law of the contact, as in :func:`simulate`.
-        step: longest time step in s; by default that of :func:`simulate`.
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
-        timeout: wall time in s after which a run of ngspice is ended.
         progress: called with the number of finished points and of all points.
+        settings: load, contact and solver, as in :class:`.Settings`. Without speed and load torque the shaft is held
+            still for the torque, free for the speed, and held at half of the free rotor's speed under the given drive
+            for efficiency and power.
 
     Returns:
         The quantities over the axes; attribute ``best`` has the best point as JSON, also as
@@ -108,17 +101,28 @@ def working_points(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails, or no rotor speed is found for the default of ``speed``.
     """
-    bounds = _limits(limits or {}, motor)
+    base = Point.of(motor, drive, audit=False, **settings)
+    return mapped(base, over, objective=objective, limits=limits, accuracy=accuracy, progress=progress)
+
+
+def mapped(
+    base: Point,
+    over: Mapping[str, Sequence[float] | Array],
+    *,
+    objective: Objective = "torque",
+    limits: Mapping[str, float] | None = None,
+    accuracy: float = ACCURACY,
+    progress: Progress | None = None,
+) -> xarray.Dataset:
+    """Map the steady states about an operating point; the arguments are those of :func:`working_points`."""
+    bounds = _limits(limits or {}, base.motor)
     axes = {path: axis(path, values) for path, values in over.items()}
     count = prod(len(values) for values in axes.values())
     if not axes or count > MOST_POINTS:
         raise ParameterError(f"over has {count if axes else 0} points: it must have 1 to {MOST_POINTS}.")
     check_distinct(axes)
-    law = touching_law(contact, "A free tip has no torque and moves no rotor.")
-    base = OperatingPoint.of(
-        motor, drive, speed=speed, load_torque=load_torque, contact=law, step=step, timeout=timeout, audit=False
-    )
-    stated = {"load.speed": speed is not None, "load.torque": load_torque != 0.0}
+    law = touching_law(base.law, "A free tip has no torque and moves no rotor.")
+    stated = {"load.speed": base.load.speed is not None, "load.torque": base.load.torque != 0.0}
     paths = [*map(canonical, axes), *(path for path, given in stated.items() if given)]
     twice = next((path for path in paths if paths.count(path) > 1), None)
     if twice:
@@ -186,7 +190,7 @@ def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
     return {name: float(value) for name, value in limits.items()}
 
 
-def _usual_speed(base: OperatingPoint, objective: Objective, accuracy: float) -> float | None:
+def _usual_speed(base: Point, objective: Objective, accuracy: float) -> float | None:
     """Return the speed at which the shaft is held if neither speed nor load is given; ``None`` leaves it free."""
     if objective in ("torque", "speed"):
         return 0.0 if objective == "torque" else None
@@ -199,7 +203,7 @@ def _usual_speed(base: OperatingPoint, objective: Objective, accuracy: float) ->
 Index = tuple[int, ...]
 
 
-def _solved(setups: Mapping[Index, OperatingPoint], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
+def _solved(setups: Mapping[Index, Point], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
     """Solve the points of a coarse grid, then those halfway between solved ones as soon as these are solved."""
     check_accuracy(accuracy)
     beside: dict[Index, list[Index]] = {}  # the neighbours of each point from which it starts
@@ -235,7 +239,7 @@ def _neighbours(index: Index, stride: int) -> Iterator[Index]:
     return (tuple(at + step for at, step in zip(index, each, strict=True)) for each in product(*steps))
 
 
-def _start(near: Sequence[SteadyState]) -> Point | None:
+def _start(near: Sequence[SteadyState]) -> Orbit | None:
     """Return the mean of the neighbours that are stable, if there are any."""
     points = [other.solution for other in near if other.stable and other.solution]
     return between(points) if points else None

@@ -10,7 +10,7 @@ from typing import Any, TypeGuard
 
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.run.paths import unknown
-from pyspice_runner.steady.speed_torque import operating_point, operating_points
+from pyspice_runner.steady.speed_torque import held_point, held_points
 from pyspice_runner.sweeps.store import Store
 from pyspice_runner.sweeps.task import Task
 from pyspice_runner.sweeps.workers import outcomes
@@ -65,12 +65,12 @@ def _together(tasks: Mapping[str, Task]) -> Iterator[tuple[str, dict[str, Any]]]
     """Yield the answers of operating points with a stable steady state, which share runs of ngspice."""
     batched = [
         (address, task, task.drive) for address, task in tasks.items()
-        if task.analysis is operating_point and isinstance(task.drive, Drive)
+        if task.analysis is held_point and isinstance(task.drive, Drive)
         and task.run.get("mode", "steady") == "steady" and task.run.get("audit", True)
     ]  # fmt: skip
     for begin in range(0, len(batched), BATCH):
         batch = batched[begin : begin + BATCH]
-        results = operating_points([(task.motor, drive, task.run) for _, task, drive in batch])
+        results = held_points([(task.motor, drive, task.run) for _, task, drive in batch])
         for (address, task, _), result in zip(batch, results, strict=True):
             if result is not None:
                 yield address, task.answer(result)

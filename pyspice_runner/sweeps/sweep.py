@@ -65,7 +65,7 @@ def sweep(
         sampling: ``"sobol"``, a scrambled Sobol sequence, or ``"latin-hypercube"``.
         seed: seed of the samples.
         analysis: analysis of a point: a function of motor, drive and the settings of the run, such as
-            :func:`simulate`, :func:`operating_point`, or :func:`drive_report` with a driver; its result is a mapping,
+            :func:`simulate`, :func:`.held_point`, or :func:`drive_report` with a driver; its result is a mapping,
             or has a ``to_dict`` that gives one.
         store: folder of the finished points; by default in the user's cache folder.
         workers: number of processes; by default one a core.

@@ -16,7 +16,7 @@ from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.averaged.run import AveragedRun, short_bursts
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.cli import run
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
 from tests.runs import simulated
 from tests.selection import mostly
@@ -50,7 +50,7 @@ def test_spin_up_is_that_of_the_full_motor(motor: pr.Motor, spin_up: AveragedRun
 def test_current_and_power_are_those_of_the_full_motor(motor: pr.Motor) -> None:
     """Held at 4 rad/s until all has settled; 0.5 % for the harmonics of the current and the step of the full run."""
     run = simulate_averaged(motor, FAST, 20e-3, speed=4.0)
-    point = operating_point(motor, FAST, speed=4.0)
+    point = held_point(motor, FAST, speed=4.0)
     for group in "ab":
         rms = getattr(run, f"current_amplitude_{group}_a")[-1] / np.sqrt(2.0)
         assert rms == pytest.approx(point[f"current_{group}_rms_a"], rel=5e-3)

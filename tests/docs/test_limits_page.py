@@ -23,7 +23,7 @@ from pyspice_runner.motor.beam_limits import estimated_errors
 from pyspice_runner.motor.dielectric import HIGH_HZ, LOW_HZ
 from pyspice_runner.motor.motor import Structure
 from pyspice_runner.motor.parameters import Patch
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from tests.docs.numbers import missing
 from tests.runs import simulated
 
@@ -269,7 +269,7 @@ def test_mean_normal_force_of_a_held_rotor() -> None:
 
     def stall(motor: pr.Motor, frequency: float) -> dict[str, Any]:
         drive = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency, phase_deg=180.0)
-        return operating_point(motor, drive, speed=0.0)
+        return held_point(motor, drive, speed=0.0)
 
     low, high, soft = stall(motor, 44.5e3), stall(motor, 46e3), stall(sprung, 44.5e3)
     says(f"it is {low['normal_force_n']:.1f} N at 44.5 kHz", f"off for {100 * low['separated']:.0f} % of the time")

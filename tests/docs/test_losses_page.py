@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 
 PAGE = Path(__file__).parents[2] / "docs" / "losses.md"
 CHANGES = {
@@ -30,7 +30,7 @@ def test_a_stall_torque_of_the_page_is_what_the_motor_gives(effect: str) -> None
     section = text[text.index("46 kHz") :]
     row = next(line for line in section.splitlines() if line.startswith(f"| {effect} |"))
     changes = CHANGES[effect]
-    point = operating_point(motor.updated(changes) if changes else motor, drive, speed=0.0)
+    point = held_point(motor.updated(changes) if changes else motor, drive, speed=0.0)
     # two digits behind the point are printed; the steady state is found to 0.2 % of the friction torque
     assert 1e3 * point["torque_n_m"] == pytest.approx(float(row.split("|")[2]), abs=0.04)
 

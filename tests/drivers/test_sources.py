@@ -10,7 +10,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.trackers.track import running_resonance
 from tests.runs import simulated
 
@@ -90,8 +90,8 @@ def test_a_run_says_its_final_state(ideal: Waveforms) -> None:
 @pytest.mark.slow
 def test_operating_point_behind_a_driver_is_that_of_its_drive() -> None:
     strong = {"voltage": 200.0, "frequency": 54e3}
-    direct = operating_point(MOTOR, pr.TwoPhaseDrive(phase_deg=90.0, **strong), speed=2.0, mode="settle")
-    behind = operating_point(MOTOR, driver("ideal", **strong), speed=2.0)
+    direct = held_point(MOTOR, pr.TwoPhaseDrive(phase_deg=90.0, **strong), speed=2.0, mode="settle")
+    behind = held_point(MOTOR, driver("ideal", **strong), speed=2.0)
     assert behind["settled"]
     # blocks of one run against runs that go on from each other, with steps that are in beat with the period: the mean
     # of a small torque is then wrong by up to 2 %

@@ -29,7 +29,7 @@ from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import EnergyBalance
 from pyspice_runner.steady import settling as settling_module
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from tools.benches import hysteresis as hysteresis_module
 from tools.benches.hysteresis import hysteresis
 from validation import impact as impact_module
@@ -249,11 +249,11 @@ def lossless(means: dict[str, float]) -> dict[str, float]:
 def test_a_point_that_is_not_true_is_withheld_or_marked(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert operating_point(DAMPED, DRIVE, **SPEED)["audit"] == {"passed": True, "findings": []}
+    assert held_point(DAMPED, DRIVE, **SPEED)["audit"] == {"passed": True, "findings": []}
     falsify(monkeypatch, settling_module, "quantities", lossless)
     with pytest.raises(pr.SimulationError, match=r"The powers miss .* The point at 2 rad/s is not returned"):
-        operating_point(DAMPED, DRIVE, **SPEED)
-    marked = operating_point(DAMPED, DRIVE, **SPEED, audit=False)["audit"]
+        held_point(DAMPED, DRIVE, **SPEED)
+    marked = held_point(DAMPED, DRIVE, **SPEED, audit=False)["audit"]
     assert (marked["passed"], marked["findings"][0][:15]) == (False, "The powers miss")
     settings = {name: value for name, value in SPEED.items() if name != "speed"}
     curve = pr.speed_torque(DAMPED, DRIVE, speeds=[2.0], **settings, audit=False)

@@ -17,7 +17,7 @@ from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run as command
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
 from tests.reference.row import Array, run_motor
 from tests.runs import simulated
@@ -130,7 +130,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "contact.md"
 
 @cache
 def torque(law: str, speed: float = 0.0) -> float:
-    point = operating_point(MOTOR, DRIVES["hammers"], speed=speed, contact=law)
+    point = held_point(MOTOR, DRIVES["hammers"], speed=speed, contact=law)
     assert point["settled"]
     return float(point["torque_n_m"])
 

@@ -12,7 +12,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.datasets import Curves
 from pyspice_runner.motor.strength import peak_of_amplitudes, peak_of_motion
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 
 MOTOR = pr.load_motor("andersen2002").updated({"modes.0.recoil_kg": 0.0})  # an unknown one would be a caution
 HOT, STRONG = "half the Curie temperature", "rated dynamic strength"
@@ -75,7 +75,7 @@ def test_every_kind_of_result_has_the_caution() -> None:
     assert run.to_dict()["wear_volume_m3_per_s"] is None
     averaged = pr.simulate_averaged(MOTOR, drive(100.0), 5e-3)
     assert any(STRONG in caution for caution in averaged.cautions)
-    point = operating_point(MOTOR, drive(100.0), speed=0.0)
+    point = held_point(MOTOR, drive(100.0), speed=0.0)
     assert any(STRONG in caution for caution in point["cautions"])
     curves = Curves(pr.speed_torque(MOTOR, drive(100.0), speeds=[0.0]))
     assert any(STRONG in caution for caution in curves.cautions)

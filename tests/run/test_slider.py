@@ -14,6 +14,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.datasets import Curves, WorkingPoints
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.units import linear_name, linear_words, with_linear
 from tests.motors import sliding, turning
 from tests.runs import simulated
@@ -133,7 +134,7 @@ def test_the_table_of_a_curve_is_in_newton_and_metres_per_second(
 
 @pytest.mark.soak
 def test_a_point_of_a_sweep_has_force_and_speed() -> None:
-    point = pr.operating_point(STAGE, DRIVE, speed=0.1, step=4e-7)
+    point = held_point(STAGE, DRIVE, speed=0.1, step=4e-7)
     assert point["force_n"] == point["torque_n_m"]
     swept = pr.sweep(
         STAGE, DRIVE, over={"slider.mass_kg": [0.01, 0.02]}, quantities=["speed_m_s", "force_n"], duration=1e-4

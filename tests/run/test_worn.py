@@ -10,7 +10,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.motor.contact import contact_radius
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from tests.reference.integrator import Tone, integrate
 
 MOTOR = pr.load_motor("beam40").updated({"contact.worn_flat_radius_m": 60e-6})
@@ -61,7 +61,7 @@ def test_a_steady_state_is_what_the_motor_settles_to() -> None:
     """At half of the voltage, where there is one steady state."""
     drive = DRIVE.updated({"voltage": 55.0})
     state = pr.steady_state(MOTOR, drive, speed=10.0)
-    settled = operating_point(MOTOR, drive, speed=10.0, mode="settle", tolerance=1e-3)
+    settled = held_point(MOTOR, drive, speed=10.0, mode="settle", tolerance=1e-3)
     friction = 0.3 * 6.5 * 0.015
     assert state.stable
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction)  # as for a new tip

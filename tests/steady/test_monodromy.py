@@ -16,7 +16,7 @@ from pyspice_runner.steady import shooting
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.monodromy import Derivative, derivatives, differentiable
 from pyspice_runner.steady.period_map import PeriodMap
-from pyspice_runner.steady.shooting import Point, Shooting, balance, start_point
+from pyspice_runner.steady.shooting import Orbit, Shooting, balance, start_point
 
 STEPS = 72
 PERTURBATION = 3e-5  # of the scale of each state
@@ -49,7 +49,7 @@ CASES = {
 }  # fmt: skip
 
 
-def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tuple[Point, Derivative, Derivative]:
+def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tuple[Orbit, Derivative, Derivative]:
     """Return a point, its derivative along the trace, and the central quotient by perturbed copies."""
     period_map = PeriodMap(plant.drive.period, STEPS)
     point = start_point(plant)

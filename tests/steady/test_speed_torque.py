@@ -26,7 +26,7 @@ from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.steady import settling
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("speed and torque")  # the curves are shared
@@ -184,7 +184,7 @@ def test_the_other_direction_is_the_mirror_image() -> None:
     mirrored = MOTOR.updated(
         {f"modes.unintended.coupling_{group}_n_per_v": value for group, value in (("a", 0.08), ("b", -0.08))}
     )
-    point = operating_point(mirrored, drive(46e3), speed=-6.0)
+    point = held_point(mirrored, drive(46e3), speed=-6.0)
     # the rotor's curve is even in x, the contact law odd: exact but for the settling and the rounding of events
     assert point["torque_n_m"] == pytest.approx(-float(curve(46e3)["torque_n_m"].sel(speed_rad_s=6.0)), rel=2e-3)
 
@@ -297,7 +297,7 @@ def test_a_point_that_begins_with_the_motion_of_another_settles_where_one_from_r
 def test_two_tones_that_beat_never_settle_and_say_so() -> None:
     beating = pr.TwoToneDrive(voltage_1=60.0, frequency_1=45e3, voltage_2=60.0, frequency_2=45.21e3)
     step = 3.0 * dynamometer(beating).setup.step  # the beat does not need fine steps
-    point = operating_point(MOTOR, beating, speed=0.0, mode="settle", patience=8, step=step)
+    point = held_point(MOTOR, beating, speed=0.0, mode="settle", patience=8, step=step)
     assert not point["settled"]
     assert abs(point["torque_drift_n_m"]) > 1e-5
 
@@ -305,7 +305,7 @@ def test_two_tones_that_beat_never_settle_and_say_so() -> None:
 @pytest.mark.soak
 def test_a_soft_start_is_waited_for() -> None:
     soft = drive(46e3).model_copy(update={"soft_start": 3e-3})
-    point = operating_point(MOTOR, soft, speed=6.0, mode="settle")
+    point = held_point(MOTOR, soft, speed=6.0, mode="settle")
     assert point["settled"]
     assert point["simulated_s"] > 3e-3 + 2e-3
     assert point["torque_n_m"] == pytest.approx(float(curve(46e3)["torque_n_m"].sel(speed_rad_s=6.0)), rel=2e-3)

@@ -24,7 +24,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import FELT
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
 from tests.runs import simulated
 from validation.steady_states import staying
@@ -101,7 +101,7 @@ def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion
 def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> None:
     for speed in speeds:
         state = pr.steady_state(motor, drive, speed=speed)
-        settled = operating_point(motor, drive, speed=speed, mode="settle", tolerance=1e-4)
+        settled = held_point(motor, drive, speed=speed, mode="settle", tolerance=1e-4)
         assert state.converged
         assert settled["settled"]
         # required: 0.5 %; what the steps of the settled run and its tolerance are worth
@@ -135,7 +135,7 @@ def test_every_contact_law_has_a_steady_state(law: Any) -> None:
     assert state.converged
     assert state.stable
     assert abs(state.balance_residual) < 1e-4
-    settled = operating_point(motor, DRIVE, speed=6.0, mode="settle", contact=law)
+    settled = held_point(motor, DRIVE, speed=6.0, mode="settle", contact=law)
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(MOTOR))
 
 
@@ -239,7 +239,7 @@ def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_t
     held = pr.steady_state(PAPER.updated({"mount": None}), drive, speed=3.0)
     assert abs(held.normal_force_n - 5.0) > 1e-3  # at a fixed distance the hammering changes the mean force
     assert state.normal_force_n == pytest.approx(5.0, abs=0.1 * abs(held.normal_force_n - 5.0))
-    settled = operating_point(motor, drive, speed=3.0, mode="settle", tolerance=1e-4)
+    settled = held_point(motor, drive, speed=3.0, mode="settle", tolerance=1e-4)
     assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(motor))
     assert state.normal_force_n == pytest.approx(settled["normal_force_n"], rel=1e-3)
 
@@ -319,7 +319,7 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
         pr.speed_torque(motor, weak, speeds=[0.0]),
         pr.working_points(motor, weak, over={"drive.voltage": [2.0]}, speed=0.0),
     )
-    point = pr.operating_point(motor, weak)
+    point = held_point(motor, weak)
     averaged = pr.simulate_averaged(motor, weak, 2e-3, speed=0.0)
     for cautions in (held.cautions, curve.cautions, table.cautions, averaged.cautions, point["cautions"]):
         assert STUCK in cautions

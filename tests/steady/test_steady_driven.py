@@ -21,7 +21,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.driven import DrivenMap
 from pyspice_runner.steady.driven_copies import LEAD, DrivenPlant, driven_bench
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 
 pytestmark = pytest.mark.xdist_group("steady states")
 
@@ -115,7 +115,7 @@ def test_a_bridge_has_a_stable_steady_state_with_a_period_that_balances() -> Non
 def both(kind: str, network: str, motor: pr.Motor) -> tuple[pr.SteadyState, dict[str, Any]]:
     """The steady state behind a driver, and what a run settles to; ``python -m docs.steady_driven`` prints them."""
     ours = pr.steady_state(motor, driver(kind, network), speed=6.0)
-    return ours, operating_point(motor, driver(kind, network), speed=6.0, mode="settle", tolerance=2e-4)
+    return ours, held_point(motor, driver(kind, network), speed=6.0, mode="settle", tolerance=2e-4)
 
 
 @pytest.mark.soak

@@ -25,7 +25,7 @@ import xarray
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.sweeps.plan import named
 from pyspice_runner.sweeps.specification import met
 from pyspice_runner.sweeps.store import Store
@@ -89,10 +89,10 @@ def test_each_point_is_the_run_that_simulate_does(threads: Executor, tmp_path: P
 def test_a_point_may_be_an_operating_point(threads: Executor, tmp_path: Path) -> None:
     names = ["torque_n_m", "efficiency", "settled"]
     found = pr.sweep(
-        MOTOR, DRIVE, over={"run.speed": [0.2]}, analysis=operating_point, quantities=names,
+        MOTOR, DRIVE, over={"run.speed": [0.2]}, analysis=held_point, quantities=names,
         executor=threads, store=tmp_path, patience=4, tolerance=0.1,
     )  # fmt: skip
-    alone = operating_point(MOTOR, DRIVE, speed=0.2, patience=4, tolerance=0.1)
+    alone = held_point(MOTOR, DRIVE, speed=0.2, patience=4, tolerance=0.1)
     assert [found[name].item() for name in names] == [alone[name] for name in names]
 
 
@@ -104,11 +104,11 @@ def test_operating_points_are_solved_together(tmp_path: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pyspice_runner.sweeps.workers._processes", alone)
         found = pr.sweep(
-            MOTOR, DRIVE, over=over, analysis=operating_point, quantities=["torque_n_m", "settled"], store=tmp_path
+            MOTOR, DRIVE, over=over, analysis=held_point, quantities=["torque_n_m", "settled"], store=tmp_path
         )
     assert found["settled"].values.all()
     assert len(set(found["torque_n_m"].values.ravel().tolist())) == 4
-    one = operating_point(MOTOR.updated({"contact.friction": 0.28}), DRIVE, speed=0.4)
+    one = held_point(MOTOR.updated({"contact.friction": 0.28}), DRIVE, speed=0.4)
     # 0.2 %: the accuracy of a steady state, which another start reaches by another way
     friction_torque = MOTOR.contact.friction * MOTOR.contact.preload_n * MOTOR.rotor.radius_m
     at = found.sel({"run.speed": 0.4, "contact.friction": 0.28})

@@ -39,7 +39,7 @@ from pyspice_runner.spice.deck_lint import silent_fault
 from pyspice_runner.spice.library import check_parameters, data_path, library_names, parse_library
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.spice.rawfile import RawFileError, read_rawfile
-from pyspice_runner.steady.speed_torque import operating_point
+from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.sweeps.store import Store
 from tests.data.spectra import make
 from tests.impedance.readers.mutate import MUTATIONS
@@ -590,7 +590,7 @@ def _calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                 "step": 1e-7, "tolerance": 1e-3, "patience": 10},
         ),
         "operating_point": (
-            lambda **run: operating_point(motor, drive, **run),
+            lambda **run: held_point(motor, drive, **run),
             {**held, "speed": 1.0, "step": 1e-7, "tolerance": 1e-3, "patience": 10},
         ),
         "sweep": (
