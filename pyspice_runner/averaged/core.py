@@ -29,7 +29,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.compiler import kept_library
+from pyspice_runner.spice.compiler import cached_library
 
 Array = NDArray[np.float64]
 INPUTS = (
@@ -82,7 +82,7 @@ def _library(
     modes: int, moving: int, terms: Terms, front: Front, phases: int, harmonics: int, folder: Path
 ) -> ctypes.CDLL:
     texts = session_texts(modes, moving, terms, front, phases=phases, harmonics=harmonics)
-    loaded = ctypes.CDLL(str(kept_library("piezomotor_averaged", texts, folder)))
+    loaded = ctypes.CDLL(str(cached_library("piezomotor_averaged", texts, folder)))
     functions = _FUNCTIONS | (_TRACK if front.tracked else {}) | (_DRIVE if front.driven else {})
     for name, (result, arguments) in functions.items():
         function = getattr(loaded, f"session_{name}")

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compile C sources to a shared library by the system's compiler."""
+"""Compile C sources to a shared library by the system's compiler.
+
+Compiled files are in a cache that only this user can write, because the code in them is run.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import shutil
+import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.spice.private_cache import kept_file
 from pyspice_runner.spice.process import answer
 
 FOR_WINDOWS = "x86_64-w64-mingw32-gcc"  # of mingw-w64
@@ -68,17 +72,37 @@ def _version(compiler: str) -> str:
     ).stdout
 
 
-def kept_library(name: str, texts: Mapping[str, str], folder: Path) -> Path:
+def cached_library(name: str, texts: Mapping[str, str], folder: Path) -> Path:
     """Return the shared library ``NAME.so`` of C texts, file name → text; compile it if it is not in a folder yet.
 
+    A file or folder that another user owns or can write is not used: it is replaced, or the folder cannot be written.
     Raise SimulationError if there is no compiler, if it fails, or if the folder cannot be written.
     """
-    told = "\n".join((_version(find_compiler()), platform.platform(), *_FLAGS, *texts, *texts.values()))
-    place = folder / hashlib.sha256(told.encode()).hexdigest()[:32] / f"{name}.so"
+    key = "\n".join((_version(find_compiler()), platform.platform(), *_FLAGS, *texts, *texts.values()))
+    place = folder / hashlib.sha256(key.encode()).hexdigest()[:32] / f"{name}.so"
+    if _is_private(place):
+        return place
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.parent.chmod(0o700)  # an OSError if it belongs to another user
+        with tempfile.TemporaryDirectory(prefix=".part-", dir=place.parent) as work:
+            for file, text in texts.items():
+                Path(work, file).write_text(text, encoding="utf-8")
+            made = Path(work, place.name)
+            compile_library(Path(work), [file for file in texts if file.endswith(".c")], made)
+            made.chmod(0o700)
+            made.replace(place)  # complete or not there, also for another process
+    except OSError as error:
+        raise SimulationError(
+            f"Cannot write the compiled module to {place.parent}: {error.strerror}. Set XDG_CACHE_HOME."
+        ) from error
+    return place
 
-    def compile_in(work: Path) -> None:
-        for file, text in texts.items():
-            (work / file).write_text(text, encoding="utf-8")
-        compile_library(work, [file for file in texts if file.endswith(".c")], work / place.name)
 
-    return kept_file(place, compile_in)
+def _is_private(path: Path) -> bool:
+    """Return whether a file exists, it and its folder belong to this user, and no one else can write them."""
+    try:
+        found = [place.stat() for place in (path, path.parent)]
+    except OSError:
+        return False
+    return all(status.st_uid == os.getuid() and not status.st_mode & 0o022 for status in found)

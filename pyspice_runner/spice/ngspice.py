@@ -29,9 +29,8 @@ from typing import IO
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.process import FREE_SPACE, KeptProcesses, end, new_folder, start
+from pyspice_runner.spice.process import FREE_SPACE, KeptProcesses, end, new_folder, start, version_of
 from pyspice_runner.spice.process import find_ngspice as find_ngspice
-from pyspice_runner.spice.process import version_of as version_of
 from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number

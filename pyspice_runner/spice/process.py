@@ -113,8 +113,6 @@ def start(
     own = ("SPICE", "NGSPICE", "LC_")
     environment = {key: value for key, value in os.environ.items() if not key.startswith(own)}
     environment |= {"LC_ALL": "C", "HOME": str(folder)}
-    if (folder / "spinit").exists():
-        environment["SPICE_SCRIPTS"] = str(folder)
     if ends_with_thread and threading.current_thread() is not threading.main_thread():
         command = [*_ending_with_thread(), *command]
     return subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **streams)
