@@ -59,12 +59,12 @@ def _write_whole(path: Path, write: Callable[[Path], object]) -> None:
     with held() as listening:
         folder = Path(tempfile.mkdtemp(prefix=".piezomotor-", dir=target.parent))
         try:
-            begun = folder / path.name
+            partial = folder / path.name
             with listening():
-                write(begun)
+                write(partial)
             if target.exists():
-                shutil.copymode(target, begun)
-            begun.replace(target)
+                shutil.copymode(target, partial)
+            partial.replace(target)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 

@@ -173,12 +173,12 @@ class AveragedMotor:
         """Return a value: an input, a parameter, or an output as of the last step."""
         return float(self._values[self._places[name]])
 
-    def advance(self, begun: float, end: float, courses: Mapping[str, Course] | None = None) -> None:
+    def advance(self, begin: float, end: float, courses: Mapping[str, Course] | None = None) -> None:
         """Advance from one time in s to another; inputs are constant but for courses, which are linear in between.
 
         Raise SimulationError if the equations have no solution.
         """
-        for start, stop in self._follow(courses or {}, begun, end):
+        for start, stop in self._follow(courses or {}, begin, end):
             if self._c.session_advance(self._memory, stop - start):
                 raise self._unsolved()
 
@@ -190,8 +190,8 @@ class AveragedMotor:
         never = SimulationError("The averaged motor does not settle at these inputs: start at rest.")
         duration, before, deadline = SHORT, np.full(len(SETTLING), inf), monotonic() + PATIENCE
         for _ in range(DOUBLINGS):
-            for begun in np.arange(0.0, duration, LONG).tolist():
-                self.advance(0.0, min(LONG, duration - begun))
+            for begin in np.arange(0.0, duration, LONG).tolist():
+                self.advance(0.0, min(LONG, duration - begin))
                 if monotonic() > deadline:
                     raise never
             now = np.array([self.get(name) for name in SETTLING])
@@ -216,8 +216,8 @@ class AveragedMotor:
         self.begin(**{name: float(np.interp(0.0, *np.transpose(course))) for name, course in courses.items()})
         found = [np.array([[0.0, *self._values[: len(self.shown)]]])]
         deadline = monotonic() + (inf if timeout is None else timeout)
-        for begun, end in self._follow(courses, 0.0, duration):
-            for rows in self._rows(begun, end):
+        for begin, end in self._follow(courses, 0.0, duration):
+            for rows in self._rows(begin, end):
                 found.append(rows)
                 if progress:
                     progress(float(rows[-1, 0]))
@@ -226,13 +226,13 @@ class AveragedMotor:
         table = np.concatenate(found)
         return {name: table[:, place] for place, name in enumerate(("time", *self.shown))}
 
-    def _follow(self, courses: Mapping[str, Course], begun: float, end: float) -> Iterator[tuple[float, float]]:
+    def _follow(self, courses: Mapping[str, Course], begin: float, end: float) -> Iterator[tuple[float, float]]:
         """Yield the intervals between corners of courses, with the inputs and their slopes set to those there."""
         if not courses:
-            yield begun, end
+            yield begin, end
             return
-        corners = {time for course in courses.values() for time, _ in course if begun < time < end}
-        ends = [begun, *sorted(corners), end]
+        corners = {time for course in courses.values() for time, _ in course if begin < time < end}
+        ends = [begin, *sorted(corners), end]
         at = {name: np.interp(ends, *np.transpose(course)).tolist() for name, course in courses.items()}
         for number, (start, stop) in enumerate(pairwise(ends)):
             for name, values in at.items():
@@ -240,8 +240,8 @@ class AveragedMotor:
                 self._slopes[self._places[name]] = (values[number + 1] - values[number]) / (stop - start)
             yield start, stop
 
-    def _rows(self, begun: float, end: float) -> Iterator[Array]:
-        time = ctypes.c_double(begun)
+    def _rows(self, begin: float, end: float) -> Iterator[Array]:
+        time = ctypes.c_double(begin)
         while time.value < end:
             rows = np.empty((_ROWS, 1 + len(self.shown)))
             count = self._c.session_record(self._memory, ctypes.byref(time), end, rows.ctypes.data_as(_POINTER), _ROWS)

@@ -175,7 +175,7 @@ def averaged_phase(terms: Terms) -> Library:
     return replace(library, subcircuit=text, parameters=parameters)
 
 
-def _carried(node: str, last: str, start: str) -> tuple[str, ...]:
+def _carry(node: str, last: str, start: str) -> tuple[str, ...]:
     """Return the lines of a node with what another had at the end of the period, for the start of the next."""
     carry = f"B{node} 0 {node} I=1u*V(frequency)*(V({last})-V({node}))"
     return carry, f"C{node} {node} 0 1u ic={start}", f"R{node} {node} 0 1g"
@@ -201,15 +201,15 @@ def averaged_contact(phases: int = PHASES, harmonics: int = HARMONICS, terms: Te
         f"Bturn turn 0 V={{1e6*radius/{phases}}}*V(shaft)/max(V(frequency),1)",
         f"Erate rate 0 frequency 0 {{0.5*{phases}}}",
         "Gtorque 0 shaft friction 0 {radius}",
-        *_carried("carry", f"taken{phases - 1}", "0"),
+        *_carry("carry", f"taken{phases - 1}", "0"),
         # the slider that is carried over is that which the tip takes along as it moves from period to period, unless it
         # slips in the period that follows: taken0 to the last
         f"Bown own 0 V=V(x{phases - 1})-V(x_0)+V(x_own)",
         "Vmoves own moves 0",
         "Cmoves moves 0 1u",
         "Btaken taken 0 V=V(carry)+1e6*I(Vmoves)/max(V(frequency),1)",
-        *(_carried("carry_1", f"normal{phases - 1}", "{preload}") if series else []),
-        *(_carried("carry_2", f"normal{phases - 2}", "{preload}") if series else []),
+        *(_carry("carry_1", f"normal{phases - 1}", "{preload}") if series else []),
+        *(_carry("carry_2", f"normal{phases - 2}", "{preload}") if series else []),
     ]
     for number in range(phases):
         before, after = (number - 1) % phases, (number + 1) % phases

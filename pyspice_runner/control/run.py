@@ -154,5 +154,5 @@ class ControlledRun(RunOverTime):
         end = {name: float(values[-1]) for name, values in self.samples.items()}
         checked = [name for name in CHECKS if name in self.samples]
         greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
-        told = self._entries("trusted", "settled", "to_come", "static_error")
-        return self._localised({"end": end, **told, **greatest, **self.provenance, **self._entries("cautions")})
+        checks = self._entries("trusted", "settled", "to_come", "static_error")
+        return self._localised({"end": end, **checks, **greatest, **self.provenance, **self._entries("cautions")})

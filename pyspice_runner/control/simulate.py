@@ -254,11 +254,11 @@ class Loop:
         last = seen = now = State(0.0)
         measured = 0.0  # the last measured angle
         for number in range(1, count + 1):
-            begun, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
+            begin, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
             for part in range(1, records + 1):
-                until = begun + part * sample_time / records if part < records else number * sample_time
-                if waiting and begun + delay <= until:
-                    now = self.plant.advance(begun + delay)
+                until = begin + part * sample_time / records if part < records else number * sample_time
+                if waiting and begin + delay <= until:
+                    now = self.plant.advance(begin + delay)
                     self._set(self.rounding.commands(wanted), present)
                     waiting = False
                 if until > now.time:

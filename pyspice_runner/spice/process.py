@@ -83,10 +83,10 @@ def version_of(executable: str) -> str:
     Raises:
         SimulationError: if it does not answer, or is older than version 36.
     """
-    said = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
-    match = re.search(r"ngspice-(\d+)([.\d+]*)", said)
+    output = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
+    match = re.search(r"ngspice-(\d+)([.\d+]*)", output)
     if not match:
-        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=said)
+        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=output)
     if int(match.group(1)) < OLDEST_VERSION:
         raise SimulationError(f"ngspice {match.group(1)} is too old; version {OLDEST_VERSION} or later is needed.")
     return match.group(1) + match.group(2).rstrip("+.")
@@ -195,15 +195,15 @@ class Server:
             self._process.stdin.flush()
         except BrokenPipeError:
             raise self.failure("ngspice ended", []) from None
-        said = self._listen(mark)
-        complaint = [line for line in said if _TROUBLE.search(line) and _HARMLESS not in line]
+        output = self._listen(mark)
+        complaint = [line for line in output if _TROUBLE.search(line) and _HARMLESS not in line]
         if complaint:
             raise self.failure("ngspice complained", complaint)
-        return said
+        return output
 
     def _listen(self, mark: str) -> list[str]:
         assert self._process.stdout is not None
-        ends, said = time.monotonic() + self.timeout, list[str]()
+        ends, output = time.monotonic() + self.timeout, list[str]()
         with selectors.DefaultSelector() as selector:
             selector.register(self._process.stdout, selectors.EVENT_READ)
             while True:
@@ -211,21 +211,21 @@ class Server:
                     line, _, self._buffer = self._buffer.partition(b"\n")
                     text = line.decode(errors="replace").strip()
                     if text == mark:
-                        return said
+                        return output
                     if not _ECHO.match(text):
-                        said.append(text)
+                        output.append(text)
                 if not selector.select(max(ends - time.monotonic(), 0.0)):
-                    raise self.failure(f"ngspice did not answer within {self.timeout:g} s", said)
+                    raise self.failure(f"ngspice did not answer within {self.timeout:g} s", output)
                 chunk = os.read(self._process.stdout.fileno(), 1 << 16)
                 if not chunk:
-                    raise self.failure("ngspice ended", said)
+                    raise self.failure("ngspice ended", output)
                 self._buffer += chunk
 
-    def failure(self, what: str, said: Sequence[str]) -> SimulationError:
+    def failure(self, what: str, output: Sequence[str]) -> SimulationError:
         """End ngspice and return the error to raise, with ngspice's output."""
         self.close()
-        quoted = " / ".join(line[:200] for line in said[:3] if line)
-        return SimulationError(f'{what}: "{quoted}".' if quoted else f"{what}.", log="\n".join(said))
+        quoted = " / ".join(line[:200] for line in output[:3] if line)
+        return SimulationError(f'{what}: "{quoted}".' if quoted else f"{what}.", log="\n".join(output))
 
 
 class KeptProcesses:
@@ -320,11 +320,11 @@ class Session(Server):
         Raises:
             SimulationError: if ngspice fails, stops early, or takes longer than the timeout.
         """
-        said = self.send(f"stop when time >= {until * _ALMOST!r}", self._command)
+        output = self.send(f"stop when time >= {until * _ALMOST!r}", self._command)
         self._command = "resume"
-        stop = next((match.group(1) for line in said if (match := _STOPPED.search(line))), None)
+        stop = next((match.group(1) for line in output if (match := _STOPPED.search(line))), None)
         if stop is None:
-            raise self.failure(f"ngspice did not stop at {until:g} s", said)
+            raise self.failure(f"ngspice did not stop at {until:g} s", output)
         names = ("time", *self._vectors)
         answers = self.send(f"delete {stop}", *(f"print {name}[length({name})-1]" for name in names))
         values = [line.rpartition(" = ")[2] for line in answers if " = " in line]
