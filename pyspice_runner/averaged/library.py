@@ -36,7 +36,7 @@ from pyspice_runner.circuit.motor import (
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive, default_drive
+from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import ShaftLoad
@@ -530,12 +530,6 @@ def add_surroundings(circuit: Circuit, settings: Mapping[str, Course], thermal: 
         flow = [(time, (value - thermal.ambient_k) / thermal.thermal_resistance_k_per_w)
                 for time, value in settings["temperature"]]  # fmt: skip
         circuit.I("surroundings", circuit.gnd, "temperature", course_text(flow))
-
-
-def constant_settings(drive: TwoPhaseDrive, load: Load) -> dict[str, Course]:
-    """Return the settings of a drive and a load that do not change."""
-    values = (drive.frequency, drive.voltage, drive.voltage_b, drive.phase_deg, load.torque)
-    return {name: [(0.0, value)] for name, value in zip(SETTINGS, values, strict=True)}
 
 
 def course_text(points: Course) -> str:

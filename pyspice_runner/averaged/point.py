@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, inf, pi, radians
-from typing import Any, cast
+from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
 
@@ -26,13 +26,12 @@ from pyspice_runner.averaged.library import (
     check_resolution,
     course_text,
 )
-from pyspice_runner.averaged.schedules import CourseLike, coupled_to, settings_of
+from pyspice_runner.averaged.schedules import CourseLike, settings_of
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.fixtures import add_cooling
 from pyspice_runner.circuit.law import PAPER_LAW
-from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, check_together
+from pyspice_runner.motor.drive import TwoPhaseDrive, check_together
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.thermal import Thermal
@@ -71,12 +70,14 @@ class AveragedPoint:
 
         Raise ParameterError for a value out of range, another kind of drive or law.
         """
-        front = AveragedDrive.of(cast("Drive | Driver", point.drive))  # a tracker has its own bench
+        front = AveragedDrive.of(point.drive)
         check_averaged(point.law)
         check_resolution(phases, harmonics)
         check_together(point.motor, front.stage)
-        settings = settings_of(point.motor, front.stage, point.load, courses or {}, duration, point.thermal)
-        return cls(point, front, settings, coupled_to(shaft, point.load.speed), phases, harmonics)
+        if shaft is not None and point.load.speed is not None:
+            raise ParameterError("shaft has no effect on a shaft that is held at a speed. Leave one out.")
+        settings = settings_of(point, front.stage, courses or {}, duration)
+        return cls(point, front, settings, shaft or UNCOUPLED, phases, harmonics)
 
     @property
     def motor(self) -> Motor:

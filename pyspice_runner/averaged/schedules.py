@@ -8,55 +8,48 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyspice_runner.averaged.library import SETTINGS, SPECIAL, Course, constant_settings
+from pyspice_runner.averaged.library import SETTINGS, SPECIAL, Course
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive
-from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
-from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.run.point import Point
 
 MOST_POINTS_OF_A_COURSE = 10_000
 VALUES_OF_A_FUNCTION = 1000  # over the duration of a run
 CourseLike = ArrayLike | Callable[[float], float]
 
 
-def coupled_to(shaft: ShaftLoad | None, speed: float | None = None) -> ShaftLoad:
-    """Return the load that is coupled to a shaft. Raise ParameterError for one at a shaft that is held at a speed."""
-    if shaft is not None and speed is not None:
-        raise ParameterError("shaft has no effect on a shaft that is held at a speed. Leave one out.")
-    return shaft or UNCOUPLED
-
-
 def settings_of(
-    motor: Motor, drive: TwoPhaseDrive, load: Load, courses: Mapping[str, CourseLike], duration: float,
-    thermal: Thermal | None,
-) -> dict[str, Course]:  # fmt: skip
+    point: Point, stage: TwoPhaseDrive, courses: Mapping[str, CourseLike], duration: float
+) -> dict[str, Course]:
     """Return the courses of all settings, constant unless the user gives one, over a duration in s.
 
-    Preload and temperature are in it only if the user gives them. Raise ParameterError for an invalid course.
+    ``stage`` is the drive at the start. Preload and temperature are in it only if the user gives them. Raise
+    ParameterError for an invalid course.
     """
     given = dict(courses)
     if "voltage" in given:
         if {"voltage_a", "voltage_b"} & given.keys():
             raise ParameterError("courses: voltage and voltage_a or voltage_b exclude each other. Give one or the two.")
         given["voltage_a"] = given["voltage_b"] = given.pop("voltage")
-    settings = constant_settings(drive, load)
-    if drive.soft_start > 0.0:
-        settings["voltage_a"] = [(0.0, 0.0), (drive.soft_start, drive.voltage)]
-        settings["voltage_b"] = [(0.0, 0.0), (drive.soft_start, drive.voltage_b)]
+    constant = (stage.frequency, stage.voltage, stage.voltage_b, stage.phase_deg, point.load.torque)
+    settings: dict[str, Course] = {name: [(0.0, value)] for name, value in zip(SETTINGS, constant, strict=True)}
+    if stage.soft_start > 0.0:
+        settings["voltage_a"] = [(0.0, 0.0), (stage.soft_start, stage.voltage)]
+        settings["voltage_b"] = [(0.0, 0.0), (stage.soft_start, stage.voltage_b)]
     for name, rows in given.items():
         if name == "reference":
             raise ParameterError("courses: reference has an effect on a controller only. Leave it out.")
         settings[name] = course_of(name, rows, duration)
-    for name, value in (("preload", motor.contact.preload_n), ("temperature", thermal.ambient_k if thermal else 0.0)):
+    ambient = point.thermal.ambient_k if point.thermal else 0.0
+    for name, value in (("preload", point.motor.contact.preload_n), ("temperature", ambient)):
         if name in given and settings[name][0][1] != value:
             raise ParameterError(
                 f"courses: {name} begins at {settings[name][0][1]:g} {SPECIAL[name]}: it must begin at that of the "
                 f"motor, {value:g} {SPECIAL[name]}."
             )
-    if "temperature" in given and thermal is None:
+    if "temperature" in given and point.thermal is None:
         raise ParameterError("courses: temperature takes thermal, which has the coefficients of the drift. Give it.")
-    if load.speed is not None and "load_torque" in given:
+    if point.load.speed is not None and "load_torque" in given:
         raise ParameterError("courses: load_torque has no effect on a shaft that is held at a speed. Leave one out.")
     return settings
 
