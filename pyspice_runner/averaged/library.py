@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
+from pyspice_runner.circuit.law import ContactLaw, law_of
 from pyspice_runner.circuit.motor import (
     CROWN,
     MOUNTED,
@@ -75,10 +75,11 @@ def check_resolution(phases: int, harmonics: int) -> None:
 def check_averaged(contact: ContactLaw | None) -> None:
     """Raise ParameterError for a law of the contact without an averaged model: any other than the spring-slider."""
     law = law_of(contact)
-    if law != PAPER_LAW:
+    if law is None or "averaged" not in law.forms:
+        having = " or ".join(repr(name) for name in LAWS if "averaged" in Law(name).forms)
         raise ParameterError(
-            f"contact = {law.name if law else None!r} has no averaged model: it must be 'spring-slider'. Use the full "
-            "motor for others."
+            f"contact = {law.name if law else None!r} has no averaged model: it must be {having}. Use the full motor "
+            "for others."
         )
 
 

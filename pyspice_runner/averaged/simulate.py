@@ -16,7 +16,7 @@ from pyspice_runner.averaged.library import HARMONICS, PHASES
 from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import Array, AveragedRun
 from pyspice_runner.averaged.schedules import CourseLike
-from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive
@@ -43,7 +43,7 @@ def simulate_averaged(
     drive: Drive | Driver,
     duration: float,
     *,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     speed: float | None = None,
     load_torque: float = 0.0,
     shaft: ShaftLoad | None = None,
@@ -66,7 +66,7 @@ def simulate_averaged(
             or LLCC) is averaged too, behind the fundamental of its stages. The commanded amplitudes and phase are
             those of the stages, the amplitudes in the result those of the groups.
         duration: simulated time in s.
-        contact: law of the contact; only ``"spring-slider"`` has an average.
+        contact: law of the contact, one that has the form ``averaged``: the default.
         speed: if given, the shaft is held at this speed, rad/s.
         load_torque: torque in N·m that a load draws from the free shaft.
         shaft: a mass that is coupled to the free shaft.

@@ -26,7 +26,7 @@ from pyspice_runner.calibration.search import Search
 from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, scales, temperatures_of
 from pyspice_runner.calibration.statistics import Judgement
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
-from pyspice_runner.circuit.law import ContactLaw, touching_law
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, touching_law
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.impedance.spectrum import Connection
 from pyspice_runner.motor.drive import Drive, default_drive
@@ -47,7 +47,7 @@ def calibrate(
     transients: SkipValidation[Sequence[Any]] = (),
     priors: Mapping[str, float] | None = None,
     drive: Drive | None = None,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     against: Sequence[ContactLaw] = (),
     starts: int = 1,
     timeout: float | None = None,

@@ -142,7 +142,6 @@ def contact_bench(
     *,
     radius: float,
     span: float,
-    creep: float,
     step: float,
     title: str,
 ) -> Bench:
@@ -150,13 +149,11 @@ def contact_bench(
 
     Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name. ``lines`` are elements that
     move the tip, at the nodes ``y``, ``vx`` and ``vy``. The radius of the rotor and the greatest penetration ``span``
-    are in m, the creep velocity of Coulomb's law in m/s. The time constant of a slider is half of the step in s.
+    are in m. The time constant of a slider is half of the step in s.
     """
     circuit = Circuit(title)
     library = contact_library(law, contact)
     values = contact_values(law, contact, radius=radius, preload=contact.preload_n, slider_time=step / 2.0, span=span)
-    if law.name == "coulomb":
-        values["creep"] = creep
     circuit.raw_spice += "\n".join([definitions(library), *lines, ""])
     instantiate(circuit, "contact", library, ["0" if pin in ("x", "shaft") else pin for pin in PINS], **values)
     return Bench(circuit, TRANSIENT_OPTIONS)

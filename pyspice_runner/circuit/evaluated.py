@@ -125,7 +125,7 @@ def plotted_vectors(signals: Mapping[str, Plotted], vectors: Mapping[str, Array]
 
 def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Plotted]:
     """Return the nodes of a brush that the circuits of a motor leave out, by the names of their vectors."""
-    if law is None or law.sliders is None:
+    if law is None or not law.row:
         return {}
     library = contact_library(law, motor.contact)
     constants = {item.name: item.default for item in library.parameters}

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The laws of the contact: their libraries, and the values of an instance.
 
-``spring-slider`` is the paper's law, ``brush`` a row of sliders that slip one after the other (partial slip),
-``coulomb`` friction as a function of the velocity, without a spring. All have the same pins. The path of a
-``.lib`` file is a user's own law, see :mod:`.own_law`.
+:data:`LAWS` lists the built-in ones. All have the same pins. The path of a ``.lib`` file is a user's own law, see
+:mod:`.own_law`.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 from math import ceil, sqrt
 from pathlib import Path
@@ -17,20 +17,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.own_law import ENDING, PINS, read_own_law
+from pyspice_runner.circuit.own_law import ENDING, PINS, REQUIRED, read_own_law
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.parameters import Contact
-from pyspice_runner.spice.library import Library, data_path, parse_library, read_library
+from pyspice_runner.spice.library import Library, LibraryParameter, parse_library, read_library
 
-LIBRARIES: dict[str, str] = {
+#: the built-in laws and their libraries; the first is the default
+LAWS: dict[str, str] = {
     "spring-slider": "piezomotor_contact",
     "brush": "piezomotor_brush",
     "coulomb": "piezomotor_coulomb",
 }
-SLIDERS = 8
 MOST_SLIDERS = 200
 _STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
+# parameters of a library that follow from the motor and the run; any other is the law's own
+_OF_MOTOR = (*REQUIRED, *_STRIBECK, "compliance", "damping", "flat", "span", "slider_time")
 # normal force over √2 K_N of a worn tip at the penetration {0}, in N and um; q is written without cancellation
 WORN_FORCE = (
     "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
@@ -48,92 +50,138 @@ def is_own(contact: object) -> bool:
 class Law:
     """The law of a contact. ``None`` instead of a law is a free tip.
 
+    What a law can do is read from the header of its library (``behavioral/CONVENTIONS.md``), for a built-in law and
+    for a user's own alike.
+
     Attributes:
-        name: ``"spring-slider"``, the paper's law; ``"brush"``, which slips from the edge inwards; ``"coulomb"``,
-            without a tangential spring; or the path of a ``.lib`` file with a law of the user's own.
-        sliders: number of sliders of the brush, 8 by default; ``None`` for the other laws.
+        name: one of :data:`LAWS`: the paper's law, which is the default; a row of sliders, which slips from the edge
+            inwards; a friction without a tangential spring. Or the path of a ``.lib`` file with a law of the user's
+            own.
+        sliders: number of sliders: 0 or 1, which the library gives, or that of a row, by default the library's.
+        parameters: values of the law's own parameters; others have the defaults of the library.
+        whole: number of sliders of the row of which these are the inner ones; ``None`` for a whole row.
 
     Raises:
-        ParameterError: by the constructor, for an unknown law, or sliders that are out of range or have no effect.
+        ParameterError: by the constructor, for an unknown law, sliders that are out of range or have no effect, or a
+            parameter that the law does not have or that is out of range.
     """
 
-    name: str = "spring-slider"
-    sliders: int | None = None
+    name: str = next(iter(LAWS))
+    sliders: int = None  # type: ignore[assignment]  # the constructor sets the number
+    parameters: Mapping[str, float] = field(default_factory=dict, hash=False)
+    whole: int | None = None
 
     def __post_init__(self) -> None:
-        if is_own(self.name):
-            object.__setattr__(self, "name", str(self.name))
-            read_own_law(self.name)
-        elif self.name not in tuple(LIBRARIES):
+        object.__setattr__(self, "name", str(self.name))
+        if not is_own(self.name) and self.name not in LAWS:
             raise ParameterError(
-                f"contact = {self.name!r} is not valid: it must be {', '.join(map(repr, LIBRARIES))}, None (free tip) "
+                f"contact = {self.name!r} is not valid: it must be {', '.join(map(repr, LAWS))}, None (free tip) "
                 f"or the path of a {ENDING} file."
             )
-        if self.name == "brush":
-            sliders = SLIDERS if self.sliders is None else self.sliders
-            if sliders not in range(1, MOST_SLIDERS + 1):
-                raise ParameterError(
-                    f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}."
-                )
-            object.__setattr__(self, "sliders", int(sliders))
-        elif self.sliders is not None:
+        found = len(self._library.sliders)
+        given = vars(self)["sliders"]
+        sliders = found if given is None else given
+        if self.row and sliders not in range(1, MOST_SLIDERS + 1):
             raise ParameterError(
-                f"sliders = {self.sliders} has no effect on the law {self.name!r}. Leave it out, or write "
-                f'Law("brush", {self.sliders}).'
+                f"sliders = {sliders} is not valid: it must be a whole number from 1 to {MOST_SLIDERS}."
             )
+        if not self.row and sliders != found:
+            rows = [name for name in LAWS if Law(name).row]
+            raise ParameterError(
+                f"sliders = {sliders} has no effect on the law {self.name!r}. Leave it out, or write "
+                f'Law("{rows[0]}", {sliders}).'
+            )
+        object.__setattr__(self, "sliders", int(sliders))
+        unknown = next((name for name in self.parameters if name not in self.own), None)
+        if unknown:
+            has = f"its own are {', '.join(self.own)}" if self.own else "it has none of its own"
+            raise ParameterError(f"law.{unknown} is not a parameter of the contact law {self.name}; {has}.")
+        for name, value in self.parameters.items():
+            item = self.own[name]
+            if not item.least <= value <= item.greatest:
+                unit = "" if item.unit == "1" else f" {item.unit}"
+                raise ParameterError(
+                    f"law.{name} = {value:g}{unit} is not valid: it must be {item.least:g} to {item.greatest:g}{unit}."
+                )
 
     @property
-    def states(self) -> tuple[str, ...]:
-        """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``.
+    def _library(self) -> Library:
+        """The library with the number of sliders and the parameters that its header gives."""
+        return read_own_law(self.name) if is_own(self.name) else read_library(LAWS[self.name])
 
-        The state of ``spring-slider`` is an attribute of :class:`~pyspice_runner.circuit.motor.Motion`.
-        """
-        if self.name == "spring-slider":
-            return ()
-        nodes = re.findall(r"^C\w+ (\w+) 0 ", contact_library(self).subcircuit, re.M | re.I)
-        return tuple(node if node in PINS else f"xcontact.{node}" for node in map(str.lower, nodes))
+    @property
+    def own(self) -> dict[str, LibraryParameter]:
+        """The law's own parameters, by name: those that neither the motor nor the run sets."""
+        return {item.name: item for item in self._library.parameters if item.name not in _OF_MOTOR}
+
+    @property
+    def forms(self) -> frozenset[str]:
+        """The forms in which the law exists: ``spice``, ``verilog-a``, and of built-in laws ``averaged`` and ``c``."""
+        found = self._library.forms
+        return found & {"spice", "verilog-a"} if is_own(self.name) else found
+
+    @property
+    def spring(self) -> bool:
+        """Whether the law has a tangential spring of its own, with which one in series has a place."""
+        return self._library.spring
+
+    @property
+    def row(self) -> bool:
+        """Whether the law is a row of sliders, whose number can be chosen."""
+        return not is_own(self.name) and len(self._library.sliders) > 1
 
     @property
     def sliding(self) -> bool:
         """Whether the states of the law are sliders."""
-        return self.name in ("spring-slider", "brush")
+        return self.row or len(self._library.sliders) == 1
+
+    @property
+    def falls(self) -> bool:
+        """Whether the friction can fall with the slip velocity."""
+        return _STRIBECK[0] in {item.name for item in self._library.parameters}
+
+    @property
+    def translated(self) -> bool:
+        """Whether the equations of the law are read from its library for other languages, numpy among them."""
+        return "verilog-a" in self.forms
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``."""
+        nodes = contact_library(self).states
+        return tuple(node if node in PINS else f"xcontact.{node}" for node in nodes)
 
     @property
     def touching(self) -> NDArray[np.float64]:
-        """Share of each slider that touches at preloaded rest, from the inner one; of ``spring-slider`` 1."""
-        sliders = self.sliders or 1
-        edge = sliders / sqrt(REACH) if self.name == "brush" else 1.0
-        return np.clip(edge - np.arange(sliders), 0.0, 1.0)
-
-    @property
-    def covered(self) -> float:
-        """Part of the default span that the sliders of a brush cover."""
-        return 1.0
-
-    def to_dict(self) -> dict[str, object]:
-        """Return the law as in the results, JSON-ready."""
-        return {"contact": self.name, **({"sliders": self.sliders} if self.sliders else {})}
-
-
-@dataclass(frozen=True)
-class InnerSliders(Law):
-    """The inner sliders of a brush, for a motion in which those beyond touch nothing.
-
-    Attributes:
-        whole: number of sliders of the brush.
-    """
-
-    whole: int = SLIDERS
+        """Share of each slider that touches at preloaded rest, from the inner one; of a single slider 1."""
+        edge = self.sliders / sqrt(REACH) if self.row else 1.0
+        return np.clip(edge - np.arange(self.sliders), 0.0, 1.0)
 
     @property
     def covered(self) -> float:
         """Part of the default span that the sliders cover: it goes with the square of the contact's width."""
-        return ((self.sliders or 0) / self.whole) ** 2
+        return (self.sliders / self.whole) ** 2 if self.whole else 1.0
+
+    def inner(self, sliders: int) -> Law:
+        """Return the row with its inner sliders only, for a motion in which those beyond touch nothing."""
+        return self if sliders == self.sliders else replace(self, sliders=sliders, whole=self.sliders)
+
+    def updated(self, parameters: Mapping[str, float]) -> Law:
+        """Return the law with other values of its own parameters. Raise ParameterError for an invalid one."""
+        return replace(self, parameters={**self.parameters, **parameters}) if parameters else self
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the law as in the results, JSON-ready."""
+        found: dict[str, object] = {"contact": self.name}
+        return (
+            found
+            | ({"sliders": self.sliders} if self.row else {})
+            | ({"law": dict(self.parameters)} if self.parameters else {})
+        )
 
 
 def reached(law: Law, contact: Contact, depth: float) -> int:
     """Return the number of sliders of a brush that touch something at a penetration in m or less."""
-    assert law.sliders is not None
     flat = contact_law.flat_length(contact)
     deep = REACH * (contact.preload_n / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0)
     edge = law.sliders * sqrt(_width(max(depth, 0.0), flat) / _width(deep, flat))
@@ -149,14 +197,18 @@ ContactLaw = Law | str | Path  # as an analysis accepts it: a law, its name, or 
 PAPER_LAW = Law()
 
 
-def law_of(contact: ContactLaw | None) -> Law | None:
-    """Return the law for an argument ``contact``; ``None`` is a free tip. Raise ParameterError for an unknown law."""
-    return contact if contact is None or isinstance(contact, Law) else Law(contact)  # type: ignore[arg-type]
+def law_of(contact: ContactLaw | None, parameters: Mapping[str, float] = {}) -> Law | None:
+    """Return the law for an argument ``contact``, with values of its own parameters; ``None`` is a free tip.
+
+    Raise ParameterError for an unknown law, or a parameter that it does not have.
+    """
+    law = contact if contact is None or isinstance(contact, Law) else Law(contact)  # type: ignore[arg-type]
+    return law and law.updated(parameters)
 
 
-def touching_law(contact: ContactLaw | None, reason: str) -> Law:
-    """Return the law for ``contact``. Raise ParameterError for an unknown law, and with the reason for a free tip."""
-    law = law_of(contact)
+def touching_law(contact: ContactLaw | None, reason: str, parameters: Mapping[str, float] = {}) -> Law:
+    """Return the law as :func:`law_of`. Raise ParameterError with the reason for a free tip."""
+    law = law_of(contact, parameters)
     if law is None:
         raise ParameterError(f"contact = None (free tip) is not valid here: {reason} Give a law.")
     return law
@@ -168,21 +220,17 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     The spring-slider has the factor of Stribeck's curve only for a contact whose friction falls with the velocity.
     Raise ParameterError for a user's own law that is not valid.
     """
-    if is_own(law.name):
-        return read_own_law(law.name)
-    name = LIBRARIES[law.name]
+    library = law._library
     if contact is not None and contact.worn_flat_radius_m:
         return worn(contact_library(law, contact.model_copy(update={"worn_flat_radius_m": 0.0})))
-    if law.name == "spring-slider" and (contact is None or contact.sliding_ratio == 1.0):
-        return _constant_friction(read_library(name))
-    if law.sliders not in (None, SLIDERS):
-        return _brush(law.sliders)
-    return read_library(name)
+    if contact is None or contact.sliding_ratio == 1.0:
+        library = _constant_friction(library)
+    return _row(library, law.sliders) if law.sliders != len(library.sliders) else library
 
 
 @cache
-def _brush(sliders: int) -> Library:
-    return parse_library(LIBRARIES["brush"], brush_library(sliders))
+def _row(library: Library, sliders: int) -> Library:
+    return parse_library(library.name, row_library(library, sliders))
 
 
 @cache
@@ -206,7 +254,7 @@ def worn(library: Library) -> Library:
     """Return a law on the normal contact of a worn tip; its name ends in ``_worn``."""
     name, text = f"{library.name}_worn", _row_of_worn(_spring_of_worn(library.subcircuit))
     text = re.sub(rf"\b{library.name}\b", name, text)
-    text = re.sub(r"(?m)^(Xnormal .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
+    text = re.sub(r"(?m)^(X\w+ .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
     text = re.sub(r"(?m)^(\.subckt .*)$", r"\1 flat=1", text)
     flat = next(item for item in read_library("piezomotor_worn").parameters if item.name == "flat")
     return replace(
@@ -286,17 +334,19 @@ def contact_values(
             )
         values["damping"] = damping
     if contact.sliding_ratio < 1.0:
-        if law.name != "spring-slider":
+        if not law.falls:
+            falling = " or ".join(name for name in LAWS if Law(name).falls)
             raise ParameterError(
                 f"contact.sliding_ratio = {contact.sliding_ratio:g} is not valid with the contact {law.name}, which "
-                "has one coefficient of friction. Set it to 1, or choose the contact spring-slider."
+                f"has one coefficient of friction. Set it to 1, or choose the contact {falling}."
             )
         values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
     if contact.worn_flat_radius_m:
-        if law.name not in LIBRARIES:
+        if is_own(law.name) and law.spring:
             raise ParameterError(
                 f"contact.worn_flat_radius_m = {contact.worn_flat_radius_m:g} m is not valid with the contact "
-                f"{law.name}: it must be {' or '.join(LIBRARIES)}. Choose one of these, or set it to 0."
+                f"{law.name}, whose spring is that of a new tip: it must be {' or '.join(LAWS)}, or a law without a "
+                "spring. Choose one of these, or set it to 0."
             )
         values["flat"] = 1e6 * contact_law.flat_length(contact)
     if "compliance" in declared:
@@ -307,11 +357,12 @@ def contact_values(
         flat = contact_law.flat_length(contact)
         deep = REACH * (preload / contact.normal_stiffness_n_per_m15) ** (2.0 / 3.0) if span is None else span
         values["span"] = 1e6 * law.covered * _width(deep, flat)
-    return values
+    return values | dict(law.parameters)
 
 
-def brush_library(sliders: int = SLIDERS) -> str:
-    """Return the text of ``behavioral/piezomotor_brush.lib``, which has eight sliders, with another number of them."""
+def row_library(library: Library, sliders: int) -> str:
+    """Return the text of a library with a row of sliders, with another number of them."""
+    given = len(library.sliders)
     cells, plotted = [], []
     for inner in range(sliders):
         number = inner + 1
@@ -338,10 +389,11 @@ def brush_library(sliders: int = SLIDERS) -> str:
         if number < sliders:
             plotted += [f"Gw{number} 0 w{number} x{inner} x{number} 1", f"Rw{number} w{number} 0 1"]
         plotted.append(f"Bslips{number} 0 state I={w if number < sliders else x}*u({y}*({rest}))")
-    text = (data_path("behavioral") / f"{LIBRARIES['brush']}.lib").read_text(encoding="utf-8")
-    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rheld )", "\n".join(cells) + "\n", text, count=1)
+    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rheld )", "\n".join(cells) + "\n", library.text, count=1)
     text = re.sub(r"(?ms)^Gw1 .*?(?=^Bslider )", "\n".join(plotted) + "\n", text, count=1)
     text = text.replace("V(w1)", "V(x0)") if sliders == 1 else text
-    text = text.replace(f"a row of {SLIDERS} ", f"a row of {sliders} ", 1)
-    text = text.replace(f"the end of cell {SLIDERS}:", f"the end of cell {sliders}:", 1)
-    return text.replace(f"{{span/{SLIDERS**2}}}", f"{{span/{sliders**2}}}", 1)
+    text = text.replace(f"a row of {given} ", f"a row of {sliders} ", 1)
+    text = text.replace(f"the end of cell {given}:", f"the end of cell {sliders}:", 1)
+    nodes = " ".join(f"q{number + 1}" for number in range(sliders))
+    text = text.replace(f"* SLIDERS {' '.join(library.sliders)}", f"* SLIDERS {nodes}", 1)
+    return text.replace(f"{{span/{given**2}}}", f"{{span/{sliders**2}}}", 1)

@@ -78,7 +78,7 @@ _OF_CONTACT = {
     "radius": "radius",
 }
 SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
-_DERIVED = ("deflection", "damping", "span", "start")  # parameters of a contact that the motor sets
+_DERIVED = ("deflection", "damping", "span")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
 SMALLEST_LOSS = 1e-5
 
@@ -205,7 +205,7 @@ class MotorSubCircuit(Assembly):
             for stem, compliance in stems(motor, law).items():
                 moved |= self._add_stem(stem, compliance, moved)
             check_parameters(library.name, library.parameters, touching)
-            library = library if plotted or law is None or law.sliders is None else unplotted(library)
+            library = library if plotted or law is None or not law.row else unplotted(library)
             expressions = _expressions(library, touching, flexibility, law.covered if law else 1.0)
             self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
         else:
@@ -478,7 +478,7 @@ def add_motor(
 def motor_library(
     motor: Motor,
     *,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     name: str = "",
     thermal: Thermal | None = None,
 ) -> str:

@@ -42,8 +42,6 @@ class _Law(OwnFile):
     def library(self) -> Library:
         """Return the law as a library with the subcircuit :data:`NAME`."""
         (begin, first), *body, (end, last) = self._subcircuit()
-        # in a copy of a built-in law; here .ic sets the start
-        body = [(line, re.sub(r"\s+ic=\{start\}$", "", text)) for line, text in body]
         words = words_of(first)
         name, pins = words[1].lower(), [word.lower() for word in words[2:] if "=" not in word]
         if tuple(pins) != PINS:

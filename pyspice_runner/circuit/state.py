@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pyspice_runner.circuit.law import LIBRARIES, Law
+from pyspice_runner.circuit.law import Law, contact_library
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
@@ -64,11 +64,11 @@ def written_stator(motor: Motor, discretisation: Discretisation | None, mount: M
 def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     """Return the compliances in series with the contact in m/N, by the instances that have them.
 
-    Coulomb's law has none along the rotor: it has no spring there.
+    A law without a tangential spring has none along the rotor.
     """
     contact = motor.contact
     found = {"stem": contact.series_compliance_m_per_n, "stem_x": contact.tangential_series_compliance_m_per_n}
-    if law and law.name == "coulomb":
+    if law and not law.spring:
         found.pop("stem_x")
     return {name: compliance for name, compliance in found.items() if law and compliance}
 
@@ -88,7 +88,9 @@ def first_guess(
         discretisation: of the run.
     """
     contact, compliance = motor.contact, stems(motor, law).get("stem")
-    if law is None or law.name not in LIBRARIES or not compliance or discretisation is None:
+    if law is None or not compliance or discretisation is None:
+        return {}
+    if not {"delta", "factor"} <= {*contact_library(law, contact).subcircuit.split()}:  # of a law of the user's own
         return {}
     rate = compliance * contact.preload_n / discretisation.slider_time
     if contact_law.normal_damping(contact) * rate < _STRONG:
@@ -115,11 +117,10 @@ class Motion:
 
     displacements_m: tuple[float, ...]  # modal displacements r, in the order of the modes
     velocities_m_s: tuple[float, ...]  # modal velocities
-    slider_m: float = 0.0  # displacement of the slider of the law ``spring-slider``
     speed_rad_s: float = 0.0  # speed of the rotor
     plates_a_v: tuple[float, ...] = ()  # voltages of the capacitances :data:`PLATES` of group A
     plates_b_v: tuple[float, ...] = ()  # the same of group B
-    contact_m: tuple[float, ...] = ()  # states of another law, the nodes :attr:`.Law.states`, 1 V = 1 µm
+    contact_m: tuple[float, ...] = ()  # states of the law, the nodes :attr:`.Law.states`, 1 V = 1 µm
     stem_m: float = 0.0  # compression of the compliance in series with the contact, less that at rest, with its lag
     stem_m_s: float = 0.0  # its rate, with its lag
     stem_x_m: float = 0.0  # the same along the rotor
@@ -193,13 +194,10 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
         )
         for at, _ in modes
     ]  # fmt: skip
-    if law and law.name == "spring-slider":
-        states.append(State("slider", "contact", "v({0}.slider)", "slider_m", part="contact", unit=MICRO))
-    elif law:
-        states += [
-            State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
-            for at, node in enumerate(law.states)
-        ]
+    states += [
+        State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
+        for at, node in enumerate(law.states if law else ())
+    ]
     for name in stems(motor, law):
         states += [
             State(name, "stem", f"v({{0}}.x{name}.lag)", f"{name}_m", part=name, unit=MICRO),

@@ -11,7 +11,8 @@ import re
 from collections.abc import Mapping
 
 from pyspice_runner.circuit.law import (
-    LIBRARIES,
+    LAWS,
+    PAPER_LAW,
     ContactLaw,
     Law,
     contact_library,
@@ -36,7 +37,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, equations, translated
 from pyspice_runner.spice.library import LibraryParameter, check_name, data_path, read_library, slider_words
 
-WRITTEN = ("spring-slider", "coulomb", "brush")  # the laws that have a Verilog-A form
+WRITTEN = tuple(name for name in LAWS if Law(name).translated)  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
 _OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of the contact with other names outside
 _OF_RUN = ("deflection", "start")  # parameters of the contact that rest and the start of a run replace
@@ -52,7 +53,7 @@ _ITERATIONS = 5  # of an equation that contains its own node; each reduces the e
 def motor_module(
     motor: Motor,
     *,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     name: str = "",
     thermal: Thermal | None = None,
     rotational: bool = False,
@@ -67,7 +68,7 @@ def motor_module(
         ParameterError: for a law that the module does not have, or an invalid name.
     """
     law = touching_law(contact, "The module contains the rotor.")
-    if law.name not in WRITTEN:
+    if not law.translated:
         raise ParameterError(
             f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
             "Export a .lib for a law of your own."
@@ -110,7 +111,7 @@ def module_source(modes: int, law: Law, *, flat: bool = False) -> str:
 
 def _contact(law: Law, flat: bool) -> dict[str, list[str]]:
     """Return the lines of the contact, by the comments of ``behavioral/piezomotor.va`` after which they stand."""
-    library = contact_library(law) if law.name == "brush" else read_library(LIBRARIES[law.name])
+    library = contact_library(law) if law.row else read_library(LAWS[law.name])
     library = worn(library) if flat else library
     found = equations(library)
     parameters = {item.name: _OF_CONTACT.get(item.name, item.name) for item in library.parameters}

@@ -18,6 +18,7 @@ import typer
 from rich.table import Table
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.result import Result
 
@@ -28,13 +29,11 @@ SpeedOption = Annotated[float | None, typer.Option(help="Speed of the held shaft
 LoadOption = Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m (slider: N).")]
 StepOption = Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")]
 
-DEFAULT_LAW = "spring-slider"
 NONE = "none"
-_LAWS = (DEFAULT_LAW, "brush", "coulomb")
 
 
 def _complete_law(incomplete: str) -> list[str]:
-    return [name for name in (*_LAWS, NONE) if name.startswith(incomplete)]
+    return [name for name in (*LAWS, NONE) if name.startswith(incomplete)]
 
 
 ContactOption = Annotated[
@@ -42,7 +41,7 @@ ContactOption = Annotated[
     typer.Option(
         "--contact",
         metavar="LAW",
-        help="Contact law: spring-slider, brush, coulomb, the path of a .lib file, or none for a free tip.",
+        help=f"Contact law: {', '.join(LAWS)}, the path of a .lib file, or none for a free tip.",
         autocompletion=_complete_law,
     ),
 ]
@@ -50,10 +49,12 @@ SlidersOption = Annotated[int | None, typer.Option(help="Number of sliders of th
 
 
 def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
-    """Return the law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders without a brush."""
-    if sliders is not None and contact != "brush":
-        raise pr.ParameterError("--sliders has no effect without --contact brush. Leave it out.")
-    return None if contact == NONE else pr.Law(contact, sliders)
+    """Return the law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders of another law."""
+    if contact == NONE and sliders is not None:
+        raise pr.ParameterError("--sliders has no effect on a free tip. Leave it out.")
+    if contact == NONE:
+        return None
+    return pr.Law(contact) if sliders is None else pr.Law(contact, sliders)
 
 
 class Options:
@@ -100,7 +101,7 @@ def with_options(command: Callable[..., Returned]) -> Callable[..., Returned]:
 class LawOptions(Options):
     """The law of the contact."""
 
-    contact: ContactOption = DEFAULT_LAW
+    contact: ContactOption = PAPER_LAW.name
     sliders: SlidersOption = None
 
     @property

@@ -14,10 +14,11 @@ import numpy as np
 import typer
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, channel, two_phase
 from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import DEFAULT_LAW, LawOptions, Targets, with_options
+from pyspice_runner.commands.options import LawOptions, Targets, with_options
 from pyspice_runner.sweeps.plan import Distribution, Sampling
 from pyspice_runner.sweeps.specification import met
 from pyspice_runner.units import linear_name
@@ -136,7 +137,7 @@ def sweep(
         axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), distribution)
     settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
     run = {name: value for name, value in settings.items() if value is not None}
-    if law.contact != DEFAULT_LAW:  # which is the default of the run
+    if law.contact != PAPER_LAW.name:  # which is the default of the run
         run["contact"] = contact
     usual = _question(analysis, excitation, quantity)
     if loaded.slider and not quantity:

@@ -8,6 +8,7 @@ from typing import Annotated, get_args
 import typer
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common, drive, options
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.trackers.loop_filter import DisturbanceKind, TrackerKind
@@ -58,7 +59,7 @@ def track(
     match: drive.MatchOption = True,
     part: drive.PartOption = None,
     mosfet: drive.MosfetOption = None,
-    contact: options.ContactOption = options.DEFAULT_LAW,
+    contact: options.ContactOption = PAPER_LAW.name,
     begin: Annotated[float | None, typer.Option(help="Start of the disturbance, s.")] = None,
     duration: Annotated[float | None, typer.Option(help="Simulated time, s.")] = None,
     averaged: Annotated[

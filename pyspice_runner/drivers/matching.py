@@ -18,7 +18,7 @@ from dataclasses import replace
 from math import degrees, pi, radians, sqrt
 from typing import Any
 
-from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.design import (
     IDLE,
@@ -94,7 +94,7 @@ def propose_matching(
     speed: float | None = None,
     load_torque: float = 0.0,
     rail: float | None = None,
-    contact: ContactLaw = "spring-slider",
+    contact: ContactLaw = PAPER_LAW,
     timeout: float | None = None,
     on_driver: Callable[[Driver], object] | None = None,
 ) -> Design:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.design import OPERATING, Design
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
@@ -314,7 +314,7 @@ def drive_report(
     driver: Driver | Design,
     duration: float | None = None,
     *,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     speed: float | None = None,
     load_torque: float = 0.0,
     step: float | None = None,

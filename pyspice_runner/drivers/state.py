@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.design import GroupPoint, RangePoint
 from pyspice_runner.drivers.driver import Driver
@@ -144,7 +144,7 @@ def driver_state(
     speed: float | None = None,
     load_torque: float = 0.0,
     warmer_k: float = 0.0,
-    contact: ContactLaw = "spring-slider",
+    contact: ContactLaw = PAPER_LAW,
     timeout: float | None = None,
 ) -> dict[str, Any]:
     """Return the steady state behind a driver with its network as it is: for sweeps over tolerances.

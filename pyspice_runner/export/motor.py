@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from pyspice_runner.averaged.library import averaged_library, check_averaged
-from pyspice_runner.circuit.law import ContactLaw
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
@@ -37,7 +37,7 @@ class MotorExport:
     """A motor and the options of its export, as :func:`export_motor` has them."""
 
     motor: Motor
-    contact: ContactLaw | None = "spring-slider"
+    contact: ContactLaw | None = PAPER_LAW
     name: str = ""
     thermal: Thermal | None = None
     averaged: bool = False
@@ -82,7 +82,7 @@ def export_motor(
     motor: Motor,
     path: str | Path,
     *,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     name: str = "",
     thermal: Thermal | None = None,
     averaged: bool = False,

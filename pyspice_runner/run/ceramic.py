@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.source import GROUPS, Source
 from pyspice_runner.circuit.state import Discretisation, motor_states
 from pyspice_runner.motor.drive import too_fast
@@ -63,7 +63,7 @@ def _of_contact(
     normal, slider, depth = (samples.get(f"v(xmotor.{node})") for node in ("normal", "slider", "xcontact.delta"))
     greatest = nan if normal is None else float(normal[window.points].max())
     rubbing = nan
-    if law == PAPER_LAW and normal is not None and slider is not None and depth is not None:
+    if law and "averaged" in law.forms and normal is not None and slider is not None and depth is not None:
         velocity = slip_velocity(motor.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
         rubbing = window.mean(normal * velocity)
     return of_contact(motor.contact, greatest, rubbing)

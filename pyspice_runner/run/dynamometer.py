@@ -91,7 +91,7 @@ def stuck(outcome: Mapping[str, Any]) -> bool:
 GAIN = 1e-3  # share of the power put in: a loss below minus this is told
 _GAINS = {
     "friction_loss_w": "Friction delivers {:.2g} % of the power put in: the spring of the contact stiffens while it is "
-    "strained. Compare with contact = 'brush'.",
+    "strained. Compare with a row of sliders, the contact brush.",
     "normal_loss_w": "The normal contact delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
     "damping_loss_w": "The damping delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
     "dielectric_loss_w": "The dielectric delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",

@@ -99,7 +99,7 @@ class Recording:
                 continue
             start = first.get(name, scale[name] * vector[0] if name in _CURRENTS else 0.0)
             columns[name] = self._after(start, vector, scale.get(name, 1.0))
-            if name == "contact_displacement_m" and self.law and self.law.name == "spring-slider":
+            if name == "contact_displacement_m" and self.law and "averaged" in self.law.forms:
                 # while it slips, the slider's node stands above its limit by the slip velocity times half a step
                 normal = self._after(self._preload, samples["v(xmotor.normal)"])
                 limit = contact_law.stick_limit(self.motor.contact, self._penetration(samples), normal)

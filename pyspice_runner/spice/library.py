@@ -5,7 +5,8 @@ This module reads the header of a library: ``PIN`` lines (name, direction, unit,
 ``.subckt`` line, ``PAR`` lines (name, unit, default, least, greatest, meaning), ``SOURCE``, ``OMITS``,
 ``REVISION`` (of pins, parameters and results), ``STEP`` (the coarsest time step at which the results are right),
 ``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. ``NEEDS`` names other libraries whose subcircuits
-it instantiates. Where a part dissipates, feeds or stores energy, ``LOSS``, ``FEED`` and ``STORE`` lines (name, meaning)
+it instantiates. A contact law has ``STATE`` (node, unit, meaning), ``SLIDERS``, ``SPRING`` and ``FORMS`` lines.
+Where a part dissipates, feeds or stores energy, ``LOSS``, ``FEED`` and ``STORE`` lines (name, meaning)
 name its inner nodes ``loss_NAME`` and ``feed_NAME``, 1 V = 1 W, and ``store_NAME``, 1 V = 1 uJ.
 ``behavioral/CONVENTIONS.md`` explains them.
 """
@@ -71,6 +72,10 @@ class Library:
     feeds: tuple[tuple[str, str], ...] = ()
     stores: tuple[tuple[str, str], ...] = ()
     needs: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()  # of a contact law: the nodes whose capacitors hold its state
+    sliders: tuple[str, ...] = ()  # those of the states that are sliders
+    spring: bool = False  # whether the law has a tangential spring of its own
+    forms: frozenset[str] = frozenset()  # in which the law exists, such as "spice" and "verilog-a"
 
     @property
     def pin_names(self) -> tuple[str, ...]:
@@ -169,6 +174,7 @@ def parse_library(name: str, text: str) -> Library:
         needs=header.needs(),
         **facts,
         **header.powers(),
+        **header.law(text[begin.end() : end.start()]),
     )
 
 
@@ -221,6 +227,22 @@ class Header:
     def powers(self) -> dict[str, Any]:
         """Return name and meaning of the ``LOSS``, ``FEED`` and ``STORE`` lines, by the fields of :class:`Library`."""
         return {field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()}
+
+    def law(self, body: str) -> dict[str, Any]:
+        """Return what a contact law states about itself, by the fields of :class:`Library`.
+
+        Without ``STATE`` lines the states are the nodes of the capacitors to ground in the ``body`` of the subcircuit;
+        without a line ``SPRING`` a law with states has a spring.
+        """
+        capacitors = re.findall(r"^C\w+ (\w+) 0 ", body, re.M | re.I)
+        states = [node for node, _, _ in self.entries("STATE", 3)] or capacitors
+        words = {key: " ".join(text for (text,) in self.entries(key)).split() for key in ("SLIDERS", "SPRING", "FORMS")}
+        return {
+            "states": tuple(map(str.lower, states)),
+            "sliders": tuple(words["SLIDERS"]),
+            "spring": words["SPRING"][0] == "yes" if words["SPRING"] else bool(states),
+            "forms": frozenset(words["FORMS"]),
+        }
 
     def number(self, key: str, text: str) -> float:
         """Return the value of a parameter. Raise ParameterError if it is not a SPICE number."""

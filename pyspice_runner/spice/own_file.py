@@ -98,6 +98,7 @@ class OwnFile:
             needs=needs,
             **(stated | {"omits": f"what the user's own {what} leaves out"} | self._header.facts()),
             **self._header.powers(),
+            **self._header.law(subcircuit),
         )
 
     def _needs(self) -> tuple[str, ...]:

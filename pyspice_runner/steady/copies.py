@@ -21,7 +21,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.bench import Bench, Derived
 from pyspice_runner.circuit.evaluated import plotted_nodes
 from pyspice_runner.circuit.fixtures import not_below_rounding, sine, transient_options
-from pyspice_runner.circuit.law import InnerSliders, Law
+from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
 from pyspice_runner.circuit.state import (
     Discretisation,
@@ -103,11 +103,9 @@ class Plant:
     def with_sliders(self, sliders: int) -> Plant:
         """Return the plant with the inner ones of the sliders of a brush, for a motion that touches no other."""
         assert self.law is not None
-        assert self.law.sliders is not None
         if sliders == self.law.sliders:
             return self
-        law = InnerSliders(self.law.name, sliders, self.law.sliders)
-        return self._inner.setdefault(sliders, replace(self, law=law))
+        return self._inner.setdefault(sliders, replace(self, law=self.law.inner(sliders)))
 
     def widened(self, values: Array, inner: Plant, *axes: int) -> Array:
         """Return values of the states of :meth:`with_sliders` along some axes with zeros for the sliders left out."""
@@ -123,8 +121,8 @@ class Plant:
 
     @property
     def slider(self) -> int | None:
-        """Place of the slider of the law ``spring-slider``."""
-        return 2 * self.modes if self.law and self.law.name == "spring-slider" else None
+        """Place of the slider of a law with a single one."""
+        return 2 * self.modes if self.law and self.law.sliding and not self.law.row else None
 
     @property
     def mount(self) -> Mount | None:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
-from pyspice_runner.circuit.law import LIBRARIES, contact_library, unplotted
+from pyspice_runner.circuit.law import contact_library, unplotted
 from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
 from pyspice_runner.circuit.state import MICRO, Discretisation, static_sway, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
@@ -62,7 +62,7 @@ class Course:
 def differentiable(plant: Plant) -> bool:
     """Return whether the equations of a plant are known here: no law of the user's own, no mode that softens."""
     soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in plant.motor.modes)
-    return plant.law is not None and plant.law.name in LIBRARIES and not soft
+    return plant.law is not None and plant.law.translated and not soft
 
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
@@ -92,7 +92,7 @@ class _Group:
         self.library = unplotted(contact_library(self.law, self.plant.motor.contact))
         self.function = library_function(self.library)
         self.stems = list(stems(self.plant.motor, self.law))
-        self.row = slice(5, 5 + self.law.sliders) if self.law.sliders else None  # place of the sliders among the inputs
+        self.row = slice(5, 5 + self.law.sliders) if self.law.row else None  # place of the sliders among the inputs
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])

@@ -147,7 +147,7 @@ class PeriodMap:
         """Return the traces over a period; leave out the sliders of a brush that touch nothing, if these are known."""
         sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
         law = copies[0].plant.law if copies else None  # the same in all
-        if law is None or sliders >= (law.sliders or 0):
+        if law is None or not law.row or sliders >= law.sliders:
             return [trace and _reaching(copy, trace) for copy, trace in self._whole(copies)]
         inner = [copy.with_sliders(sliders) for copy in copies]
         found: list[Trace | None] = []
@@ -200,7 +200,7 @@ class PeriodMap:
             return []
         self._write(copies)
         workers = self.workers
-        sliders = max(copy.plant.law.sliders or 1 if copy.plant.law else 1 for copy in copies)
+        sliders = max(max(copy.plant.law.sliders, 1) if copy.plant.law else 1 for copy in copies)
         decks = ceil(len(copies) / max(1, min(self.copies_per_deck, _SLIDERS_PER_DECK // sliders)))
         least = _FEWEST if whole else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
@@ -288,7 +288,7 @@ class PeriodMap:
 def _reaching(copy: Copy, trace: Trace) -> Trace:
     """Return the trace of a copy with the number of sliders of a brush that touch something in the whole run."""
     law, contact = copy.plant.law, copy.plant.motor.contact
-    if law is None or law.sliders is None or trace.course is None:
+    if law is None or not law.row or trace.course is None:
         return trace
     return replace(trace, reach=reached(law, contact, 1e-6 * float(trace.course.penetration_um.max())))
 

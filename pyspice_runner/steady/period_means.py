@@ -12,7 +12,6 @@ from math import atan2, degrees, nan
 
 import numpy as np
 
-from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.circuit.state import Discretisation, static_sway
 from pyspice_runner.motor import groups, strength, wear
 from pyspice_runner.motor.groups import GROUPS
@@ -164,7 +163,7 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
     """
     if plant.law is None:
         return nan
-    if plant.law != PAPER_LAW:
+    if "averaged" not in plant.law.forms:
         return loss_w / plant.motor.contact.friction
     velocity = wear.slip_velocity(
         plant.motor.contact, 1e-6 * trace.slider_um, 1e-6 * trace.penetration_um, trace.normal,

@@ -115,8 +115,9 @@ class SteadyState(Quantities, Result):
     @property
     def held_by_friction(self) -> bool:
         """Whether the contact of a held shaft sticks throughout: only regularised friction has a unique torque then."""
-        run = self.provenance["run"]
-        return run["speed_rad_s"] is not None and run["contact"] != "coulomb" and stuck(self.quantities)
+        law = self.solution.plant.law if self.solution else None
+        held = self.provenance["run"]["speed_rad_s"] is not None
+        return held and law is not None and law.spring and stuck(self.quantities)
 
     @property
     def determined(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.library import check_averaged
-from pyspice_runner.circuit.law import ContactLaw, law_of
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -47,7 +47,7 @@ def track(
     *,
     disturb: DisturbanceKind = "start",
     mode: int | None = None,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     begin: float | None = None,
     load_torque: float | None = None,
     preload_change: float = 0.3,
@@ -169,7 +169,7 @@ def measured_loop_gain(
     frequency_hz: float,
     *,
     mode: int | None = None,
-    contact: ContactLaw | None = "spring-slider",
+    contact: ContactLaw | None = PAPER_LAW,
     amplitude_hz: float = 150.0,
     cycles: int = 5,
     step: float | None = None,

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending
@@ -184,7 +185,7 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
         "voltage_2": second[0], "frequency_2": second[1],
         "phase_2": drive.phase_deg if two else 0.0, "preload": preload, "friction": friction, "torque": 0.0,
         "speed": 0.0, "stiffness": stiffness, "kind": "two-tone" if two else "two-phase", "shaft": "free",
-        "mount": "sprung" if motor.mount else "held", "law": "spring-slider",
+        "mount": "sprung" if motor.mount else "held", "law": PAPER_LAW.name,
     }  # fmt: skip
     limits = {
         "voltage": (0.0, 8 * voltage), "frequency": (0.3 * slow, 1.5 * fast), "phase": (-360.0, 360.0),

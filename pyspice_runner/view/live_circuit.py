@@ -20,7 +20,7 @@ from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
 from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.fixtures import AC_OPTIONS, transient_options
-from pyspice_runner.circuit.law import LIBRARIES, PAPER_LAW, Law
+from pyspice_runner.circuit.law import LAWS, PAPER_LAW, Law
 from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation, motor_states
@@ -49,7 +49,7 @@ Values = dict[str, tuple[float | str, str]]  # name → number or expression, an
 def laws(motor: Motor) -> list[str]:
     """Return the built-in contact laws that a motor can have."""
     found = []
-    for law in LIBRARIES:
+    for law in LAWS:
         try:
             MotorSubCircuit(motor, law=Law(law))
         except ParameterError:

@@ -13,14 +13,13 @@ from scipy.optimize import brentq
 
 from pyspice_runner.circuit.fixtures import AC_OPTIONS
 from pyspice_runner.circuit.law import (
-    LIBRARIES,
+    LAWS,
     PINS,
-    SLIDERS,
     Law,
-    brush_library,
     contact_library,
     contact_values,
     law_of,
+    row_library,
     touching_law,
 )
 from pyspice_runner.circuit.motor import MotorSubCircuit, add_motor
@@ -32,13 +31,14 @@ from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.spice.pyspice import BatchSimulator
 from tests.circuit.batch import measured
 
+ROW = read_library("piezomotor_brush")
+
 
 def test_brush_in_the_folder_is_what_the_package_writes() -> None:
-    path = data_path("behavioral") / "piezomotor_brush.lib"
-    assert path.read_text(encoding="utf-8") == brush_library(SLIDERS)
+    assert row_library(ROW, 8) == ROW.text
 
 
-@pytest.mark.parametrize("name", LIBRARIES.values())
+@pytest.mark.parametrize("name", LAWS.values())
 def test_all_laws_have_the_same_face(name: str) -> None:
     library, first = read_library(name), read_library("piezomotor_contact")
     assert tuple(pin.name for pin in library.pins) == PINS
@@ -157,8 +157,8 @@ def test_the_brush_of_a_worn_tip_has_the_forces_of_its_profile(flat: float, slid
     assert friction(1e-3) == pytest.approx(2.0 * shear * radius * 1e-3 * ratio * depth, rel=3e-3)
 
 
-def test_a_law_of_ones_own_has_no_worn_tip(tmp_path: Path) -> None:
-    (tmp_path / "mine.lib").write_text(brush_library(3), encoding="utf-8")
+def test_a_spring_of_ones_own_has_no_worn_tip(tmp_path: Path) -> None:
+    (tmp_path / "mine.lib").write_text(ROW.text.replace("piezomotor_brush", "mine"), encoding="utf-8")
     with pytest.raises(ParameterError, match=r"worn_flat_radius_m = 6e-05 m is not valid with the contact .*mine\.lib"):
         contact_values(Law(str(tmp_path / "mine.lib")), WORN, radius=0.015, preload=4.0)
     assert contact_library(Law("coulomb"), WORN).needs == ("piezomotor_worn",)
@@ -166,7 +166,7 @@ def test_a_law_of_ones_own_has_no_worn_tip(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sliders", [1, 2, 5, 40])
 def test_brush_is_written_for_any_number_of_sliders(sliders: int) -> None:
-    library = parse_library("piezomotor_brush", brush_library(sliders))
+    library = parse_library("piezomotor_brush", row_library(ROW, sliders))
     assert contact_library(Law("brush", sliders)) == library
     assert len(re.findall(r"^Cq\d+ ", library.subcircuit, re.M)) == sliders
     assert library.parameters == read_library("piezomotor_brush").parameters
@@ -288,9 +288,9 @@ def test_constant_of_hunt_and_crossley_solves_its_equation(restitution: float) -
 
 def test_a_motor_names_its_law_and_what_it_needs() -> None:
     motor = load_motor("andersen2002")
-    for name in LIBRARIES:
+    for name in LAWS:
         text = str(MotorSubCircuit(motor, law=Law(name)))
-        assert f" {LIBRARIES[name]} " in text
+        assert f" {LAWS[name]} " in text
         assert ("compliance=" in text) == (name != "coulomb")
         assert ("span=" in text) == (name == "brush")
         assert "damping=" not in text.split("Xcontact")[1].split("\n")[0]
@@ -326,7 +326,7 @@ def test_an_unknown_law_and_sliders_that_are_invalid_or_idle_are_errors() -> Non
         "a .lib file."
     )
     assert law_of(None) is None
-    assert law_of("brush") == Law("brush") == Law("brush", SLIDERS)
+    assert law_of("brush") == Law("brush") == Law("brush", 8)
     with pytest.raises(ParameterError, match=r"contact = None \(free tip\) is not valid here: It has none\. Give"):
         touching_law(None, "It has none.")
     with pytest.raises(
@@ -339,7 +339,7 @@ def test_an_unknown_law_and_sliders_that_are_invalid_or_idle_are_errors() -> Non
 
 
 def test_generator_writes_the_library(tmp_path: Path) -> None:
-    (tmp_path / "mine.lib").write_text(brush_library(3), encoding="utf-8")
+    (tmp_path / "mine.lib").write_text(row_library(ROW, 3), encoding="utf-8")
     normal = data_path("behavioral") / "piezomotor_normal.lib"
     includes = f".include {normal}\n.include {tmp_path / 'mine.lib'}\n"
     deck = f"include\n{includes}{read_library('piezomotor_brush').usage}.save v(state)\n.end\n"

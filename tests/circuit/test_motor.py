@@ -18,7 +18,7 @@ from PySpice.Spice.Netlist import Circuit
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.fixtures import AC_OPTIONS, TRANSIENT_OPTIONS, admittance_bench
-from pyspice_runner.circuit.law import LIBRARIES, Law, law_of
+from pyspice_runner.circuit.law import LAWS, Law, law_of
 from pyspice_runner.circuit.motor import MotorSubCircuit, add_motor, motor_library
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation
@@ -242,7 +242,7 @@ def test_decks_do_not_depend_on_the_last_digits() -> None:
 def test_the_libraries_accept_every_motor_that_the_model_accepts(index: int) -> None:
     subject = soak.case(1, index).motor  # from the whole range of every parameter
     # friction that falls with the slip velocity goes with the spring-slider only
-    for law in (None, *(LIBRARIES if subject.contact.sliding_ratio == 1.0 else ("spring-slider",))):
+    for law in (None, *(LAWS if subject.contact.sliding_ratio == 1.0 else ("spring-slider",))):
         assert str(MotorSubCircuit(subject, law=law_of(law))).count("piezomotor_mode") == len(subject.modes)
 
 

@@ -18,6 +18,7 @@ from pyspice_runner.spice.library import data_path, read_library
 from tests.selection import mostly
 
 PAGE = Path(__file__).parents[2] / "docs" / "tutorial_contact_law.md"
+EVERY_EFFECT = Path(__file__).parents[1] / "data" / "every_effect.toml"
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=51.7e3, phase_deg=90.0)
 
 
@@ -74,6 +75,24 @@ def test_a_copy_of_a_built_in_law_gives_the_same(name: str, tmp_path: Path) -> N
     )
     for quantity in ("torque_n_m", "normal_force_n", "power_a_w", "slip"):
         np.testing.assert_allclose(own[quantity], known[quantity], rtol=1e-6, err_msg=quantity)
+
+
+@pytest.mark.parametrize("name", ["bimodal40", str(EVERY_EFFECT)])
+def test_a_copy_of_the_law_without_a_spring_gives_the_same_results(name: str, tmp_path: Path) -> None:
+    """Free, held and in the steady state, on a worn tip and with compliances in series, too."""
+    path = tmp_path / "copy.lib"
+    text = (data_path("behavioral") / "piezomotor_coulomb.lib").read_text(encoding="ascii")
+    path.write_text(text.replace("piezomotor_coulomb", "copied"))
+    motor = pr.load_motor(name)
+    drive, laws = pr.default_drive(motor), (str(path), "coulomb")
+    for load in ({}, {"speed": 2.0}):
+        own, known = (pr.simulate(motor, drive, duration=1e-4, contact=law, **load) for law in laws)
+        for column in ("rotor_speed_rad_s", "friction_force_n", "current_a_a"):
+            found, expected = getattr(own, column), getattr(known, column)
+            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    held = [pr.steady_state(motor, drive, speed=2.0, contact=law) for law in laws]
+    assert all(state.converged for state in held)
+    assert held[0].torque_n_m == pytest.approx(held[1].torque_n_m, rel=1e-9)
 
 
 def test_a_law_states_where_it_stores_what(law: Path, tmp_path: Path) -> None:

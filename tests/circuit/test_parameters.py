@@ -14,7 +14,7 @@ from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.fixtures import AC_OPTIONS, TRANSIENT_OPTIONS
-from pyspice_runner.circuit.law import LIBRARIES, Law
+from pyspice_runner.circuit.law import LAWS, Law
 from pyspice_runner.circuit.motor import add_motor, motor_library
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.motor.thermal import Thermal
@@ -59,7 +59,7 @@ Xmotor a b 0 shaft {line}
     return {name: np.asarray(vectors[name].real, dtype=float) for name in saved}
 
 
-@pytest.mark.parametrize("law", LIBRARIES)
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("subject", [symmetric(), odd_motor()], ids=["symmetric", "bent sideways by the preload"])
 def test_a_parameter_of_the_x_line_does_what_it_does_in_the_package(subject: pr.Motor, law: str) -> None:
     by_line = run(motor_library(subject, contact=law), f"piezomotor {SETTINGS}", *SAVED)

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.law import REACH, SLIDERS
+from pyspice_runner.circuit.law import REACH, Law
 from pyspice_runner.motor import contact as law
 from pyspice_runner.motor.beam import clamped_capacitances, resonator_modes, solve_resonator
 from pyspice_runner.motor.beam_limits import estimated_errors
@@ -217,11 +217,12 @@ def test_shape_of_the_contact() -> None:
 
 def test_least_amplitude_that_costs_a_brush_something() -> None:
     """The elements of the outermost cell that touches at rest slip, on average, at 1 − x² of the limit."""
-    touching = SLIDERS / sqrt(REACH)
+    sliders = Law("brush").sliders
+    touching = sliders / sqrt(REACH)
     inner = 1 - 1 / touching
     slips = 1 - (1 - inner**3) * touching / 3
     words = {4: "four"}
-    says(f"with {SLIDERS}, {words[round(touching)]} of which touch at rest, {slips:.2f} of $u_{{\\lim}}$")
+    says(f"with {Law('brush').sliders}, {words[round(touching)]} of which touch at rest, {slips:.2f} of $u_{{\\lim}}$")
 
 
 def test_loss_of_partial_slip() -> None:

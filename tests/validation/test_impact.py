@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.law import LIBRARIES, Law
+from pyspice_runner.circuit.law import LAWS, Law
 from tests.reference.row import PSIS as PSIS_OF_TABLE
 from tests.reference.row import TABLE
 from tests.reference.row import throw as exact_throw
@@ -29,7 +29,6 @@ pytestmark = pytest.mark.xdist_group("impact")
 
 GROSS = 2.0 - 1e-9  # all of a brush slips: a sum of its cells, to rounding
 ROUNDING = 1e-9  # of the state: ngspice adds 1e-12 S to its node
-LAWS = tuple(LIBRARIES)
 DURATION = (
     2.9432751  # of a Hertz impact in δ_max/v: 2 ∫ dz/√(1 − z^(5/2)); Johnson, Contact Mechanics, §11.4, prints 2.94
 )

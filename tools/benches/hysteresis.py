@@ -95,9 +95,10 @@ def cyclic_bench(
         f"Bvy vy 0 V={rate}/{force}**(1/3)",
         "Bpower power 0 V=V(friction)*V(vx)",
     ]
+    if "creep" in law.own:  # a hundredth of the maximum velocity
+        law = law.updated({"creep": min(max(0.01 * amplitude * omega, 1e-9), 1e3)})
     return contact_bench(
         lines, law, contact, radius=rotor.radius_m, span=depth * (1.0 + abs(swing)) ** (2.0 / 3.0),
-        creep=min(max(0.01 * amplitude * omega, 1e-9), 1e3),  # a hundredth of the greatest velocity
         step=step, title=title,
     )  # fmt: skip
 
