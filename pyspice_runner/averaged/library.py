@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.law import ContactLaw, law_of
+from pyspice_runner.circuit.law import LAWS, ContactLaw, Law, law_of
 from pyspice_runner.circuit.motor import (
     CROWN,
     MOUNTED,

@@ -296,7 +296,8 @@ def stored_energy(
 ) -> float:
     """Return the energy in J in the modes and the mount, whose carrier has displacements along y and x."""
     stator = motor.stator.with_carrier(motor.mount if lifts_m else None)
-    moved, velocity = np.array([*displacements_m, *lifts_m]), np.array([*velocities_m_s, *rises_m_s])
+    free = len(stator.mass)  # a carrier moves along as many axes as it has springs
+    moved, velocity = np.array([*displacements_m, *lifts_m])[:free], np.array([*velocities_m_s, *rises_m_s])[:free]
     energy = 0.5 * (velocity @ square(stator.mass) @ velocity + moved @ square(stator.stiffness) @ moved)
     softer = np.array([mode.stiffness_n_per_m * mode.softening_per_m2 for mode in motor.modes])
     energy -= 0.25 * softer @ moved[: len(softer)] ** 4
