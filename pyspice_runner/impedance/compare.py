@@ -116,7 +116,7 @@ class Comparison(_Tabulated):
         Args:
             tolerances: quantity (of ``QUANTITIES``) → limit of the magnitude of its relative deviation.
         """
-        said = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
+        outside = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
         errors = self.errors()
         for (name, mode), deviation in self.deviations().items():
             limit = tolerances.get(name, inf)
@@ -124,11 +124,11 @@ class Comparison(_Tabulated):
                 where = "" if mode is None else f" of mode {mode}"
                 error = errors[name, mode]
                 near = error is not None and abs(deviation) - error <= limit
-                said.append(
-                    f"The {name.replace('_', ' ')}{where} is off by {_percent(deviation, error, told=False)}; "
+                outside.append(
+                    f"The {name.replace('_', ' ')}{where} is off by {_percent(deviation, error, compared=False)}; "
                     f"the limit is {100.0 * limit:.3g} %{', within the error' if near else ''}."
                 )
-        return tuple(said)
+        return tuple(outside)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison JSON-ready."""
@@ -367,15 +367,15 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
     )
 
 
-def _percent(deviation: float, error: float | None, *, told: bool = True) -> str:
+def _percent(deviation: float, error: float | None, *, compared: bool = True) -> str:
     """Return a deviation in percent, with its sign unless it is 0, and its standard error.
 
-    If ``told``, a deviation that is not greater than its error is said to be within it.
+    If ``compared``, a deviation that does not exceed its error is marked.
     """
     value = f"{100.0 * deviation:+.3g}" if deviation else "0"
     if not error:
         return f"{value} %"
-    return f"{value} ± {100.0 * error:.1g} %{' (within the error)' if told and abs(deviation) <= error else ''}"
+    return f"{value} ± {100.0 * error:.1g} %{' (within the error)' if compared and abs(deviation) <= error else ''}"
 
 
 def _listed(fit: SpectrumFit) -> str:

@@ -29,7 +29,7 @@ from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, rms
 from pyspice_runner.impedance.noise import estimate
-from pyspice_runner.impedance.one_port_fit import FOLLOWS_NOT, LEANS, Fit, SpectrumFit, fit_one_port, misfit
+from pyspice_runner.impedance.one_port_fit import POOR_FIT, SKEWED, Fit, SpectrumFit, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.motor.equivalent import MotionalArm
 from pyspice_runner.motor.one_thread import one_thread
@@ -128,7 +128,7 @@ def fit_jointly(
 class _Problem:
     """The joint least-squares problem. Parameters: ln C₀, losses, four drifts, then ``_ARM`` of each arm.
 
-    The losses are changes of tan δ against the start, whose description of a resonance that leans may be wrong: parts
+    The losses are changes of tan δ against the start, whose description of a skewed resonance may be wrong: parts
     that are constant, fall and rise with frequency. The constant one takes a capacitance that falls with frequency.
     """
 
@@ -145,8 +145,8 @@ class _Problem:
         measured = [spectrum.admittance_s for spectrum in spectra]
         self.weights = [np.abs(y) / np.maximum(estimate(y).deviation(y), FINEST * np.abs(y)) for y in measured]
         self.temperatures = bool(self.kelvin.any())
-        leans = bool(np.ptp(level)) or len(spectra) == 1
-        per_arm = [True, True, True, *[leans] * 2]
+        by_amplitude = bool(np.ptp(level)) or len(spectra) == 1
+        per_arm = [True, True, True, *[by_amplitude] * 2]
         self.free = np.array([*[True] * (1 + _LOSSES), *[self.temperatures] * 4, *per_arm * len(self.frequency)])
 
     def arms(self, parameters: Vector, kelvin: float) -> Vector:
@@ -239,10 +239,11 @@ class _Problem:
         errors = {"clamped_capacitance_f": capacitance * float(error[0])}
         errors |= {name: float(value) for name, value in zip(_DRIFTS, error[_DRIFTED], strict=True) if name in drifts}
         each = tuple(rms(np.expm1(residual)) for residual in residuals)
-        said = [misfit("The circuit does not follow the spectra", max(each), "up to ")] if correlated else []
-        # of the start what does not hold for the law of amplitude that is fitted here is left out
-        kept = [one for one in self.start.cautions if LEANS not in one and not one.startswith(FOLLOWS_NOT)]
-        return JointFit(tuple(arms), capacitance, drifts, errors, each, (*kept, *said))
+        # this fit has a law of amplitude: cautions of the start about its absence do not hold
+        cautions = [one for one in self.start.cautions if SKEWED not in one and not one.startswith(POOR_FIT)]
+        if correlated:
+            cautions.append(misfit("The circuit does not follow the spectra", max(each), "up to "))
+        return JointFit(tuple(arms), capacitance, drifts, errors, each, tuple(cautions))
 
 
 def amplitude_squared(detuning: Vector, damping: Vector, softer: float, growing: float) -> Vector:

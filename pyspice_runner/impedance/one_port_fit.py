@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from math import inf
 from pathlib import Path
@@ -20,12 +20,12 @@ from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.impedance.half_power import HalfPower, half_power
 from pyspice_runner.impedance.identify import errors
-from pyspice_runner.impedance.identify.arms import GLOBALS
+from pyspice_runner.impedance.identify.arms import GLOBALS, Solution
 from pyspice_runner.impedance.identify.descent import Vector, rms
-from pyspice_runner.impedance.identify.duffing import leaning
+from pyspice_runner.impedance.identify.duffing import skewed_arms
 from pyspice_runner.impedance.identify.problem import Problem
-from pyspice_runner.impedance.identify.selection import Candidate, fit_arms, missing, select
-from pyspice_runner.impedance.noise import noise_of, same_shape
+from pyspice_runner.impedance.identify.selection import Candidate, Outcome, fit_arms, missing, select
+from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
 from pyspice_runner.impedance.spectrum import Spectrum, band_of
 from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit
 from pyspice_runner.motor.one_thread import one_thread
@@ -35,11 +35,11 @@ from pyspice_runner.units import engineering, unit_in
 MOST_MODES = 20  # that may be stated
 _ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
 _UNDECIDED = (
-    "The data do not tell some descriptions of loss and leads apart. The errors contain the spread of the values by "
-    "these. State the leads, or measure a wider band."
+    "The data do not distinguish some descriptions of loss and leads. The errors contain the spread of the values by "
+    "these. Specify the leads, or measure a wider band."
 )
-LEANS = "leans with the amplitude within the sweep"
-FOLLOWS_NOT = "The circuit does not follow the spectrum"
+SKEWED = "is skewed by the amplitude within the sweep"
+POOR_FIT = "The circuit does not follow the spectrum"
 _MOSTLY = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
 _LEAST_ADMITTANCE = 1e-30  # S; no device lies below it or above its inverse, and squares leave the range of numbers
 _FREQUENCIES = 1e-9, 1e12  # Hz; outside there are no measurements, and products leave the range of numbers
@@ -175,7 +175,7 @@ class SpectrumFit(Fit):
         They contain the choice among descriptions of loss and leads, but not what no circuit of this kind describes:
         where residuals remain that are not noise, or an arm stands for modes outside the band.
         """
-        follows = not any(caution.startswith(FOLLOWS_NOT) for caution in self.cautions)
+        follows = not any(caution.startswith(POOR_FIT) for caution in self.cautions)
         return not follows or not all(arm.in_band for arm in self.arms)
 
     def columns(self) -> dict[str, Vector]:
@@ -259,18 +259,9 @@ def fit_one_port(
     stated = (0.0, 0.0) if isinstance(leads, bool) else _leads(leads)
     name = spectrum.source or "The spectrum"
     _check(spectrum, name, modes or 1)
-    model = noise_of(noise, spectrum.admittance_s)
-    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, model, stated, deadline=deadline)
-    outcome = select(whole.thinned(), modes, leads is True, progress)
-    if not model.stated:  # the residuals of the fit give a better estimate than neighbouring points
-        problem, best = outcome.problem, outcome.best
-        fitted, measured = problem.admittance(best) * problem.unit_s, problem.y * problem.unit_s
-        white = errors.independent(problem, best) > 0.5 * len(problem.w)
-        better = model.refined(fitted, measured - fitted, white, measured)
-        if not same_shape(better, model, fitted):
-            whole = whole.reweighted(better, whole.admittance(best) * whole.unit_s)
-            outcome = select(whole.thinned(), modes, leads is True, progress)
-        model = better
+    noise_model = noise_of(noise, spectrum.admittance_s)
+    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, noise_model, stated, deadline=deadline)
+    whole, noise_model, outcome = _searched(whole, modes, leads is True, progress)
     problem, best = outcome.problem, outcome.best
     if not outcome.finds_resonance():
         first, last = spectrum.frequency_hz[[0, -1]]
@@ -301,16 +292,9 @@ def fit_one_port(
         )
         for arm, characteristics in zip(values, circuit.characteristics(), strict=True)
     )
-    # for a stated number of arms, the significance of one more
-    hidden = 0.0 if modes is None else missing(whole, solution)[0][0]
-    correlated = errors.independent(whole, solution) < 0.5 * len(spectrum)
-    cautions = _cautions(spectrum, arms, whole.rms_relative_error(solution), correlated, hidden)
-    cautions += [
-        f"The resonance at {arms[place].series_resonance_hz:.6g} Hz {LEANS}: its values hold at no level. Repeat at a "
-        "lower level, or specify the level by voltages (fit --voltages) for its softening and its growth of losses."
-        for place in leaning(whole, solution)
-    ]
-    cautions += _undecided(outcome.shifts, np.argsort(best.columns[0]), arms)
+    cautions = [*spectrum.cautions, *_uncertain_arms(spectrum, arms), *_misfits(whole, solution, arms, modes)]
+    if _undecided(outcome.shifts, np.argsort(best.columns[0]), arms):
+        cautions.append(_UNDECIDED)
     if len(problem.w) < len(spectrum):
         cautions.append(
             f"The arms were searched with {len(problem.w)} of {len(spectrum)} points, closest where the admittance "
@@ -330,10 +314,28 @@ def fit_one_port(
             *errors.GLOBAL_NAMES,
             *(f"arms.{k}.{name}" for k in range(len(arms)) for name in errors.ARM_NAMES),
         ),
-        noise=dict(model.sigma),
+        noise=dict(noise_model.sigma),
         candidates=outcome.candidates,
-        cautions=(*spectrum.cautions, *cautions),
+        cautions=tuple(cautions),
     )
+
+
+def _searched(
+    whole: Problem, modes: int | None, leads: bool, progress: Callable[[int, int], object] | None
+) -> tuple[Problem, Noise, Outcome]:
+    """Select the circuit; return the problem with the weights of the selection, the final error model, the outcome."""
+    outcome = select(whole.thinned(), modes, leads, progress)
+    if whole.noise.stated:
+        return whole, whole.noise, outcome
+    # the residuals of the fit give a better estimate of the errors than neighbouring points
+    problem, best = outcome.problem, outcome.best
+    fitted, measured = problem.admittance(best) * problem.unit_s, problem.y * problem.unit_s
+    white = errors.independent(problem, best) > 0.5 * len(problem.w)
+    better = whole.noise.refined(fitted, measured - fitted, white, measured)
+    if not same_shape(better, whole.noise, fitted):
+        whole = whole.reweighted(better, whole.admittance(best) * whole.unit_s)
+        outcome = select(whole.thinned(), modes, leads, progress)
+    return whole, better, outcome
 
 
 def _device(spectrum: Spectrum, circuit: EquivalentCircuit) -> NDArray[np.complex128]:
@@ -379,35 +381,40 @@ def _check(spectrum: Spectrum, name: str, modes: int) -> None:
         )
 
 
-def _cautions(
-    spectrum: Spectrum, arms: tuple[FittedArm, ...], error: float, correlated: bool, hidden: float
-) -> list[str]:
-    """Return the limits of the values; ``hidden`` is the significance of one more arm in correlated residuals."""
-    said = []
+def _uncertain_arms(spectrum: Spectrum, arms: tuple[FittedArm, ...]) -> Iterator[str]:
+    """Yield a caution for each arm whose values are uncertain."""
     for arm in arms:
         where = f"The arm at {arm.series_resonance_hz:.6g} Hz"
         if not arm.in_band:
-            said.append(f"{where} lies outside the measured band and stands for modes there; its values are uncertain.")
+            yield f"{where} lies outside the measured band and stands for modes there; its values are uncertain."
             continue
         if arm.quality_factor < errors.RESONANT_QUALITY:
-            said.append(
-                f"{where} is too broad for a resonance (Q {arm.quality_factor:.2g}); it follows the background."
-            )
+            yield f"{where} is too broad for a resonance (Q {arm.quality_factor:.2g}); it follows the background."
         spacing = np.interp(arm.series_resonance_hz, spectrum.frequency_hz[1:], np.diff(spectrum.frequency_hz))
         if arm.series_resonance_hz / arm.quality_factor < spacing:
-            said.append(f"{where} is narrower than the distance of the measured points; measure finer there.")
+            yield f"{where} is narrower than the distance of the measured points; measure finer there."
         uncertainty = arm.standard_errors["resistance_ohm"]
         if uncertainty is None or uncertainty > 0.3 * arm.resistance_ohm:
-            said.append(f"{where} is hardly determined: its resistance is uncertain by more than 30 %.")
-    if correlated and error > _ANALYSER:
-        said.append(misfit(FOLLOWS_NOT, error))
-    if correlated and hidden >= 2 * errors.SIGNIFICANT:
-        said.append("The residuals hide at least one more arm; try a greater number of modes.")
-    return said
+            yield f"{where} is hardly determined: its resistance is uncertain by more than 30 %."
 
 
-def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, ...]) -> list[str]:
-    """Return the caution that the choice among descriptions of loss and leads makes most of an arm's error.
+def _misfits(problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], modes: int | None) -> Iterator[str]:
+    """Yield cautions for residuals that are not noise; ``modes`` is the stated number of arms."""
+    if errors.independent(problem, solution) < 0.5 * len(problem.w):
+        if (error := problem.rms_relative_error(solution)) > _ANALYSER:
+            yield misfit(POOR_FIT, error)
+        if modes is not None and missing(problem, solution)[0][0] >= 2 * errors.SIGNIFICANT:
+            yield "The residuals hide at least one more arm; try a greater number of modes."
+    for place in skewed_arms(problem, solution):
+        yield (
+            f"The resonance at {arms[place].series_resonance_hz:.6g} Hz {SKEWED}: its values hold at no level. Repeat "
+            "at a lower level, or specify the level by voltages (fit --voltages) for its softening and its growth of "
+            "losses."
+        )
+
+
+def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, ...]) -> bool:
+    """Whether the choice among descriptions of loss and leads makes most of an arm's error.
 
     Args:
         shifts: as the outcome of the selection has them.
@@ -415,11 +422,12 @@ def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, .
         arms: the arms in that order.
     """
     by_choice = np.linalg.norm(shifts, axis=0)[len(errors.GLOBAL_NAMES) :].reshape(len(arms), -1)[order]
-    for arm, own in zip(arms, by_choice[:, errors.ARM_NAMES.index("inductance_h")], strict=True):
-        error = arm.standard_errors["inductance_h"]
-        if error is not None and own > _ANALYSER and own * arm.inductance_h > _MOSTLY * error:
-            return [_UNDECIDED]
-    return []
+    shares = by_choice[:, errors.ARM_NAMES.index("inductance_h")]
+    return any(
+        share > _ANALYSER and share * arm.inductance_h > _MOSTLY * arm.standard_errors["inductance_h"]
+        for arm, share in zip(arms, shares, strict=True)
+        if arm.standard_errors["inductance_h"] is not None
+    )
 
 
 def misfit(what: str, error: float, limit: str = "") -> str:

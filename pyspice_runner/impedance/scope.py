@@ -97,12 +97,12 @@ class Recording:
             columns = np.column_stack([wave.real, wave.imag, np.ones_like(time)])
             return columns, np.linalg.lstsq(columns, values, rcond=None)[0]
 
-        def missed(x: Array) -> Array:
+        def residual(x: Array) -> Array:
             columns, found = parts(x)
             return np.asarray(values - columns @ found)
 
         starts = [np.array([1.0, decay]) for decay in (0.3, 1.0, 3.0, 10.0)]
-        every = [least_squares(missed, one, bounds=([0.5, -1.0], [2.0, 1e4]), x_scale=[1e-2, 1.0]) for one in starts]
+        every = [least_squares(residual, one, bounds=([0.5, -1.0], [2.0, 1e4]), x_scale=[1e-2, 1.0]) for one in starts]
         best = min(every, key=lambda one: float(one.cost))
         frequency, decay = best.x[0] * rough, best.x[1] / time[-1]
         scatter = 2.0 * best.cost / (len(time) - 5)

@@ -127,8 +127,8 @@ def controlled_run(run: ControlledRun) -> Sheet:
     kind = "averaged motor" if settings["averaged"] else "full motor"
     title = f"{run.provenance['motor']['name']}, {kind}, a sample every {1e3 * settings['sample_time_s']:g} ms"
     found = run.summary()
-    told = [f"{name}: {found[name]}" for name in ("settled", "static error") if name in found]
-    return _over_time(run.time_s, curves, "; ".join([title, *told]), marker=".")
+    figures = [f"{name}: {found[name]}" for name in ("settled", "static error") if name in found]
+    return _over_time(run.time_s, curves, "; ".join([title, *figures]), marker=".")
 
 
 def control_loop(loop: ControlLoop) -> Sheet:

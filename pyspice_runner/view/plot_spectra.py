@@ -169,9 +169,9 @@ def _deviations(result: Comparison, ax: Axes) -> None:
     errors = [100.0 * (result.errors()[key] or 0.0) for key in known]  # 0, and no bar, where it is not determined
     names = [name.replace("_", " ") + (f", mode {mode}" if mode else "") for name, mode in known]
     bars = ax.barh(names, list(known.values()), xerr=errors, color=BLUE, error_kw=_ERROR_BARS)
-    told = [f"{value:+.2f}" for value in known.values()]
-    told = [f"{text} ± {error:.1g}" if error else text for text, error in zip(told, errors, strict=True)]
-    ax.bar_label(bars, told, padding=3, fontsize=7)
+    texts = [f"{value:+.2f}" for value in known.values()]
+    texts = [f"{text} ± {error:.1g}" if error else text for text, error in zip(texts, errors, strict=True)]
+    ax.bar_label(bars, texts, padding=3, fontsize=7)
     ax.invert_yaxis()
     ax.margins(x=0.3)
     ax.axvline(0.0, **AXIS)

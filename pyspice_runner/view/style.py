@@ -11,7 +11,7 @@ BLACK, BLUE, VERMILION, GREEN, ORANGE = "#000000", "#0072B2", "#D55E00", "#009E7
 PURPLE, GREY = "#BA6A98", "#808080"
 CAUTION = VERMILION  # of the words that a result is not settled, or failed its audit
 
-# Curves of one chart differ in colour and in dash, so that they can be told apart in print, too.
+# Curves of one chart differ in colour and in dash, which also distinguishes them in print.
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE)
 GROUPS = {"a": BLUE, "b": ORANGE}  # of the motor
 

@@ -81,13 +81,13 @@ def test_levels_give_the_softening_and_the_losses_of_the_ceramic(softening: floa
     assert "softening" in " ".join(found.summary())
 
 
-def test_a_resonance_that_leans_within_a_sweep_is_told_and_its_level_gives_the_softening() -> None:
+def test_a_resonance_skewed_within_a_sweep_has_a_caution_and_its_level_gives_the_softening() -> None:
     soft = mode(6e7, 4e9)
-    leaning = measured(soft, 80.0, 1)
-    assert any("leans with the amplitude" in caution for caution in pr.fit_spectrum(leaning).cautions)
+    skewed = measured(soft, 80.0, 1)
+    assert any("is skewed by the amplitude" in caution for caution in pr.fit_spectrum(skewed).cautions)
     for straight in (measured(soft, 5.0, 1), measured(mode(0.0, 0.0), 80.0, 1)):
         assert not pr.fit_spectrum(straight).cautions
-    found = pr.fit_spectrum([leaning], voltages=[80.0], modes=1)
+    found = pr.fit_spectrum([skewed], voltages=[80.0], modes=1)
     assert max(map(abs, scores(found, soft))) < 4.0
     assert not found.cautions
 
