@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 from pyspice_runner.errors import ParameterError, SpectrumError
-from pyspice_runner.impedance.readers import hp4294a, mfia, plain, tabular, touchstone
-from pyspice_runner.impedance.readers.reading import STATED
-from pyspice_runner.impedance.readers.repair import spectrum_of
+from pyspice_runner.impedance.readers import hp4294a, plain, tabular, touchstone
+from pyspice_runner.impedance.readers.reading import STATED, spectrum_of
 from pyspice_runner.impedance.readers.text import clean, load
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.motor.refusal import checked
@@ -19,7 +18,7 @@ from pyspice_runner.motor.refusal import checked
 FORMATS = (
     (hp4294a.read, ("trace",)),
     (tabular.read_e4990a, ("trace",)),
-    (mfia.read, ("trace",)),
+    (tabular.read_mfia, ("trace",)),
     (touchstone.read, ("through",)),
     (tabular.read_bode100, ()),
     (tabular.read_waveforms, ()),

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The result of a reader: columns in SI units with their lines in the file."""
+"""Columns in SI units with their lines in the file, and the spectrum that they make.
+
+Common faults of measured files are repaired, each with a caution: order and repetition of the frequencies, missing
+values, degrees labelled radians, a phase that wraps or is off by 180°. What no passive part can do is rejected.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.impedance.readers.quantities import DIMENSION, Heading, heading, pair_of, with_named_phase
+from pyspice_runner.impedance.readers.quantities import (
+    DIMENSION,
+    POLAR,
+    Complexes,
+    Heading,
+    admittance,
+    contradiction,
+    heading,
+    negative_modulus,
+    pair_of,
+    with_named_phase,
+)
 from pyspice_runner.impedance.readers.text import Floats, Table, Text, described, quote, read_table, separator
+from pyspice_runner.impedance.spectrum import COUPLING, Spectrum, connect
 
 STATED = "the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
 A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"
 MEMORY_NOTE = "The file also holds a memory trace; trace=“memory” reads that one."
+_HIGHEST = 1e12  # Hz
+_LOOP = 0.55  # enclosed share of the bounding box: a circle has 0.79, a locus that does not turn back at most 0.5
+_SAME = 1e-6  # relative difference within which a repeated point is the same point
 
 
 @dataclass
@@ -144,3 +163,287 @@ def _no_quantities(text: Text, header: int, headings: list[Heading]) -> Spectrum
     known = [quote(item.cell) for item in quantities]
     found = f"of the columns only {' and '.join(known[:4])}" if known else "no column of a quantity that is known"
     return text.refusal(header, found, expected)
+
+
+# --- spectrum ---
+
+
+def spectrum_of(reading: Reading) -> Spectrum:
+    """Return the spectrum of a reading. Raise SpectrumError if the columns do not make one."""
+    _reject_swapped(reading)
+    matrix, polar = _one_port(reading) if reading.matrix_s is None else (reading.matrix_s, False)
+    frequency, matrix = _ordered(reading, *_finite(reading, matrix))
+    if matrix.shape[-1] == 1:
+        matrix = _right_way_round(reading, matrix[:, 0, 0], polar)[:, None, None]
+    _reject_nonsense(reading, matrix)
+    return Spectrum(frequency, matrix, reading.text.name, reading.format, tuple(reading.cautions), reading.metadata)
+
+
+def _one_port(reading: Reading) -> tuple[Complexes, bool]:
+    """Return the admittance matrix of the columns, and whether they are modulus and phase."""
+    columns = with_named_phase(reading.columns)
+    angles = [kind for kind in columns if DIMENSION[kind] == "angle"]
+    pair = pair_of(columns)
+    if pair is None:
+        raise SpectrumError(f"{reading.text.name} has no two quantities that make an admittance.")
+    if pair not in POLAR and reading.angle_unit is None:
+        columns = {kind: values for kind, values in columns.items() if kind not in angles}
+    elif angles:
+        factor = _angle_factor(reading, columns[angles[0]], columns)
+        columns |= {kind: columns[kind] * factor for kind in angles}
+    if (place := negative_modulus(pair, columns)) is not None:
+        index = int(reading.indices[place])
+        raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
+    y = admittance(pair, reading.frequency_hz, columns)
+    if (odd := contradiction(pair, y, columns)) is not None:
+        raise SpectrumError(
+            f"{reading.text.name}: the column of {_word(odd)} contradicts those of {_word(pair[0])} and "
+            f"{_word(pair[1])}; columns may be swapped, or a unit wrong."
+        )
+    if pair[0] == "abs_z" and pair not in POLAR:
+        reading.cautions.append(
+            "The real part is what a modulus leaves beside its imaginary part, so that losses are only as good as "
+            "the printed digits."
+        )
+    if pair in POLAR:
+        _note_wraps(reading, columns[pair[1]])
+    return y[:, None, None], pair in POLAR
+
+
+def _word(kind: str) -> str:
+    """Return a quantity as written in messages."""
+    side = kind[-1].upper()
+    return {"abs": f"|{side}|", "phase": "phase"}.get(kind.partition("_")[0], kind.capitalize())
+
+
+# --- phase ---
+
+
+def _angle_factor(reading: Reading, angle: Floats, columns: dict[str, Floats]) -> float:
+    """Return the factor to radians of the angles; their values decide if the unit is missing or cannot be right.
+
+    The reader has converted angles labelled as degrees. Beyond ±2π they are not radians. Within ±π, degrees would mean
+    a phase of at most 3.1°, a resistor, whose magnitude does not vary over the band.
+    """
+    unit, degrees = reading.angle_unit, float(np.pi / 180.0)
+    raw = np.rad2deg(angle) if unit == "deg" else angle  # as printed
+    known = raw[np.isfinite(raw)]
+    largest = float(np.abs(known).max()) if known.size else 0.0
+    named = {"deg": "in degrees", "rad": "in radians", None: "without a unit"}[unit]
+    if unit != "deg" and largest > 2.01 * np.pi:
+        note = f"The phase is given {named} but reaches {largest:.4g}, so it was taken as degrees."
+        factor = degrees
+    elif unit != "rad" and largest < 1.01 * np.pi and _magnitude_varies(reading.frequency_hz, columns):
+        note = f"The phase is given {named} but stays within ±{largest:.4g} while the magnitude varies, "
+        note += "so it was taken as radians."
+        factor = float(180.0 / np.pi) if unit == "deg" else 1.0
+    elif unit is not None:
+        return 1.0
+    elif largest > 1.01 * np.pi:
+        note = f"The phase names no unit; it reaches {largest:.4g} and was taken as degrees."
+        factor = degrees
+    else:
+        raise SpectrumError(
+            f"{reading.text.name}: the phase names no unit and its values do not tell; head it as "
+            "“Phase (deg)” or “Phase (rad)”."
+        )
+    reading.cautions.append(note)
+    return factor
+
+
+def _magnitude_varies(frequency: Floats, columns: dict[str, Floats]) -> bool:
+    """Whether |Z| or |Y| varies more than that of a part with a phase below 3.1° can."""
+    size = next((columns[kind] for kind in ("abs_z", "abs_y") if kind in columns), None)
+    if size is None:
+        return False
+    good = np.isfinite(size) & (size > 0.0) & (frequency > 0.0)
+    if np.count_nonzero(good) < 5:
+        return False
+    logarithm, octaves = np.log(size[good]), np.ptp(np.log(frequency[good]))
+    low, high = np.percentile(logarithm, [5.0, 95.0])
+    return bool(high - low > 0.1 + 0.1 * octaves)
+
+
+def _note_wraps(reading: Reading, angle: Floats) -> None:
+    order = np.argsort(reading.frequency_hz, kind="stable")
+    jumps = np.flatnonzero(np.abs(np.diff(angle[order])) > 1.5 * np.pi)
+    if jumps.size:
+        times = "once" if jumps.size == 1 else f"{jumps.size} times"
+        first = reading.frequency_hz[order][jumps[0]]
+        reading.cautions.append(f"The phase wraps by 360° {times}, first at {first:g} Hz; it was unwrapped.")
+
+
+def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
+    """Negate an admittance whose real part is negative throughout and whose reactance has the wrong sign.
+
+    A capacitor whose small real part is negative has the right reactance and stays as it is.
+    """
+    negative = np.count_nonzero(y.real < 0.0)
+    if negative < 0.9 * y.size:
+        if negative > 0.01 * y.size:
+            reading.cautions.append(
+                f"The real part is negative at {negative} of {y.size} points: "
+                "noise, or a compensation that is not complete; nothing was changed."
+            )
+        return y
+    reactive = np.mean(np.abs(y.imag) > np.abs(y.real)) > 0.5
+    if reactive and _foster(y) > 0.0:
+        reading.cautions.append(
+            "The real part is negative throughout, but small, and the reactance is as it should be: "
+            "the compensation is not complete; nothing was changed."
+        )
+        return y
+    if not reactive and not polar:
+        raise SpectrumError(
+            f"{reading.text.name}: the real part is negative throughout and larger than the imaginary part; "
+            "the two columns may be swapped."
+        )
+    reading.cautions.append("The real part was negative throughout: the phase was off by 180°, which was added.")
+    return -y
+
+
+# --- points ---
+
+
+def _finite(reading: Reading, matrix: Complexes) -> tuple[Floats, Complexes, NDArray[np.int64]]:
+    """Return the points with values above 0 Hz, and their lines."""
+    frequency, text = reading.frequency_hz, reading.text
+    for outside, found, expected in (
+        (frequency < 0.0, "a frequency below 0 Hz", "positive ones"),
+        (frequency > _HIGHEST, "a frequency of {:.3g} Hz", f"at most {_HIGHEST:g} Hz (the unit may be wrong)"),
+    ):
+        if outside.any():
+            place = int(outside.argmax())
+            raise text.refusal(int(reading.indices[place]), found.format(frequency[place]), expected)
+    good = np.isfinite(frequency) & np.isfinite(matrix).all(axis=(1, 2))
+    zero = good & (frequency == 0.0)
+    if zero.any():
+        reading.cautions.append("The point at 0 Hz was left out.")
+    if bad := np.count_nonzero(~good):
+        first = int(reading.indices[np.argmin(good)]) + 1
+        if 2 * bad > good.size:
+            raise SpectrumError(
+                f"{text.name}, line {first}: here and at {bad - 1} of {good.size} points values are missing or zero; "
+                "expected numbers at most of them."
+            )
+        points = "1 point was" if bad == 1 else f"{bad} points were"
+        reading.cautions.append(f"{points} left out where values are missing or zero, first in line {first}.")
+    keep = good & ~zero
+    if np.count_nonzero(keep) < 2:
+        raise SpectrumError(f"{text.name} has fewer than 2 complete points; expected a spectrum.")
+    return frequency[keep], matrix[keep], reading.indices[keep]
+
+
+def _ordered(
+    reading: Reading, frequency: Floats, matrix: Complexes, indices: NDArray[np.int64]
+) -> tuple[Floats, Complexes]:
+    """Return the points by rising frequency, each frequency once."""
+    steps = np.diff(frequency)
+    if (steps > 0.0).all():
+        return frequency, matrix
+    order = np.argsort(frequency, kind="stable")
+    if (steps < 0.0).all():
+        reading.cautions.append("The frequencies fall from point to point; the points were put in rising order.")
+    elif (steps < 0.0).any():
+        reading.cautions.append("The frequencies do not rise from point to point; the points were sorted.")
+    frequency, matrix, indices = frequency[order], matrix[order], indices[order]
+    repeated = np.flatnonzero(np.diff(frequency) == 0.0)
+    if not repeated.size:
+        return frequency, matrix
+    size = np.abs(matrix).max(axis=(1, 2))
+    differ = np.abs(matrix[repeated + 1] - matrix[repeated]).max(axis=(1, 2)) > _SAME * size[repeated]
+    if differ.any():
+        place = int(repeated[np.argmax(differ)])
+        found = f"{frequency[place]:.12g} Hz as in line {indices[place] + 1}, with other values"
+        expected = "each frequency once; if these are several sweeps, export one"
+        raise reading.text.refusal(int(indices[place + 1]), found, expected)
+    times = "1 point" if repeated.size == 1 else f"{repeated.size} points"
+    reading.cautions.append(f"{times} came twice, with the same values; one of each was kept.")
+    return np.delete(frequency, repeated + 1), np.delete(matrix, repeated + 1, axis=0)
+
+
+# --- rejection ---
+
+
+def _reject_nonsense(reading: Reading, matrix: Complexes) -> None:
+    """Raise an error for an admittance that no passive part has."""
+    fault = ""
+    if matrix.shape[-1] == 1:
+        if _turns_backwards(matrix[:, 0, 0]):
+            fault = "the circles of Y run against the clock, which none of a passive part do; real and imaginary "
+            fault += "part may be swapped, or the sign of the phase or the imaginary part reversed"
+    elif not _reciprocal(matrix):
+        fault = "from A to B and from B to A the admittances differ, which those of no passive part do; "
+        fault += "columns may be swapped"
+    elif not _passive(matrix) or any(_turns_backwards(connect(matrix, connection)) for connection in COUPLING):
+        fault = "the admittances are not those of a passive part; columns may be swapped, or a sign reversed"
+    if fault:
+        of_device = matrix.shape[-1] == 2 and reading.format == "Touchstone"
+        hint = " (if one device lies between the ports, state through = series or shunt)" if of_device else ""
+        raise SpectrumError(f"{reading.text.name}: {fault}{hint}.")
+
+
+def _reject_swapped(reading: Reading) -> None:
+    """Raise an error for frequencies that jump while another column runs steadily: the two are swapped."""
+    if steady(reading.frequency_hz):
+        return
+    for kind, values in reading.columns.items():
+        if steady(values):
+            raise SpectrumError(
+                f"{reading.text.name}: the frequencies jump about while {_word(kind)} runs steadily; "
+                "the columns may be swapped."
+            )
+
+
+# --- properties of every passive part, which reveal swapped columns and reversed signs ---
+
+# Foster: reactance rises with frequency; |Z| falls where Z is capacitive and rises where it is inductive. Causality:
+# with rising frequency the circles of resonances in the planes of Y and of Z run clockwise; swapping real and imaginary
+# part, or reversing the sign of one, mirrors them. Reciprocity: the matrix of a two-port is symmetric.
+
+
+def _foster(y: Complexes) -> float:
+    """Return a positive number if the reactance rises on the whole, a negative one if that of −Y does."""
+    inductive = np.sign(-y.imag[:-1] - y.imag[1:])
+    size = np.maximum(np.abs(y), np.finfo(float).tiny)
+    return float(np.sum(inductive * -np.diff(np.log(size))))
+
+
+def _turns_backwards(y: Complexes) -> bool:
+    """Whether the locus clearly has circles that run counterclockwise."""
+    with np.errstate(all="ignore"):
+        z = 1.0 / y
+    if not np.isfinite(z).all():
+        return False
+    (area_y, swept_y), (area_z, swept_z) = _enclosed(y), _enclosed(z)
+    return max(area_y, area_z) > _LOOP and min(swept_y, swept_z) > 0.5
+
+
+def _reciprocal(matrix: Complexes) -> bool:
+    """Whether a two-port's transfer admittances agree at most points, within 20 % or 1 % of its largest admittance."""
+    there, back = matrix[:, 0, 1], matrix[:, 1, 0]
+    bound = np.maximum(0.1 * (np.abs(there) + np.abs(back)), 0.01 * np.abs(matrix).max(axis=(1, 2)))
+    return bool(np.mean(np.abs(there - back) > bound) < 0.5)
+
+
+def _passive(matrix: Complexes) -> bool:
+    """Whether the part delivers no power at most points, within 2 % of its largest admittance."""
+    loss = np.linalg.eigvalsh(0.5 * (matrix + matrix.conj().transpose(0, 2, 1)))[:, 0]
+    return bool(np.mean(loss < -0.02 * np.abs(matrix).max(axis=(1, 2))) < 0.5)
+
+
+def _enclosed(locus: Complexes) -> tuple[float, float]:
+    """Return the enclosed area, positive counterclockwise, over that of the bounding box and over the swept area.
+
+    The second ratio is small for noise, which sweeps area in both directions.
+    """
+    largest = float(np.abs(locus).max())
+    if not largest > 0.0:
+        return 0.0, 0.0
+    locus = locus / largest  # products of very large or very small values leave the range of numbers
+    arms = locus - locus.mean()
+    sectors = 0.5 * (arms.conj() * np.roll(arms, -1)).imag
+    box = np.ptp(locus.real) * np.ptp(locus.imag)
+    swept = np.abs(sectors).sum()
+    area = float(sectors.sum())
+    return (area / float(box), area / float(swept)) if box > 0.0 and swept > 0.0 else (0.0, 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Instrument exports that are one table below a header: a header and how to read a column make a format.
+"""Instrument exports that are one table: most are a header and how to read a column.
 
 =======================  ==============================================================================================
 Keysight E4990A          lines of ``!``, ``BEGIN CH1_DATA``, the header, the points, ``END``. A trace is headed
@@ -12,6 +12,9 @@ NanoVNA                  ``Frequency(Hz),Return Loss(dB),Phase(deg),Rs,SWR,Xs,|Z
                          *Theta* in degrees; *Phase(deg)* is the phase of the reflection.
 AIM (Array Solutions)    by position: frequency in MHz, SWR, series R, series X, |Z|, θ in degrees, …; the header is
                          optional. Without one, |Z| and θ must agree with R + jX.
+MFIA, MFLI (Zurich       LabOne's sweeper: a line for each field and sweep, ``chunk;timestamp;size;fieldname;value;…``,
+Instruments)             padded with ``nan``: ``frequency`` (or ``grid``), ``realz`` and ``imagz``, or ``absz`` and
+                         ``phasez`` in radians.
 =======================  ==============================================================================================
 """
 
@@ -23,9 +26,10 @@ from math import pi
 
 import numpy as np
 
+from pyspice_runner.errors import SpectrumError
 from pyspice_runner.impedance.readers.quantities import Heading, heading
 from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, cut_caution, from_header, swept, wants_memory
-from pyspice_runner.impedance.readers.text import Text, number, read_table, separator, split
+from pyspice_runner.impedance.readers.text import Floats, Text, clean, number, quote, read_table, separator, split
 
 
 def _tabular(
@@ -163,6 +167,78 @@ def _is_consistent(cells: list[str]) -> bool:
     """Whether |Z| and θ are those of R + jX within rounding."""
     r, x, size, angle = (number(cell) or 0.0 for cell in cells[2:6])
     return bool(abs(np.hypot(r, x) - size) <= 0.02 * size + 0.1 and abs(np.angle(r + 1j * x, deg=True) - angle) < 2.0)
+
+
+_MFIA_FIELDS = {"realz": "r", "imagz": "x", "absz": "abs_z", "phasez": "phase_z"}
+_MFIA_WANTED = {*_MFIA_FIELDS, "frequency", "grid"}
+
+
+def read_mfia(text: Text, trace: str | None) -> Reading | None:
+    """Read an MFIA or MFLI file; ``None`` if it is in another format."""
+    header = text.find(lambda line: line.lower().lstrip('" ').startswith("chunk"), 0, 50)
+    if header is None or "fieldname" not in text.lines[header].lower():
+        return None
+    mark = separator(text.lines[header])
+    names = [cell.lower() for cell in split(text.lines[header], mark)]
+    if names[:4] != ["chunk", "timestamp", "size", "fieldname"]:
+        raise text.refusal(header, f"the header {quote(text.lines[header])}", "“chunk;timestamp;size;fieldname”")
+    sweeps = _mfia_sweeps(text, header, mark)
+    order = sorted(sweeps, key=lambda name: (len(name), name))
+    wanted = order[0] if trace is None else trace
+    if wanted not in sweeps:
+        there = ", ".join(clean(name, 10) for name in order[:20])
+        raise SpectrumError(f"{text.name} has no sweep {quote(wanted)}; it has {there}.")
+    fields = sweeps[wanted]
+    frequency = fields.get("frequency", fields.get("grid"))
+    columns = {kind: fields[name][1] for name, kind in _MFIA_FIELDS.items() if name in fields}
+    if frequency is None or not ({"r", "x"} <= set(columns) or {"abs_z", "phase_z"} <= set(columns)):
+        raise text.refusal(
+            header, f"sweep {quote(wanted)} has the fields {quote(', '.join(fields))}", "frequency, realz and imagz"
+        )
+    filled = np.flatnonzero(np.isfinite(frequency[1]))
+    size = int(filled[-1]) + 1 if filled.size else 0  # the rest is padding
+    cautions = []
+    if trace is None and len(sweeps) > 1:
+        cautions = [f"The file holds {len(sweeps)} sweeps; the first was read. trace=“{order[1]}” reads the second."]
+    return Reading(
+        text, "Zurich Instruments MFIA CSV", frequency[1][:size], np.full(size, frequency[0]),
+        {kind: values[:size] for kind, values in columns.items()}, "rad", metadata={"sweep": wanted}, cautions=cautions,
+    )  # fmt: skip
+
+
+def _mfia_sweeps(text: Text, header: int, mark: str | None) -> dict[str, dict[str, tuple[int, Floats]]]:
+    """Return chunk → field → (line, values)."""
+    sweeps: dict[str, dict[str, tuple[int, Floats]]] = {}
+    for index in range(header + 1, len(text.lines)):
+        cells = split(text.lines[index], mark)
+        if not any(cells):
+            continue
+        if len(cells) < 5 or not cells[2].isdecimal() or len(cells[2]) > 7:
+            raise text.refusal(index, quote(text.lines[index]), "“chunk;timestamp;size;fieldname;values…”")
+        fields, name = sweeps.setdefault(clean(cells[0], 20), {}), cells[3].lower()
+        if name not in _MFIA_WANTED:
+            continue
+        if name in fields:
+            raise text.refusal(index, f"a second line of {name} in sweep {quote(cells[0])}", "one")
+        fields[name] = index, _mfia_values(text, index, cells)
+        if len({values.size for _, values in fields.values()}) > 1:
+            raise text.refusal(index, "the fields of this sweep differ in size", "one size")
+    if not sweeps:
+        raise text.refusal(header, "no values follow", "lines of frequency, realz and imagz")
+    return sweeps
+
+
+def _mfia_values(text: Text, index: int, cells: list[str]) -> Floats:
+    size = int(cells[2])
+    cut = index == len(text.lines) - 1 and not text.ended and len(cells) - 4 <= size
+    if len(cells) - 4 < size or cut:
+        raise text.refusal(index, f"the line ends within its {size} values", "a file that was not cut short")
+    values = np.empty(size)
+    for place, cell in enumerate(cells[4 : 4 + size]):
+        if (value := number(cell)) is None:
+            raise text.refusal(index, f"{quote(cell)} among the values of {cells[3].lower()}", "numbers")
+        values[place] = value
+    return values
 
 
 read_bode100 = _tabular("Omicron Bode 100 CSV", lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column)
