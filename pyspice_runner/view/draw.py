@@ -96,12 +96,14 @@ def filled(pages: Sequence[Sheet], cautions: Sequence[str] = (), *, shown: bool 
 # --- helpers of the panels ---
 
 
-def dress(ax: Axes, x: Label | str, y: Label | str, title: str = "") -> None:
-    """Label the axes of a panel, and give it a grid."""
+def dress(ax: Axes, x: Label | str, y: Label | str, title: str = "", *, legend: bool = True, **look: Any) -> None:
+    """Label the axes of a drawn panel, and give it a grid and, if its lines have labels, a legend."""
     ax.set(xlabel=str(x), ylabel=str(y))
     if title:
         ax.set_title(title)
     ax.grid(True, alpha=0.3)
+    if legend and ax.get_legend_handles_labels()[0]:
+        ax.legend(**{"fontsize": "small", **look})
 
 
 def draw_lines(
@@ -118,9 +120,7 @@ def draw_lines(
     """
     for values, look in lines:
         ax.plot(x[0].scale * x[1], y.scale * values, **look)
-    dress(ax, x[0], y, title)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(**legend)
+    dress(ax, x[0], y, title, **legend)
 
 
 def last_periods(time_s: Array, period_s: float) -> tuple[Any, Array]:

@@ -71,10 +71,7 @@ def _residuals(result: Calibration, ax: Axes) -> None:
             columns["point"][own], columns["residual"][own], _MARKS[number % len(_MARKS)], linestyle="",
             color=CYCLE[number % len(CYCLE)], label=quantity, ms=4,
         )  # fmt: skip
-    ax.axhline(0.0, **AXIS)
-    ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
-    dress(ax, "number of the point", "(predicted - measured) / error", "Residuals of the points; grey: two errors")
-    ax.legend(fontsize=7)
+    _dress_residuals(ax, "number of the point", "Residuals of the points")
 
 
 def _curves(result: Calibration) -> dict[tuple[tuple[str, float | None], ...], list[int]]:
@@ -108,7 +105,6 @@ def _torques(result: Calibration, ax: Axes) -> None:
         measured, errors = torque.scale * points.values[places], torque.scale * points.errors[places]
         ax.errorbar(speed, measured, errors, fmt=".", color=colour, ms=4, lw=0.8)
     dress(ax, along, torque, "Curves: measured, calibrated with 95 % band")
-    ax.legend(fontsize=7)
 
 
 def _run_up(run_up: RunUp, predicted: np.ndarray, linear: bool, ax: Axes) -> None:
@@ -119,7 +115,6 @@ def _run_up(run_up: RunUp, predicted: np.ndarray, linear: bool, ax: Axes) -> Non
                 label="measured")  # fmt: skip
     ax.plot(at, speed.scale * predicted, "-", color=VERMILION, label="calibrated", zorder=3)
     dress(ax, time, speed, run_up.source)
-    ax.legend(fontsize=7)
 
 
 def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
@@ -132,14 +127,16 @@ def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
     ax.semilogy(at, magnitude.scale * np.hypot(predicted[:half], predicted[half:]), "-", color=VERMILION,
                 label="calibrated")  # fmt: skip
     dress(ax, frequency, magnitude, f"{band.spectrum.source or 'spectrum'}, {band.state}, {band.connection}")
-    ax.legend(fontsize=7)
 
 
 def _residuals_along(along: Label, at: np.ndarray, parts: Mapping[str, np.ndarray], data: str, ax: Axes) -> None:
     """Draw (predicted - measured)/error along a spectrum or a run-up: noise, unless the model is wrong."""
     for (name, part), colour in zip(parts.items(), (BLUE, VERMILION), strict=False):
         ax.plot(along.scale * at, part, ".", color=colour, ms=3, label=name)
+    _dress_residuals(ax, along, f"Residuals, {data}")
+
+
+def _dress_residuals(ax: Axes, along: Label | str, title: str) -> None:
     ax.axhline(0.0, **AXIS)
     ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
-    dress(ax, along, "(predicted - measured) / error", f"Residuals, {data}; grey: two errors")
-    ax.legend(fontsize=7)
+    dress(ax, along, "(predicted - measured) / error", f"{title}; grey: two errors")

@@ -72,13 +72,11 @@ def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str,
             if (unsettled & np.isfinite(values)).any():
                 rings = True
                 ax.plot(speed[unsettled], values[unsettled], **ring)
-    dress(ax, along, label, title)
     ax.axvline(0.0, **AXIS)
     ax.axhline(0.0, **AXIS)
     if rings:
         ax.plot([], [], **ring, label="not settled")
-    if others or rings:
-        ax.legend(fontsize="small")
+    dress(ax, along, label, title)
     low, high = ax.get_ylim()
     if label is LABELS["efficiency"] and (low < -100.0 or high > 100.0):  # it has no limit where hardly any power flows
         ax.set_ylim(max(low, -100.0), min(high, 100.0))
@@ -112,7 +110,6 @@ def _followed(result: Branch, quantity: str, label: Label, ax: Axes) -> None:
         if kind.any():
             ax.plot(np.where(shown, x, np.nan), values, dash, color=BLUE if dash == "-" else VERMILION, label=words)
     dress(ax, _axis_label(data, result.along), label)
-    ax.legend(fontsize="small")
 
 
 def working_points(result: WorkingPoints) -> Sheet:
@@ -169,8 +166,6 @@ def _mapped(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> Non
     if result.best:
         ax.plot(result.best[along], label.scale * result.best[quantity], "*", color="black", ms=10, label="best")
     dress(ax, _axis_label(data, along), label)
-    if result.best or unstable.any():
-        ax.legend(fontsize="small")
 
 
 def sweep(result: Sweep) -> Sheet:
@@ -187,7 +182,6 @@ def _swept(result: Sweep, quantity: str, ax: Axes) -> None:
     """
     values = result.dataset[quantity]
     label = _axis_label(result.dataset, quantity) if values.attrs["units"] != "1" else quantity
-    ax.grid(True, alpha=0.3)
     if values.dims[:1] == ("sample",):
         _distribution(values.values[np.isfinite(values.values)], label, ax)
         return
@@ -212,18 +206,16 @@ def _swept(result: Sweep, quantity: str, ax: Axes) -> None:
                 ax.plot(x[where], curve.values[where], mark, mfc="none", mec="black", ms=5 + 3 * len(marked),
                         label=first)  # fmt: skip
                 marked.add(words)
-    ax.set(xlabel=_axis_label(result.dataset, along), ylabel=label)
-    if "sample" in values.dims or others or marked:
-        ax.legend(fontsize=7)
+    dress(ax, _axis_label(result.dataset, along), label)
 
 
 def _distribution(samples: Array, label: str, ax: Axes) -> None:
     """Draw the cumulative distribution of samples."""
     ax.step(np.sort(samples), np.arange(1, samples.size + 1) / max(samples.size, 1), color=BLUE, where="post")
-    ax.set(xlabel=label, ylabel="fraction of the samples at or below", ylim=(0.0, 1.0))
+    ax.set_ylim(0.0, 1.0)
     if samples.size:
         ax.axvspan(*np.quantile(samples, [0.05, 0.95]), color=GREY, alpha=0.2, label="5 to 95 %")
-        ax.legend()
+    dress(ax, label, "fraction of the samples at or below")
 
 
 def _quantiles(samples: Array) -> Any:

@@ -48,7 +48,6 @@ def motor(motor: model.Motor) -> Sheet:
         title = f"{motor.name}: bending modes (dotted: tip)"
         dress(ax, "position along the beam in mm", "deflection (largest = 1)", title)
         ax.set_ylim(-1.3, 1.3)
-        ax.legend()
 
     return Sheet({"modes": draw_modes}, 1, (7.0, 4.0))
 

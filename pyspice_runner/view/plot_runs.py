@@ -66,7 +66,6 @@ def _tip_path(run: Waveforms, ax: Axes) -> None:
         ax.plot([], [], color=STATES[state].colour, label=STATES[state].name)
     periods = min(round(float(np.ptp(run.time_s)) / run.drive_period_s), LAST_PERIODS)
     dress(ax, x, y, f"Path of the tip, last {periods} drive periods" if periods > 1 else "Path of the tip in a period")
-    ax.legend()
 
 
 def state_path(ax: Axes, x: Array, y: Array, state: Array, **look: Any) -> None:
@@ -287,7 +286,6 @@ def _harmonics(report: DriveReport, ax: Axes) -> None:
     dress(ax, "harmonic", "current in A")
     ax.set(yscale="log", ylim=(1e-5 * largest, 3.0 * largest))
     ax.set_xticks(range(1, 21, 2))
-    ax.legend(fontsize="small")
 
 
 def _powers(report: DriveReport, ax: Axes) -> None:

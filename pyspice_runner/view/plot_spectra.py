@@ -41,16 +41,17 @@ def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
     frequency, magnitude = _frequency_label(traces[0].frequency_hz), LABELS["magnitude_s"]
     real, imaginary = LABELS["conductance_s"], LABELS["susceptance_s"]
 
-    def draw_traces(ax: Axes, x: Label, y: Label, title: str, of: Callable[[_Trace], tuple[Any, Any]]) -> None:
+    def draw_traces(
+        ax: Axes, x: Label, y: Label, title: str, of: Callable[[_Trace], tuple[Any, Any]], legend: bool = False
+    ) -> None:
         for trace in traces:
             across, up = of(trace)
             ax.plot(x.scale * across, y.scale * up, **trace.look)
-        dress(ax, x, y, title)
+        dress(ax, x, y, title, legend=legend)
 
     def draw_magnitude(ax: Axes) -> None:
         ax.set_yscale("log")
-        draw_traces(ax, frequency, magnitude, "Admittance", lambda trace: (trace[0], np.abs(trace.admittance_s)))
-        ax.legend(fontsize="small")
+        draw_traces(ax, frequency, magnitude, "Admittance", lambda trace: (trace[0], np.abs(trace.admittance_s)), True)
 
     def draw_phase(ax: Axes) -> None:
         phase = LABELS["phase_deg"]
@@ -142,9 +143,7 @@ def two_port_fit(fit: TwoPortFit) -> Sheet:
             ax.bar(places + shift, values, 0.4, yerr=errors, capsize=3, color=colour, label=f"group {group.upper()}")
         ax.set_xticks(places, [f"{1e-3 * mode.series_resonance_hz:.4g} kHz" for mode in fit.modes])
         ax.axhline(0.0, **AXIS)
-        ax.set(ylabel="coupling in N/(V·√kg)", title="Couplings of the modes")
-        ax.grid(True, axis="y", alpha=0.3)
-        ax.legend()
+        dress(ax, "", "coupling in N/(V·√kg)", "Couplings of the modes")
 
     return Sheet({"couplings": draw_couplings}, 1, (7.0, 4.0), fit.source)
 
@@ -207,8 +206,6 @@ def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
     if np.ptp(ax.get_ylim()) < 0.01:  # only rounding errors
         ax.set_ylim(-0.1, 0.1)
     dress(ax, plain(result.label), LABELS["deviation"], title)
-    if name != "clamped_capacitance":
-        ax.legend()
 
 
 def small_signals(result: SmallSignals) -> Sheet:
@@ -230,7 +227,6 @@ def _transfers(result: SmallSignals, of: str, ax: Axes) -> None:
             look: dict[str, Any] = {"color": CYCLE[number % 4], "linestyle": DASHES[number // 4], "marker": "."}
             ax.loglog(result.modulation_hz, values / values[0], label=name, **look)
     dress(ax, "modulation frequency in Hz", "magnitude over that at the lowest", f"From {of}")
-    ax.legend(fontsize="x-small")
 
 
 def _small_admittance(result: SmallSignals, ax: Axes) -> None:
