@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import sys
 from itertools import product
 from pathlib import Path
 
@@ -126,36 +124,6 @@ def test_timeout_ends_a_fit_and_a_comparison(measured: str, capsys: pytest.Captu
         assert run([*words, "--timeout", "0"]) == 2
         assert "timeout = 0.0 is not valid: it must be a number of seconds > 0" in capsys.readouterr().err
     assert run(["fit", measured, "--modes", "2", "--timeout", "600", "--json"]) == 0
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["fit", "hp4294a_turned.txt", "--modes", "2"],
-        ["fit", "two_port.csv", "--two-port", "--modes", "2"],
-        ["compare", "hp4294a_turned.txt", "hp4294a_turned.txt", "--modes", "2"],
-        ["export", "andersen2002", "--output", "motor.asy"],
-    ],
-)
-def test_a_note_begins_its_own_line(
-    words: list[str],
-    terminal: bool,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in ("hp4294a_turned.txt", "two_port.csv"):
-        shutil.copy(SPECTRA / name, name)
-    monkeypatch.setattr("sys.stderr", sys.stdout)  # both streams on one screen
-    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal)
-    monkeypatch.setenv("COLUMNS", "60")
-    assert run(words) == 0
-    screen = capsys.readouterr().out
-    if terminal:
-        screen = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]|\r", "", screen)
-    assert screen.count("note: ") == len(re.findall(r"^note: ", screen, re.MULTILINE)) > 0
 
 
 SIZES = list(product([1e-300, 1e-160, 1e-27, 1e27, 1e160, 1e290], [1e-300, 1e-160, 1.0, 1e6]))

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import json
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -168,19 +166,6 @@ def test_preloaded_admittance_is_the_linearised_closed_form(motor: pr.Motor) -> 
     exact = preloaded_closed_form(motor, result.frequency_hz)
     # second order in seat/R and in round-off; measured 1e-6
     assert np.abs(result.matrix_s - exact).max() < 1e-4 * np.abs(exact).max()
-
-
-def test_files_and_picture(tmp_path: Path) -> None:
-    result = pr.admittance(pr.load_motor("andersen2002"), points=30)
-    table = np.loadtxt(result.save(tmp_path / "y.csv"), delimiter=",", skiprows=1)
-    assert table[:, 0] == pytest.approx(result.frequency_hz)
-    assert table[:, 1] + 1j * table[:, 2] == pytest.approx(result.matrix_s[:, 0, 0])
-    assert json.loads(result.save(tmp_path / "y.json").read_text(encoding="utf-8"))["state"] == "free"
-    assert result.save(tmp_path / "y.nc").stat().st_size > 0
-    result.plot(tmp_path / "y.png")
-    assert (tmp_path / "y.png").stat().st_size > 20_000
-    with pytest.raises(pr.ParameterError, match="let it end in"):
-        result.save(tmp_path / "y.txt")
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import replace
 from itertools import product
@@ -284,23 +283,6 @@ def test_over_two_octaves_the_errors_of_a_causal_loss_hold_and_those_of_another_
     assert "standard errors" not in fit.summary()
 
 
-def test_json_has_what_others_rely_on() -> None:
-    fit = fitted(spectrum(TWO_MODES, BAND, noise=0.003), 2)
-    document = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
-    assert {
-        "format", "points", "arms", "clamped_capacitance_f", "loss_tangent", "coupling_factor", "rms_relative_error",
-        "warnings",
-    } <= document.keys()  # fmt: skip
-    assert {
-        "resistance_ohm", "inductance_h", "capacitance_f", "series_resonance_hz", "quality_factor", "standard_errors",
-    } <= document["arms"][0].keys()  # fmt: skip
-    assert document["points"] == len(BAND)
-    assert document["warnings"] == []
-    main = max(document["arms"], key=lambda arm: arm["capacitance_f"])
-    assert document["coupling_factor"] == main["coupling_factor"]
-    assert document["coupling_pair"] == "fs, fp"
-
-
 # --- invalid input and messages ---
 
 WIDE = np.geomspace(1e4, 1e6, 401)
@@ -451,18 +433,6 @@ def test_an_arm_outside_the_band_and_one_between_the_points_are_told() -> None:
 
 
 # --- files ---
-
-
-def test_files_and_picture(tmp_path: Path) -> None:
-    fit = fitted(spectrum(TWO_MODES, BAND, noise=0.01), 2)
-    assert json.loads(fit.save(tmp_path / "fit.json").read_text(encoding="utf-8"))["points"] == len(BAND)
-    table = np.loadtxt(fit.save(tmp_path / "fit.csv"), delimiter=",", skiprows=1)
-    assert table[:, 3] + 1j * table[:, 4] == pytest.approx(fit.admittance(BAND), rel=1e-10)
-    assert ".subckt resonator p n" in fit.save(tmp_path / "fit.lib").read_text(encoding="ascii")
-    fit.plot(tmp_path / "fit.png")
-    assert (tmp_path / "fit.png").stat().st_size > 20_000
-    with pytest.raises(pr.ParameterError, match="let it end in"):
-        fit.save(tmp_path / "fit.txt")
 
 
 # --- measured spectra, where they are at hand ---

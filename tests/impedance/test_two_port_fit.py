@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import get_args
 
@@ -127,20 +126,6 @@ def test_one_calibration_stands_for_all_modes_and_says_so(fitted: TwoPortFit) ->
     assert [(mode.tip_x, mode.tip_y) for mode in made.modes] == [(0.0, 1.0), (1.0, 0.0)]
     assert "taken to be that of all" in made.provenance["modes.1.mass_kg"].note
     assert made.provenance["modes.1.tip_x"].kind == "assumed"
-
-
-def test_toml_gives_a_motor_back(motor: pr.Motor, tmp_path: Path) -> None:
-    path = tmp_path / "motor.toml"
-    path.write_text(motor.to_toml(heading="A motor,\nwritten and read."), encoding="utf-8")
-    assert pr.load_motor(path).to_dict() == motor.to_dict()
-
-
-def test_json(fitted: TwoPortFit, tmp_path: Path) -> None:
-    path = fitted.save(tmp_path / "fit.json")
-    document = json.loads(path.read_text(encoding="utf-8"))
-    assert len(document["modes"]) == 2
-    assert document["modes"][1]["coupling_b_n_per_v_kg05"] < 0.0
-    assert document["rms_relative_error"].keys() == set(CONNECTIONS)
 
 
 def test_a_transfer_that_is_not_reciprocal_is_told(two_port: pr.Spectrum) -> None:
