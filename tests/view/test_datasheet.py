@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,13 +33,14 @@ from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows
 from pyspice_runner.view.report import _free_rotor
 from tests.motors import motor as motor_without_a_beam
+from tests.view.pages import PHONE, opened
 from validation.fuzz.nasty import ATTEMPTS
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("report")]
 
 CHARTS = ["modes", "tip", "admittance", "circle", "curve", "spin-up", "electrical"]
 BUTTONS = {"Zoom", "Pan", "Zoom in", "Zoom out", "Autoscale", "Reset axes", "Download plot as a PNG"}
-PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
+READY = "html[data-ready]"
 
 
 @pytest.fixture(scope="module")
@@ -66,23 +66,9 @@ def page_file(report: Report, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return report.save(tmp_path_factory.mktemp("report") / "report.html")
 
 
-def opened(browser: Browser, file: Path, **settings: Any) -> tuple[Page, list[str]]:
-    """The page, without network, when all is drawn; and what went wrong while it came."""
-    page = browser.new_page(viewport=settings.pop("viewport", DESKTOP), **settings)
-    wrong: list[str] = []
-    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("request", lambda asked: wrong.append(asked.url) if not asked.url.startswith(("file:", "data:")) else None)
-    page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
-    page.context.set_offline(True)
-    page.goto(file.as_uri())
-    page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-    return page, wrong
-
-
 @pytest.fixture(scope="module")
 def desktop(browser: Browser, page_file: Path) -> Iterator[tuple[Page, list[str]]]:
-    page, wrong = opened(browser, page_file, reduced_motion="reduce")
+    page, wrong = opened(browser, page_file, READY, reduced_motion="reduce")
     yield page, wrong
     page.close()
 
@@ -200,7 +186,7 @@ def test_the_motion_plays_and_pauses_by_keyboard(desktop: tuple[Page, list[str]]
 
 
 def test_the_motion_starts_by_itself_where_none_objects(browser: Browser, page_file: Path) -> None:
-    page, wrong = opened(browser, page_file, viewport=PHONE, color_scheme="dark")
+    page, wrong = opened(browser, page_file, READY, viewport=PHONE, color_scheme="dark")
     assert page.locator('[data-plays="modes"] button').inner_text() == "Pause"
     page.locator("#modes").scroll_into_view_if_needed()
     before = drawn_path(page, "modes")
@@ -385,7 +371,7 @@ def test_no_text_from_outside_runs_in_the_page(
     )
     file = hostile.save(tmp_path / "report.html")
     assert "<script>alert" not in file.read_text(encoding="utf-8")
-    page, wrong = opened(browser, file, reduced_motion="reduce")
+    page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     assert page.evaluate(count) == usual
     assert "<img src=x onerror=alert(1)>" in page.inner_text("#parameters")
     assert wrong == []
@@ -415,7 +401,9 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
         rivals=[RecordedRival(contact="coulomb", aicc=None, verdict="failed: no steady state <b>")], aicc=12.0,
     )  # fmt: skip
     assert 'id="calibration"' not in datasheet(report)
-    page, wrong = opened(browser, replace(report, calibration=record).save(tmp_path / "report.html"), viewport=PHONE)
+    page, wrong = opened(
+        browser, replace(report, calibration=record).save(tmp_path / "report.html"), READY, viewport=PHONE
+    )
     told = page.inner_text("#calibration")
     assert "0.246 to 0.254" in told
     assert "onerror=alert(1)" in told

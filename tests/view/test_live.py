@@ -10,7 +10,6 @@ import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import pytest
@@ -21,12 +20,13 @@ from pyspice_runner.cli import run
 from pyspice_runner.view.live import ASSETS, engine_facts, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import sliding
+from tests.view.pages import DESKTOP, PHONE, opened
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]
 
 LIVE_PAGE = (Path(__file__).parents[2] / "docs" / "live.md").read_text(encoding="utf-8")
 FOLDS = [float(text) for text in re.findall(r"turns back at\s(\S+) and (\S+) kHz", LIVE_PAGE)[0]]
-PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
+READY = "html:not([data-state=loading]), #status.failed"  # after the first answer
 
 
 @pytest.fixture(scope="module")
@@ -36,26 +36,10 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def opened(browser: Browser, file: Path, link: str = "", **settings: Any) -> tuple[Page, list[str]]:
-    """The page, offline, after its first answer; and what went wrong."""
-    page = browser.new_page(viewport=settings.pop("viewport", DESKTOP), **settings)
-    wrong: list[str] = []
-    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on(
-        "request", lambda asked: None if asked.url.startswith(("file:", "blob:", "data:")) else wrong.append(asked.url)
-    )
-    page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
-    page.context.set_offline(True)
-    page.goto(file.as_uri() + link)
-    page.wait_for_selector("html:not([data-state=loading]), #status.failed", state="attached", timeout=60_000)
-    return page, wrong
-
-
 @pytest.fixture(scope="module")
 def desktop(browser: Browser, page_file: Path) -> Iterator[tuple[Page, list[str]]]:
     """The page without its motion and without the curves, which take much of a processor; see ``drawn``."""
-    page, wrong = opened(browser, page_file, reduced_motion="reduce")
+    page, wrong = opened(browser, page_file, READY, reduced_motion="reduce")
     page.evaluate("void ((window.curves = further), (window.further = () => {}))")
     yield page, wrong
     page.close()
@@ -252,7 +236,7 @@ def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser
     motor = sliding(pr.load_motor("beam40"))
     assert "rad/s" not in "".join(live_decks(motor).values())
     file = save_live_page(motor, tmp_path / "live.html")
-    page, wrong = opened(browser, file, reduced_motion="reduce")
+    page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     page.evaluate("void (window.further = () => {})")
     page.wait_for_selector("html[data-busy=false]", state="attached", timeout=60_000)
     assert re.search(r"mm/s, .* m?N \(", page.inner_text("#status"))
@@ -285,7 +269,9 @@ def test_two_settings_stand_side_by_side_and_a_link_restores_them(
     assert len(page.query_selector_all("#forces-chart .line[stroke-dasharray='6 4']")) > 0
 
     link = page.evaluate("location.hash")
-    again, faults = opened(browser, page_file, link, viewport=PHONE, color_scheme="dark", reduced_motion="reduce")
+    again, faults = opened(
+        browser, page_file, READY, link, viewport=PHONE, color_scheme="dark", reduced_motion="reduce"
+    )
     assert again.input_value("#voltage-number") == "90"
     assert again.get_attribute("#slot-b", "aria-pressed") == "true"
     # its first answer may be that of the averaged motor
@@ -359,7 +345,7 @@ def test_a_motor_that_the_preview_does_not_describe_runs_cycle_by_cycle(browser:
     motor = pr.load_motor("beam40").updated(light)
     file = tmp_path / "live.html"
     file.write_text(live_page(motor, []), encoding="utf-8")
-    page, wrong = opened(browser, file, reduced_motion="reduce")
+    page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     assert "all numbers come cycle by cycle" in page.inner_text("#motor-note")
     page.wait_for_selector("html[data-busy=false]", state="attached", timeout=60_000)
     found = data(page)
@@ -454,7 +440,7 @@ def test_a_link_cannot_change_the_deck(browser: Browser, page_file: Path) -> Non
         f"#A.motor=beam40&A.driver={quote(text)}"
         for text in (".param foo=1\n+ frequency=1e3 voltage=0.001", "Vx xmotor.x 0 1")
     )
-    page, wrong = opened(browser, page_file, first, reduced_motion="reduce")
+    page, wrong = opened(browser, page_file, READY, first, reduced_motion="reduce")
     assert "Line 2 of the driver: The parameter frequency belongs to" in page.inner_text("#status")
     page.evaluate("link => { location.hash = link }", second)
     page.wait_for_selector("#status:has-text('Line 1 of the driver: xmotor.x is inside the motor or the deck')")
@@ -508,7 +494,7 @@ def test_no_text_from_outside_runs_in_the_page(
         f"A.{key}={quote(words + chr(10) + '.control')}"
         for key in ("motor", "voltage", "law", "kind", "driver", "nosuch")
     )
-    page, wrong = opened(browser, file, link, reduced_motion="reduce")
+    page, wrong = opened(browser, file, READY, link, reduced_motion="reduce")
     assert "Line 1 of the driver: A line must be a circuit element" in page.inner_text("#status")
     assert page.inner_text("#motor-choice option") == page.inner_text("#motor-note") == words
     assert page.input_value("#voltage-number") == "50"
@@ -520,7 +506,7 @@ def test_no_text_from_outside_runs_in_the_page(
 @pytest.mark.soak
 def test_a_motor_whose_modes_ring_for_long_settles_too(browser: Browser, page_file: Path) -> None:
     """They follow the speed with a lag of three runs, by which the secant rule alone swings about the balance."""
-    page, _ = opened(browser, page_file, "#A.motor=bimodal40", reduced_motion="reduce")
+    page, _ = opened(browser, page_file, READY, "#A.motor=bimodal40", reduced_motion="reduce")
     page.evaluate("void (window.further = () => {})")
     page.wait_for_selector("html[data-settled=true]", state="attached", timeout=400_000)
     motor = pr.load_motor("bimodal40")

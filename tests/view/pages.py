@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A page in Chromium, without a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, Page
+
+PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
+
+
+def opened(browser: Browser, file: Path, ready: str, link: str = "", **settings: Any) -> tuple[Page, list[str]]:
+    """Return the page, offline, when an element ``ready`` is there; and what went wrong."""
+    page = browser.new_page(viewport=settings.pop("viewport", DESKTOP), **settings)
+    wrong: list[str] = []
+    local = ("file:", "blob:", "data:")
+    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda asked: None if asked.url.startswith(local) else wrong.append(asked.url))
+    page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
+    page.context.set_offline(True)
+    page.goto(file.as_uri() + link)
+    page.wait_for_selector(ready, state="attached", timeout=60_000)
+    return page, wrong
