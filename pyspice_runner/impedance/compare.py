@@ -41,7 +41,7 @@ _DRIFTING: dict[str, dict[str, float]] = {  # quantity → powers of an arm's va
     "quality_factor": {"quality_factor": 1.0},
     "coupling": {"series_resonance_hz": 1.0, "capacitance_f": 0.5},
 }
-_FARTHEST = 0.2  # largest relative distance of the frequencies of one mode
+_LARGEST_SHIFT = 0.2  # largest relative distance of the frequencies of one mode
 _MODEL_POINTS = 2000
 
 
@@ -99,14 +99,14 @@ class Comparison(_Tabulated):
     def deviations(self) -> dict[tuple[str, int | None], float]:
         """Return quantity and mode → deviation; infinite for a missing mode."""
         found: dict[tuple[str, int | None], float] = {
-            (name, item.mode): item.deviations.get(name, inf) for item in self.modes for name in self.QUANTITIES[:-1]
+            (name, item.mode): item.deviations.get(name, inf) for item in self.modes for name in _VALUES
         }
         return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation}
 
     def errors(self) -> dict[tuple[str, int | None], float | None]:
         """Return quantity and mode → standard error of the deviation, from both fits; ``None`` if not determined."""
         found: dict[tuple[str, int | None], float | None] = {
-            (name, item.mode): item.deviation_errors.get(name) for item in self.modes for name in self.QUANTITIES[:-1]
+            (name, item.mode): item.deviation_errors.get(name) for item in self.modes for name in _VALUES
         }
         return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation_error}
 
@@ -395,7 +395,7 @@ def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int,
     return {
         int(row): int(column)
         for row, column in zip(rows, columns, strict=True)
-        if abs(found[column].series_resonance_hz / wanted[row].series_resonance_hz - 1.0) < _FARTHEST
+        if abs(found[column].series_resonance_hz / wanted[row].series_resonance_hz - 1.0) < _LARGEST_SHIFT
     }
 
 

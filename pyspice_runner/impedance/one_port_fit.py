@@ -40,7 +40,7 @@ _UNDECIDED = (
 )
 SKEWED = "is skewed by the amplitude within the sweep"
 POOR_FIT = "The circuit does not follow the spectrum"
-_MOSTLY = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
+_DOMINANT = 0.8  # of a standard error by the choice among descriptions: two thirds of the variance
 _LEAST_ADMITTANCE = 1e-30  # S; no device lies below it or above its inverse, and squares leave the range of numbers
 _FREQUENCIES = 1e-9, 1e12  # Hz; outside there are no measurements, and products leave the range of numbers
 _LAST_STEPS = 20  # of the descent with all points, which starts near its end
@@ -424,7 +424,7 @@ def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, .
     by_choice = np.linalg.norm(shifts, axis=0)[len(errors.GLOBAL_NAMES) :].reshape(len(arms), -1)[order]
     shares = by_choice[:, errors.ARM_NAMES.index("inductance_h")]
     return any(
-        share > _ANALYSER and share * arm.inductance_h > _MOSTLY * arm.standard_errors["inductance_h"]
+        share > _ANALYSER and share * arm.inductance_h > _DOMINANT * arm.standard_errors["inductance_h"]
         for arm, share in zip(arms, shares, strict=True)
         if arm.standard_errors["inductance_h"] is not None
     )

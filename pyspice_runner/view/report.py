@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 LEVELS = (0.5, 1.0)
 SPEEDS = 8  # of a curve, by default
-BEYOND = 1.1  # end of a curve over the speed without load
+OVERSPEED = 1.1  # end of a curve over the speed without load
 PATIENCE = 16  # blocks; a point that has not settled by then is marked
 _POINTS_PER_BANDWIDTH = 10
 _FEWEST_POINTS, _MOST_POINTS = 600, 20_000
-_NEAR = 6.0  # bandwidths on each side of a resonance that keep all points of a spectrum
+_WINDOW = 6.0  # bandwidths on each side of a resonance that keep all points of a spectrum
 _RUNS = 4  # two spectra, the run, and the run at twice the step
 
 
@@ -96,12 +96,12 @@ def report(
         level: drive.updated({name: value * level for name, value in voltages.items()}) for level in sorted(levels)
     }
     done, total = 0, _RUNS + len(scaled) * (1 + (SPEEDS if speeds is None else np.size(speeds)))
-    tell = progress or (lambda *_: None)
+    notify = progress or (lambda *_: None)
 
     def advance(count: int = 1) -> None:
         nonlocal done
         done += count
-        tell(done, total)
+        notify(done, total)
 
     advance(0)
     spectra: dict[State, Admittance] = {}
@@ -148,7 +148,7 @@ def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
     kept = np.zeros(points, dtype=bool)
     kept[:: max(points // _FEWEST_POINTS, 1)] = kept[-1] = True
     for item in (item for items in result.resonances.values() for item in items):
-        kept |= np.abs(frequency - item.fs) < _NEAR * item.fs / item.quality_factor
+        kept |= np.abs(frequency - item.fs) < _WINDOW * item.fs / item.quality_factor
     return replace(result, frequency_hz=frequency[kept], matrix_s=result.matrix_s[kept])
 
 
@@ -172,5 +172,5 @@ def _speeds(motor: Motor, free: SteadyState | None, run: Waveforms) -> Array:
     tip = float(np.abs(np.gradient(run.tip_x_m[window], run.time_s[window])).max()) / motor.rotor.radius_m
     if free is None or not free.stable:
         return np.linspace(0.0, np.copysign(max(tip, 1e-3), run.mean_rotor_speed_rad_s), SPEEDS)
-    reach = max(BEYOND * abs(free.speed_rad_s), 0.01 * tip, 1e-3)
+    reach = max(OVERSPEED * abs(free.speed_rad_s), 0.01 * tip, 1e-3)
     return np.linspace(0.0, np.copysign(reach, free.speed_rad_s), SPEEDS)

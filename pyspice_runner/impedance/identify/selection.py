@@ -29,8 +29,8 @@ _DISPERSION = 5e-3  # largest relative residual of a dielectric with another dis
 _TIE = 20.0
 _AKAIKE = 2.0  # price of a parameter in the weights of the averages
 _PARTS: tuple[tuple[int, ...], ...] = ((), (3,), (2,), (1, 3))  # free parts of the loss to try
-_BESIDE = np.array([0.05, 0.2, 0.8])  # of the margin, where arms outside the band are tried
-_QUALITY_BESIDE = 50.0  # of these
+_OUTSIDE = np.array([0.05, 0.2, 0.8])  # of the margin, where arms outside the band are tried
+_QUALITY_OUTSIDE = 50.0  # of these
 
 Progress = Callable[[int, int], object]
 Ranked = list[tuple[float, Solution]]  # descriptions with their scores, the best first
@@ -374,19 +374,19 @@ def missing(problem: Problem, solution: Solution) -> Asked:
     return sorted(found, key=lambda item: -item[0])
 
 
-def _beside(problem: Problem, solution: Solution) -> Asked:
+def _missing_outside(problem: Problem, solution: Solution) -> Asked:
     """Return the arms outside the band that the residuals ask for."""
     _, residual, chain = problem.device_residual(solution)
     w, deviation = problem.w, problem.error(solution)
-    distance = _BESIDE * MARGIN * (w[-1] - w[0])
+    distance = _OUTSIDE * MARGIN * (w[-1] - w[0])
     found = []
     for place in np.concatenate([w[0] - distance, w[-1] + distance]):
         if place <= 0.5 * w[0]:
             continue
-        effect = chain / (1.0 / _QUALITY_BESIDE + 1j * (w / place - place / w))
+        effect = chain / (1.0 / _QUALITY_OUTSIDE + 1j * (w / place - place / w))
         asked, norm = float(np.sum((-residual * effect.conj()).real)), float(np.sum(np.abs(effect) ** 2))
         conductance = max(asked / norm, 1e-12)
-        arm = np.log([place, _QUALITY_BESIDE / conductance, _QUALITY_BESIDE])
+        arm = np.log([place, _QUALITY_OUTSIDE / conductance, _QUALITY_OUTSIDE])
         found.append((asked / (sqrt(norm) * deviation), arm))
     return found
 
@@ -396,7 +396,7 @@ def larger(problem: Problem, solution: Solution) -> list[Solution]:
     head, couplings = np.split(solution.parameters, [solution.last])
     asked = missing(problem, solution)
     if solution.rank:
-        asked = sorted(asked + _beside(problem, solution), key=lambda item: -item[0])
+        asked = sorted(asked + _missing_outside(problem, solution), key=lambda item: -item[0])
     tail = np.append(couplings, np.zeros(solution.rank))
     return [
         replace(solution, parameters=np.concatenate([head, arm, tail]), arms=solution.arms + 1) for _, arm in asked[:2]
