@@ -152,7 +152,7 @@ class Curves(DatasetResult):
         yield from self._attribute("cautions", [])
 
     def summary(self) -> dict[str, str]:
-        """Return the range of the axes, the greatest torque, speed and efficiency, and how many points settled."""
+        """Return the range of the axes, the maximum torque, speed and efficiency, and how many points settled."""
         data = self.dataset
         found = {"curve": data.attrs["title"]}
         for name in (*self.others, "speed_m_s" if self.linear else SPEED):

@@ -51,10 +51,10 @@ class Resonance:
     """One mode seen through one connection of the groups."""
 
     mode: str  # name of the mode
-    fs: float  # frequency of greatest conductance, Hz
-    fp: float  # frequency of greatest resistance, Hz
-    fm: float | None  # frequency of greatest |Y|, Hz; ``None`` if the clamped capacitance masks it
-    fn: float | None  # frequency of least |Y|, Hz; ``None`` likewise
+    fs: float  # frequency of maximum conductance, Hz
+    fp: float  # frequency of maximum resistance, Hz
+    fm: float | None  # frequency of maximum |Y|, Hz; ``None`` if the clamped capacitance masks it
+    fn: float | None  # frequency of minimum |Y|, Hz; ``None`` likewise
     coupling_factor: float  # k_eff = √(1 − (fs/fp)²)
     quality_factor: float  # Qm = √(L/C)/R of the motional arm
     resistance_ohm: float  # motional resistance R
@@ -289,7 +289,7 @@ def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> Swept:
 
 
 def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    """Return the frequency of the greatest value, refined by a parabola through its neighbours."""
+    """Return the frequency of the maximum, refined by a parabola through its neighbours."""
     index = int(np.argmax(values))
     if index in (0, len(values) - 1):
         return float(frequency[index])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Greatest conductance and half-power width of a resonance from the measured points, without a circuit."""
+"""Maximum conductance and half-power width of a resonance from the measured points, without a circuit."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def half_power(
     bend, slope, height = np.polyfit(x, conductance[inner], 2)
     if bend >= 0.0:
         return None
-    fs, greatest = frequency_hz[top] - 0.5 * slope / bend * width, height - 0.25 * slope**2 / bend
+    fs, peak = frequency_hz[top] - 0.5 * slope / bend * width, height - 0.25 * slope**2 / bend
 
     def crossing(inside: int, outside: int) -> float:
-        share = (conductance[inside] - 0.5 * greatest) / (conductance[inside] - conductance[outside])
+        share = (conductance[inside] - 0.5 * peak) / (conductance[inside] - conductance[outside])
         return float(frequency_hz[inside] + share * (frequency_hz[outside] - frequency_hz[inside]))
 
     span = crossing(high - 1, high) - crossing(low + 1, low)
-    if not (greatest > 0.0 and span > 0.0):
+    if not (peak > 0.0 and span > 0.0):
         return None
-    return HalfPower(float(fs), float(1.0 / greatest), span, float(fs / span))
+    return HalfPower(float(fs), float(1.0 / peak), span, float(fs / span))

@@ -34,13 +34,13 @@ from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.motor.equivalent import MotionalArm
 from pyspice_runner.motor.one_thread import one_thread
 
-_ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the greatest charge
+_ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the maximum charge
 _DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")
 _CHANGES = ("softening_per_c2", "damping_growth_per_c2")
 _LOSSES = 3  # parameters of the loss
 _DRIFTED = slice(1 + _LOSSES, 1 + _LOSSES + len(_DRIFTS))
 _FIRST = _DRIFTED.stop  # parameter of the first arm
-_LARGEST = 0.5  # limit of the law: softening at the greatest charge
+_LARGEST = 0.5  # limit of the law: softening at the maximum charge
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class _Problem:
         self.frequency = np.array([arm.series_resonance_hz for arm in start.arms])
         self.reactance = np.array([np.sqrt(arm.inductance_h / arm.capacitance_f) for arm in start.arms])
         self.quality = np.array([arm.quality_factor for arm in start.arms])
-        # charge of each arm at its resonance and the greatest level: the unit of γ and κ
+        # charge of each arm at its resonance and the maximum level: the unit of γ and κ
         self.charge = level.max() * self.quality / (self.reactance * 2.0 * pi * self.frequency)
         bare = replace(start.circuit, arms=())
         self.clamped = [bare.device_admittance(spectrum.frequency_hz) for spectrum in spectra]
@@ -183,12 +183,12 @@ class _Problem:
         from scipy.optimize import least_squares  # takes long to load
 
         point = np.zeros(_FIRST + _ARM * len(self.frequency))
-        greatest = np.full(len(point), np.inf)
-        greatest[_FIRST + 3 :: _ARM] = _LARGEST
-        least = -greatest
+        upper = np.full(len(point), np.inf)
+        upper[_FIRST + 3 :: _ARM] = _LARGEST
+        lower = -upper
         circuit = self.start.circuit
         parts = circuit.loss_tangent_falling, circuit.loss_tangent_rising
-        least[1 : 1 + _LOSSES] = -np.array([max(circuit.loss_tangent - sum(parts), 0.0), *parts])  # none is below zero
+        lower[1 : 1 + _LOSSES] = -np.array([max(circuit.loss_tangent - sum(parts), 0.0), *parts])  # none is below zero
         free = self.free
         scale = np.ones(len(point))
         scale[1 : 1 + _LOSSES] = 0.01
@@ -202,7 +202,7 @@ class _Problem:
             return np.concatenate(parts).view(float)  # real and imaginary parts side by side
 
         found = least_squares(
-            residual, point[free], bounds=(least[free], greatest[free]), x_scale=scale[free], max_nfev=100
+            residual, point[free], bounds=(lower[free], upper[free]), x_scale=scale[free], max_nfev=100
         )
         parameters = point.copy()
         parameters[free] = found.x

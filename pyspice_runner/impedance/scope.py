@@ -244,7 +244,7 @@ def _rigol_step(rows: list[list[str]]) -> tuple[float, float] | None:
 
 
 def _peak_frequency(time: Array, values: Array) -> float:
-    """Return the frequency in Hz of the greatest peak of the spectrum."""
+    """Return the frequency in Hz of the highest peak of the spectrum."""
     even = np.linspace(time[0], time[-1], len(time))
     ac = np.interp(even, time, values)
     ac = (ac - ac.mean()) * np.hanning(len(ac))

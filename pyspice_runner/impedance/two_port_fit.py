@@ -375,12 +375,12 @@ class _Problem:
         return np.asarray(found[2:])
 
     def bounds(self, start: Vector) -> tuple[Vector, Vector]:
-        """Return the least and greatest value of every parameter."""
+        """Return the minimum and maximum of every parameter."""
         modes = (len(start) - _GLOBALS) // _PER_MODE
         low, high = log(self.low / self.reference_hz), log(self.high / self.reference_hz)
-        least = [-25.0, -25.0, 1e-9, *([low, log(0.6), -np.inf, -np.inf] * modes)]
-        greatest = [25.0, 25.0, LARGEST_LOSS_TANGENT, *([high, log(1e6), np.inf, np.inf] * modes)]
-        return np.array(least), np.array(greatest)
+        lower = [-25.0, -25.0, 1e-9, *([low, log(0.6), -np.inf, -np.inf] * modes)]
+        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, *([high, log(1e6), np.inf, np.inf] * modes)]
+        return np.array(lower), np.array(upper)
 
     def reach(self, parameters: Vector) -> Vector:
         """Return the largest step: of a mode its bandwidth."""

@@ -15,7 +15,7 @@ NormalEquations = tuple[float, Vector, Vector]  # sum of squares, half its gradi
 
 FINEST = 1e-8  # relative accuracy that no measurement exceeds
 _STEP = 1e-6  # of central differences of functions that are smooth over 1
-_FLAT = 1e-12  # share of the greatest eigenvalue below which a direction changes nothing
+_FLAT = 1e-12  # share of the maximum eigenvalue below which a direction changes nothing
 _EXACT = 1e-24  # sum of squares of a fit that nothing can improve
 
 
@@ -38,17 +38,17 @@ def descend(
 
     ``reach`` is the largest step at the parameters, ``tolerance`` the last relative decrease of the sum of squares.
     """
-    least, greatest = bounds
-    parameters = np.clip(start, least, greatest)
+    lower, upper = bounds
+    parameters = np.clip(start, lower, upper)
     cost, gradient, hessian = equations(parameters)
     damping, growth = 1e-3, 2.0
     for _ in range(steps):
-        held = ((parameters <= least) & (gradient > 0.0)) | ((parameters >= greatest) & (gradient < 0.0))
+        held = ((parameters <= lower) & (gradient > 0.0)) | ((parameters >= upper) & (gradient < 0.0))
         step = _damped_step(gradient, hessian, ~held, damping)
         if damping <= 1.0 and float(-gradient @ step) <= 1e-3 * tolerance * cost:
             break
         step *= min(1.0, float(np.min(reach(parameters) / np.maximum(np.abs(step), 1e-300))))
-        trial = np.clip(parameters + step, least, greatest)
+        trial = np.clip(parameters + step, lower, upper)
         step = trial - parameters
         expected = float(-(2.0 * gradient + hessian @ step) @ step)
         trial_cost, trial_gradient, trial_hessian = equations(trial)

@@ -67,8 +67,8 @@ def free_parameters(problem: Problem, solution: Solution) -> NDArray[np.bool_]:
 
     Leads at zero may be greater by their error, and the values of the arms with them.
     """
-    least, greatest = problem.bounds(solution)
-    free = (solution.parameters > least) & (solution.parameters < greatest)
+    lower, upper = problem.bounds(solution)
+    free = (solution.parameters > lower) & (solution.parameters < upper)
     free[[place for place in LEADS if place not in solution.held]] = True
     return free
 

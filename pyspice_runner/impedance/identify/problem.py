@@ -19,7 +19,7 @@ from pyspice_runner.impedance.noise import Noise, difference
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 
 MOST_SEARCHED = 4000  # points for the search of arms, at about 1 ms per point; an analyser writes 1601
-PLAUSIBLE_LEADS = 5.0, 1e-5  # Ω and H of a fixture with cables: some 1 µH and less than 1 Ω a metre
+PLAUSIBLE_LEADS = 5.0, 1e-5  # Ω and H of a fixture with cables: about 1 µH and less than 1 Ω a metre
 MARGIN = 0.25  # of the span, by which an arm may lie outside the band
 _FARTHEST = 10.0  # of the ends of the band, where arms of a stated number may lie outside it
 _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
@@ -63,7 +63,7 @@ class Problem:
         self.finest = float(np.min(np.diff(np.log(w))))  # relative distance of the closest points
 
     def _weigh(self, noise: Noise, smooth_s: Complexes) -> None:
-        """Set the error model; ``smooth_s`` is the admittance at all points with the least noise."""
+        """Set the error model; ``smooth_s`` is the admittance at all points with the minimum noise."""
         self.noise = noise
         deviation = noise.deviation(smooth_s) / self.unit_s
         size = 1.0 if noise.stated else float(np.median(deviation / np.abs(smooth_s))) * self.unit_s
@@ -132,19 +132,19 @@ class Problem:
     # --- descent ---
 
     def bounds(self, solution: Solution) -> tuple[Vector, Vector]:
-        """Return the least and greatest value of every parameter."""
+        """Return the minimum and maximum of every parameter."""
         margin = MARGIN * (self.w[-1] - self.w[0])
         lowest = max(self.w[0] - margin, 0.5 * self.w[0]) if not self.far else self.w[0] / _FARTHEST
         highest = self.w[-1] + margin if not self.far else self.w[-1] * _FARTHEST
         ohm, henry = PLAUSIBLE_LEADS
         arms, rest = solution.arms, solution.rank * (solution.arms + 1)
-        least = [-25.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        greatest = [25.0, 2.0, LARGEST_LOSS_TANGENT, 2.0, ohm * self.unit_s, henry / self.unit_henry]
+        lower = [-25.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        upper = [25.0, 2.0, LARGEST_LOSS_TANGENT, 2.0, ohm * self.unit_s, henry / self.unit_henry]
         for place in solution.held:
-            least[place] = greatest[place] = solution.parameters[place]
-        least += [log(lowest), -25.0, log(_LOWEST_QUALITY)] * arms + [-2.0] * rest
-        greatest += [log(highest), 25.0, log(_HIGHEST_QUALITY)] * arms + [2.0] * rest
-        low, high = np.array(least), np.array(greatest)
+            lower[place] = upper[place] = solution.parameters[place]
+        lower += [log(lowest), -25.0, log(_LOWEST_QUALITY)] * arms + [-2.0] * rest
+        upper += [log(highest), 25.0, log(_HIGHEST_QUALITY)] * arms + [2.0] * rest
+        low, high = np.array(lower), np.array(upper)
         if not solution.clamped:
             low[solution.last :][: solution.rank] = high[solution.last :][: solution.rank] = 0.0
         return low, high
