@@ -13,6 +13,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.measured import FitOptions, GroupOptions, InputOptions, OnePortOptions, SeriesOptions
 from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.impedance.one_port_fit import fit_one_port
 from pyspice_runner.impedance.two_port_fit import fit_groups
 
 _ARMS_TRIED = "{} of at most {} arms"
@@ -80,7 +81,7 @@ def _fit_one_port(
 
             spectrum = without_fixture(spectrum, **fixture, load_ohm=options.load_ohm)
     with common.busy("fitting", _ARMS_TRIED) as progress:
-        result = pr.fit_spectrum(spectrum, **settings, progress=progress)
+        result = fit_one_port(spectrum, **settings, progress=progress)
     count = len(result.arms)
     targets.deliver(result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
     measured.note(result.cautions, targets)

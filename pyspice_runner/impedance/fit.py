@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, overload
+from typing import Any
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.impedance.joint_fit import JointFit, fit_jointly
@@ -16,37 +16,6 @@ from pyspice_runner.motor.refusal import checked
 Progress = Callable[[int, int], object]
 
 
-@overload
-def fit_spectrum(
-    spectrum: Mapping[Connection, Spectrum],
-    modes: int | None = None,
-    *,
-    noise: Mapping[str, float] | None = None,
-    timeout: float | None = None,
-    progress: Progress | None = None,
-) -> TwoPortFit: ...
-@overload
-def fit_spectrum(
-    spectrum: Sequence[Spectrum],
-    modes: int | None = None,
-    *,
-    voltages: Sequence[float] | None = None,
-    temperatures: Sequence[float] | None = None,
-    timeout: float | None = None,
-    progress: Progress | None = None,
-) -> JointFit: ...
-@overload
-def fit_spectrum(
-    spectrum: Spectrum,
-    modes: int | None = None,
-    *,
-    leads: bool | tuple[float, float] = True,
-    voltages: Sequence[float] | None = None,
-    temperatures: Sequence[float] | None = None,
-    noise: Mapping[str, float] | None = None,
-    timeout: float | None = None,
-    progress: Progress | None = None,
-) -> Any: ...
 @checked
 def fit_spectrum(
     spectrum: Spectrum | Mapping[Connection, Spectrum] | Sequence[Spectrum],
