@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
+from pyspice_runner.trackers.loop import resonator_loop
 from pyspice_runner.trackers.track import running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
@@ -95,7 +96,7 @@ def measured(case: Case) -> Margins:
     shift = -np.log(abs(gain)) / slope
     crossover = loop.crossover_hz * float(np.exp(shift))
     margin = 180.0 + float(np.degrees(np.angle(gain)) + turning * shift)
-    alone = pr.loop_design(tracker, found.lag, found.loop_filter)
+    alone = resonator_loop(tracker, found.lag, found.loop_filter)
     return Margins(
         (alone.crossover_hz, alone.phase_margin_deg), (loop.crossover_hz, loop.phase_margin_deg), (crossover, margin)
     )

@@ -31,8 +31,8 @@ def draw(folder: Path) -> list[str]:
     for name in DRAWN:
         kind, network, settings = CHAINS[name]
         drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=FREQUENCY)
-        design = pr.propose_matching(motor, drive, kind, network, parts=settings)
-        reports[name] = pr.drive_report(motor, design, duration=DURATION)
+        spec = pr.DriverSpec(drive, kind, network, parts=settings)
+        reports[name] = pr.drive_report(motor, pr.design(motor, spec), duration=DURATION)
 
     figure, axes = canvas(2, 2, 6.4)
     for axis, name in zip(axes[0], SHOWN, strict=True):

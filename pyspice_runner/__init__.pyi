@@ -8,12 +8,13 @@ from .calibration.motor_from import motor_from as motor_from
 from .circuit.law import Law as Law
 from .circuit.waveforms import Waveform as Waveform
 from .control.electronics import Electronics as Electronics
-from .control.loop import control_loop as control_loop
 from .control.simulate import Sample as Sample
 from .control.simulate import simulate_controlled as simulate_controlled
 from .control.state_space import state_space as state_space
+from .designs import control_loop as control_loop
+from .designs import design as design
+from .drivers.design import DriverSpec as DriverSpec
 from .drivers.driver import Driver as Driver
-from .drivers.matching import propose_matching as propose_matching
 from .drivers.report import drive_report as drive_report
 from .errors import ParameterError as ParameterError
 from .errors import SimulationError as SimulationError
@@ -45,8 +46,6 @@ from .steady.steady import steady_state as steady_state
 from .steady.working_points import working_points as working_points
 from .sweeps.plan import Tolerance as Tolerance
 from .sweeps.sweep import sweep as sweep
-from .trackers.loop import loop_design as loop_design
-from .trackers.loop_filter import propose_filter as propose_filter
 from .trackers.track import (
     measured_loop_gain as measured_loop_gain,
 )

@@ -43,6 +43,7 @@ WALLS = {
     "control": CORE | {"averaged", "drivers"},
     "export": CORE | {"averaged"},
     "impedance": CORE | {"export"},
+    "designs": {"circuit", "control", "drivers", "errors", "motor", "trackers"},
     "sweeps": CORE | {"datasets", "drivers", "steady"},
     "calibration": CORE | {"averaged", "impedance", "steady", "sweeps"},
     "view": CORE

@@ -12,14 +12,16 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
-from math import pi
+from math import pi, radians, tan
 from pathlib import Path
 
+from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation
 
 from pyspice_runner.circuit.bench import Bench, dynamometer_bench, motor_bench
 from pyspice_runner.circuit.fixtures import AC_OPTIONS, METERED, admittance_bench
 from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, DriveSource
 from pyspice_runner.circuit.state import Discretisation, plate_nodes
 from pyspice_runner.drivers.driver import Driver
@@ -28,14 +30,14 @@ from pyspice_runner.motor.drive import Load, TwoPhaseDrive, TwoToneDrive, defaul
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.library import data_path
-from pyspice_runner.trackers.loop_filter import LoopFilter, StatorLag
+from pyspice_runner.spice.library import data_path, read_library
 from pyspice_runner.trackers.tracker import (
     RAIL,
+    LoopFilter,
+    StatorLag,
     TrackedSource,
     Tracker,
-    add_average,
-    averaged_bench,
+    add_filter,
     tracked_lag,
     tracker_filter,
 )
@@ -570,13 +572,51 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
     )  # fmt: skip
 
 
+def average_bench(
+    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, closed: bool, target: str = "DC 0", title: str = ""
+) -> Circuit:
+    """Return the averaged loop: closed, or open at the oscillator's input and driven there by ``AC 1``.
+
+    The voltage at ``control`` of the open loop is minus the loop gain. In the closed loop ``phase`` follows ``target``,
+    both in rad.
+    """
+    circuit = Circuit(title or "averaged loop")
+    circuit.raw_spice += "\n".join(read_library(f"tracker_{part}").subcircuit for part in ("average", "filter")) + "\n"
+    circuit.V("target", "target", circuit.gnd, target)
+    _add_average(circuit, tracker, lag, loop_filter, source=None if closed else "DC 0 AC 1")
+    return circuit
+
+
+def _add_average(
+    circuit: Circuit,
+    tracker: Tracker,
+    lag: StatorLag,
+    loop_filter: LoopFilter,
+    *,
+    suffix: str = "",
+    source: str | None = None,
+) -> None:
+    """Add an averaged loop: closed, or open and driven by a source at the oscillator's input."""
+    control = f"control{suffix}"
+    if source:
+        circuit.V(f"tuning{suffix}", f"tuning{suffix}", circuit.gnd, source)
+    instantiate(
+        circuit, f"average{suffix}", "tracker_average",
+        (f"tuning{suffix}" if source else control, "target", f"phase{suffix}", control),
+        lag=lag.time_constant_s, detune=-tan(radians(tracker.target_deg)), gain=tracker.gain_hz_per_v,
+        current=tracker.pump_current_a, polarity=tracker.polarity,
+    )  # fmt: skip
+    add_filter(circuit, loop_filter, 0.0, suffix=suffix)
+    circuit.R(f"leak{suffix}", control, circuit.gnd, 1e15)  # a DC path for the operating point
+
+
 def _tracking_loop(motor: Motor) -> str:
     tracker = Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=51.7e3)
     lag = tracked_lag(motor, tracker, 1, contact=True)
     lag, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
-    circuit = averaged_bench(tracker, lag, loop_filter, closed=False, title=f"{motor.name}: loop gain of the tracker")
+    circuit = average_bench(tracker, lag, loop_filter, closed=False, title=f"{motor.name}: loop gain of the tracker")
     # FIND takes the real part; the real part of a second loop, driven 90 degrees later, is the imaginary part
-    add_average(circuit, tracker, lag, loop_filter, suffix="_later", source="DC 0 AC 1 -90")
+    _add_average(circuit, tracker, lag, loop_filter, suffix="_later", source="DC 0 AC 1 -90")
     measures = {
         "real": "FIND v(control) AT={bandwidth}",
         "imaginary": "FIND v(control_later) AT={bandwidth}",

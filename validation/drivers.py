@@ -56,7 +56,7 @@ def designed(spec: Specification) -> tuple[Design, DriveReport | None]:
     """Return the design of a specification and its run from rest; without a driver there is none."""
     motor = pr.load_motor(spec.motor)
     drive, speed = pr.default_drive(motor), spec.speed * NO_LOAD[spec.motor]
-    found = pr.propose_matching(motor, drive, spec.stage, spec.network, rail=spec.rail, speed=speed)
+    found = pr.design(motor, pr.DriverSpec(drive, spec.stage, spec.network, spec.rail), speed=speed)
     if found.driver is None:
         return found, None
     report = pr.drive_report(motor, found, audit=False)

@@ -36,7 +36,7 @@ from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.speed_torque import held_point
-from pyspice_runner.trackers.loop_filter import DisturbanceKind
+from pyspice_runner.trackers.tracker import DisturbanceKind
 from validation.campaign import Campaign
 
 COUNT, SEED = 2000, 7

@@ -13,7 +13,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, DriveSource
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.drivers.networks import CABLE
+from pyspice_runner.drivers.parts import CABLE
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases

@@ -14,16 +14,13 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common, options
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import Options
+from pyspice_runner.drivers.design import DriverSpec, NoDriverError
 from pyspice_runner.drivers.driver import BRIDGES
-from pyspice_runner.drivers.early_run import EarlyRun
-from pyspice_runner.drivers.report import begin_early, run_task
-from pyspice_runner.motor.drive import two_phases
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from pyspice_runner.drivers.design import Design
     from pyspice_runner.drivers.driver import NetworkKind
     from pyspice_runner.drivers.report import DriveReport
 
@@ -85,7 +82,7 @@ class DriverOptions(Options):
         loaded, words = common.load_changed(motor, of_motor), self.driver
 
         def in_front(drive: AnyDrive, law: pr.Law | None) -> pr.Driver:
-            return channel(loaded, words, two_phase(drive), of_parts, self.mosfet, law, match=self.match)
+            return spec_of(words, drive, of_parts, self.mosfet, match=self.match).built(loaded, contact=law)
 
         return loaded, in_front
 
@@ -149,38 +146,31 @@ def drive(
     targets.check(".json", ".csv", *([".cir"] if against is None else []))
     of_motor, of_parts = changes_of(run.changes, part)
     loaded = common.load_changed(motor, of_motor)
-    tone = recommended_phases(loaded, voltage, frequency, phase)
+    tone = pr.TwoPhaseDrive(**recommended_phases(loaded, voltage, frequency, phase))
+    specs = [spec_of(driver, tone, of_parts, mosfet, rail=rail, match=match)]
+    if against is not None:
+        specs.append(spec_of(against, tone, of_parts, mosfet, match=match, strict=False))
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
-    for number, words in enumerate([driver] if against is None else [driver, against]):
-        chosen: pr.Driver | Design
-        how: dict[str, Any] = {
-            "duration": duration, "speed": speed if rail is None else None, "load_torque": load_torque, "audit": audit,
-            **run.settings,
-        }  # fmt: skip
-        with EarlyRun(run_task) as early:
-            if rail is not None or (match and matchable(words, of_parts)):
-                with common.busy("ngspice finds steady states from stall to no load"):
-                    chosen = design_of(
-                        loaded, words, tone, of_parts, mosfet, strict=number == 0, rail=rail, speed=speed,
-                        load_torque=load_torque, on_driver=partial(begin_early, early, loaded, **how), **run.settings,
-                    )  # fmt: skip
-                if chosen.driver is None:
-                    if against is not None:
-                        raise pr.ParameterError(f"{words}: {chosen.reason}")
-                    refused = {"motor": loaded.to_dict(), "design": chosen.to_dict(), "maxima": {}}
-                    targets.write(refused, f"{loaded.name}: {chosen.reason}\n", partial(_save, refused), _no_plot)
-                    return
-            else:
-                chosen = driver_of(words, tone, of_parts, mosfet, strict=number == 0)
-            try:
-                with common.busy(f"ngspice runs the {words}"):
-                    reports.append(pr.drive_report(loaded, chosen, events=events, early=early, **how))
-                common.caution(reports[-1])
-            except pr.SimulationError as error:
-                if not reports:
-                    raise
-                fault = pr.SimulationError(f"Only the {driver} is finished; the {words} failed. {error}")
+    for spec in specs:
+        try:
+            with common.busy(f"ngspice runs the {spec.name}"):
+                report = pr.drive_report(
+                    loaded, spec, duration, speed=speed, load_torque=load_torque, audit=audit, events=events,
+                    **run.settings,
+                )  # fmt: skip
+            reports.append(report)
+            common.caution(report)
+        except NoDriverError as error:
+            if against is not None:
+                raise pr.ParameterError(f"{spec.name}: {error.design.reason}") from None
+            refused = {"motor": loaded.to_dict(), "design": error.design.to_dict(), "maxima": {}}
+            targets.write(refused, f"{loaded.name}: {error.design.reason}\n", partial(_save, refused), _no_plot)
+            return
+        except pr.SimulationError as error:
+            if not reports:
+                raise
+            fault = pr.SimulationError(f"Only the {driver} is finished; the {spec.name} failed. {error}")
     document: dict[str, Any] = (
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
@@ -205,100 +195,33 @@ def refuse_idle_match(context: typer.Context, *drivers: str) -> None:
         common.refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
 
 
-def driver_of(
-    words: str, values: Mapping[str, Any], part: list[str] | None, mosfet: str | None, *, strict: bool = True
-) -> pr.Driver:
-    """Return the driver of a kind of stage, and behind a + its network; ``values`` are fields of the driver.
+def spec_of(
+    words: str,
+    drive: AnyDrive,
+    part: list[str] | None,
+    mosfet: str | None,
+    *,
+    rail: float | None = None,
+    match: bool = True,
+    strict: bool = True,
+) -> DriverSpec:
+    """Return the specification of a stage, and behind a + its network. Raise ParameterError for a two-tone drive.
 
     Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
     """
-    kind, network = _split(words)
-    stated = _stated(kind, network, part, mosfet, strict=strict)
-    own = {path: value for path, value in stated.items() if "." not in path}
-    return pr.Driver(kind=kind, network=network, **(dict(values) | own)).updated(
-        {path: value for path, value in stated.items() if "." in path}
-    )
-
-
-def design_of(
-    motor: pr.Motor,
-    words: str,
-    values: Mapping[str, Any],
-    part: list[str] | None,
-    mosfet: str | None,
-    *,
-    contact: pr.Law | None,
-    strict: bool = True,
-    **how: Any,
-) -> Design:
-    """Return the design of a driver as for :func:`driver_of`; ``how`` are further arguments of ``propose_matching``."""
-    kind, network = _split(words)
-    if contact is None:
-        raise pr.ParameterError("A network is matched to a motor on its rotor. Add --no-match, or give a --contact.")
-    return pr.propose_matching(
-        motor, pr.TwoPhaseDrive(**values), kind, cast("NetworkKind", network),
-        parts=_stated(kind, network, part, mosfet, strict=strict), contact=contact, **how,
-    )  # fmt: skip
-
-
-def channel(
-    motor: pr.Motor,
-    words: str,
-    values: Mapping[str, Any],
-    part: list[str] | None,
-    mosfet: str | None,
-    contact: pr.Law | None,
-    *,
-    match: bool = True,
-    **how: Any,
-) -> pr.Driver:
-    """Return a driver for further analyses, with a network for the motor. Raise ParameterError if there is none.
-
-    ``how`` are further arguments of ``propose_matching``; a ``rail`` asks for a design.
-    """
-    if not (match and (matchable(words, part) or how.get("rail"))):
-        return driver_of(words, values, part, mosfet)
-    design = design_of(motor, words, values, part, mosfet, contact=contact, **how)
-    if design.driver is None or not design.feasible:
-        raise pr.ParameterError(
-            f"No network for the {words}: {design.reason} State its parts by --part, or add --no-match."
-        )
-    return design.driver
-
-
-def matchable(words: str, part: list[str] | None) -> bool:
-    """Return whether a driver has a network whose parts are not stated."""
-    network = _split(words)[1]
-    return network != "none" and all(_label(path) != network for path in _parts(part))
-
-
-def _split(words: str) -> tuple[str, str]:
-    """Return stage and network of a driver."""
-    kind, plus, network = words.rpartition("+")
-    return (kind, network) if plus and ":" not in network else (words, "none")  # a + in the name of a file
-
-
-def _label(path: str) -> str:
-    """Return the part of PART.PARAMETER, without its group."""
-    return path.partition(".")[0].removesuffix("_a").removesuffix("_b")
-
-
-def _stated(kind: str, network: str, part: list[str] | None, mosfet: str | None, *, strict: bool) -> dict[str, Any]:
-    """Return the values of a driver that are stated; unless ``strict``, those that it has."""
-    stated: dict[str, Any] = dict(_parts(part))
-    if mosfet is not None and (strict or kind in BRIDGES):
-        stated["mosfet"] = mosfet
-    if strict:
-        return stated
-    present = {item.label for item in pr.Driver(kind=kind, network=network, voltage=1.0, frequency=1e4).parts("a")}
-    return {path: value for path, value in stated.items() if "." not in path or _label(path) in present}
-
-
-def two_phase(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> dict[str, float]:
-    """Return voltage, frequency and phase for :func:`driver_of`. Raise ParameterError for a two-tone drive."""
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
-    return two_phases(drive)
+    stage, plus, network = words.rpartition("+")
+    if not plus or ":" in network:  # a + in the name of a file
+        stage, network = words, "none"
+    given: dict[str, Any] = dict(_parts(part))
+    if not strict:
+        present = {item.label for item in pr.Driver(kind=stage, network=network, voltage=1.0, frequency=1e4).parts("a")}
+        labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
+        given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
+    if mosfet is not None and (strict or stage in BRIDGES):
+        given["mosfet"] = mosfet
+    return DriverSpec(drive, stage, cast("NetworkKind", network), rail, given, match)
 
 
 def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[str], list[str]]:

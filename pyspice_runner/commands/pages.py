@@ -17,7 +17,7 @@ from pyspice_runner.commands.options import with_options
 from pyspice_runner.impedance.spectrum import Connection
 
 if TYPE_CHECKING:
-    from pyspice_runner.trackers.result import Tracking
+    from pyspice_runner.trackers.track import Tracking
 
 
 @with_options

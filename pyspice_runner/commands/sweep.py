@@ -16,7 +16,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
-from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, channel, two_phase
+from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, spec_of
 from pyspice_runner.commands.driving import DriveOptions
 from pyspice_runner.commands.options import LawOptions, Targets, with_options
 from pyspice_runner.sweeps.plan import Distribution, Sampling
@@ -108,16 +108,8 @@ def sweep(
     loaded = common.load_changed(motor, of_motor)
     stated = drive.stated(loaded)
     excitation = (
-        channel(
-            loaded,
-            driver or "linear",
-            two_phase(stated),
-            of_parts,
-            mosfet,
-            contact,
-            rail=rail,
-            speed=speed,
-            load_torque=load_torque or 0.0,
+        spec_of(driver or "linear", stated, of_parts, mosfet, rail=rail).built(
+            loaded, contact=contact, speed=speed, load_torque=load_torque or 0.0
         )
         if driven
         else stated
@@ -188,7 +180,7 @@ def _question(
 
         return {"analysis": held_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
     if isinstance(excitation, pr.Driver) and analysis == "driver-state":
-        from pyspice_runner.drivers.state import driver_state
+        from pyspice_runner.drivers.design import driver_state
 
         kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
         return {"quantities": quantity or kept, "analysis": driver_state}

@@ -11,7 +11,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common, drive, options
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.trackers.loop_filter import DisturbanceKind, TrackerKind
+from pyspice_runner.trackers.tracker import DisturbanceKind, TrackerKind
 
 START_OFFSET = 0.03  # relative to the centre
 
@@ -93,11 +93,12 @@ def track(
         chosen = centred(loaded, chosen, contact=contact != options.NONE)
     law = options.law_named(contact)
     with common.busy(f"The motor runs with the tracker {tracker}"):
-        through = driver and drive.channel(
-            loaded, driver, tone | {"frequency": chosen.frequency}, of_parts, mosfet, law, match=match
-        )
+        through = None
+        if driver:
+            pins = pr.TwoPhaseDrive(**tone | {"frequency": chosen.frequency})
+            through = drive.spec_of(driver, pins, of_parts, mosfet, match=match).built(loaded, contact=law)
         found = pr.track(
-            loaded, chosen, driver=through or None, disturb=disturb, contact=law, begin=begin,
+            loaded, chosen, driver=through, disturb=disturb, contact=law, begin=begin,
             duration=duration, load_torque=load_torque, preload_change=preload_change, drift=drift,
             drift_time=drift_time, target_step=target_step, thermal=pr.Thermal.of(loaded) if all_drift else None,
             averaged=averaged, engine=engine, timeout=timeout, audit=audit,

@@ -209,7 +209,7 @@ class _Plant:
 
 
 @checked
-def control_loop(
+def sampled_loop(
     motor: Motor,
     drive: TwoPhaseDrive,
     *,

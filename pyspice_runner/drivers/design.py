@@ -1,16 +1,54 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A design of a driver: its parts, what they bear, and the steady states from stall to no load that check it."""
+"""Design of a driver: network, transformer and rails, checked in steady states from stall to no load.
+
+The currents of the motor at the wanted voltages of its pins, in steady states at stall, at the operating point and at
+no load, give the impedance of each group over the range. A series pair of coil and capacitor cancels a share of the
+reactance at the operating point: all of it is the usual match; none is a filter that is tuned to the drive and leaves
+the voltages of the pins alone. The more it cancels, the better is the power factor of the stage, and the more the
+voltages of the pins change with the load. The choice is the share with the largest power factor whose voltages stay
+within :data:`PIN_BAND` of those wanted. The network with values of the E series is then solved for its own steady
+states over the range.
+"""
 
 from __future__ import annotations
 
+from cmath import phase, rect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from math import degrees, pi, radians, sqrt
 from typing import Any
 
-from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.drivers.maxima import PartLoad, exceeded
+import numpy as np
+
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
+from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads, winding_of
+from pyspice_runner.drivers.parts import (
+    CABLE,
+    E12,
+    E24,
+    MOSFETS,
+    NO_CAPACITOR,
+    SMALLEST_CAPACITANCE,
+    SMALLEST_INDUCTANCE,
+    WINDING_CAPACITANCE,
+    WINDING_QUALITY,
+    Passed,
+    largest_inductance,
+    nearest,
+    passed,
+    suited,
+)
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
+from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.run.point import Point
+from pyspice_runner.steady.shooting import Point as PeriodPoint
+from pyspice_runner.steady.steady import SteadyState, steady_states
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
 WARM = "operating point, warm"  # the motor at its temperature, the frequency following its drift
@@ -28,6 +66,11 @@ class GroupPoint:
     resistance_ohm: float  # real part of the impedance at the pin
     reactance_ohm: float  # imaginary part of that impedance
     power_factor: float  # of the fundamentals at the output of the stage; negative where power flows back
+
+    @property
+    def impedance_ohm(self) -> complex:
+        """Impedance at the pin."""
+        return complex(self.resistance_ohm, self.reactance_ohm)
 
 
 @dataclass(frozen=True)
@@ -47,6 +90,87 @@ class RangePoint:
     def group(self, name: str) -> GroupPoint:
         """Return group ``"a"`` or ``"b"``."""
         return self.a if name == "a" else self.b
+
+
+class NoDriverError(ParameterError):
+    """A design has no driver; the message has its reason.
+
+    Attributes:
+        design: the design.
+    """
+
+    def __init__(self, design: Design) -> None:
+        super().__init__(f"There is no driver to be run. {design.reason}")
+        self.design = design
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Keep the design when the error crosses a process boundary."""
+        return type(self), (self.design,)
+
+
+@dataclass(frozen=True)
+class DriverSpec:
+    """Specification of a driver: the drive wanted at the pins, and what is given of stage, network and parts.
+
+    Attributes:
+        drive: voltages, phase and frequency wanted at the pins.
+        stage: kind of the power stage, as of :class:`Driver`.
+        network: ``"inductor"``, ``"llcc"`` or ``"none"``.
+        rail: voltage in V between the rails of the stage, to which the transformer is fitted; by default the rails are
+            as the voltage requires.
+        parts: further values of the driver, by their names or by PART.PARAMETER, as for :meth:`.Driver.updated`.
+        match: whether the parts of a network are chosen for the motor, if none of them is given.
+    """
+
+    drive: TwoPhaseDrive
+    stage: str = "full-bridge"
+    network: NetworkKind = "inductor"
+    rail: float | None = None
+    parts: Mapping[str, Any] = field(default_factory=dict)
+    match: bool = True
+
+    @property
+    def name(self) -> str:
+        """Stage, and behind a + the network."""
+        return self.stage if self.network == "none" else f"{self.stage}+{self.network}"
+
+    @property
+    def designed(self) -> bool:
+        """Whether the driver is designed for its motor: with a rail, or with a network whose parts are not given."""
+        given = {path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in self.parts if "." in path}
+        return self.rail is not None or (self.match and self.network != "none" and self.network not in given)
+
+    def driver(self, **values: Any) -> Driver:
+        """Return the driver without a design; ``values`` take the place of values of the drive.
+
+        Raises:
+            ParameterError: for an invalid value.
+        """
+        own = {path: value for path, value in self.parts.items() if "." not in path}
+        of_parts = {path: value for path, value in self.parts.items() if "." in path}
+        driver = Driver(kind=self.stage, network=self.network, **two_phases(self.drive) | values | own)
+        return driver.updated(of_parts)
+
+    def built(self, motor: Motor, *, contact: ContactLaw | None, **settings: Any) -> Driver:
+        """Return the driver, designed if it is to be, for other analyses.
+
+        Args:
+            motor: the motor.
+            contact: law of the contact.
+            **settings: further arguments of :func:`design_driver`.
+
+        Raises:
+            ParameterError: for an invalid value, or if there is no such driver.
+            SimulationError: if ngspice fails or its result cannot be trusted.
+        """
+        if not self.designed:
+            return self.driver()
+        design = design_driver(motor, self, contact=contact, **settings)
+        if design.driver is None or not design.feasible:
+            raise ParameterError(
+                f"No network for the {self.name}: {design.reason} State its parts by --part, or add --no-match."
+            )
+        return design.driver
 
 
 @dataclass(frozen=True)
@@ -76,6 +200,12 @@ class Design:
     starts: bool | None = None
     load_torque_n_m: float = 0.0
 
+    def checked_driver(self) -> Driver:
+        """Return the driver. Raise NoDriverError with the reason if there is none."""
+        if self.driver is None:
+            raise NoDriverError(self)
+        return self.driver
+
     def to_dict(self) -> dict[str, Any]:
         """Return the design without the driver, which its report has, JSON-ready."""
         names = ("parts", "feasible", "reason", "starts", "wanted_v", "share", "unmatched", "points")
@@ -97,9 +227,8 @@ class Design:
             motor: the motor.
         """
         assert self.driver is not None
-        both = tuple(runs[0])
-        for others in (self.parts, *runs[1:]):
-            both = tuple(_larger(one, other) for one, other in zip(both, _matched(others, both), strict=True))
+        known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
+        both = tuple(part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         told = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         if starts is False:
@@ -123,23 +252,538 @@ class Design:
         return reached >= ARRIVED or (reached >= BEGUN and bool(spare) and all(spare))
 
 
-def _matched(known: Sequence[PartLoad], parts: Sequence[PartLoad]) -> list[PartLoad | None]:
-    """Return for each part the one of the same name among those that are known."""
-    named = {part.name: part for part in known}
-    return [named.get(part.name) for part in parts]
+ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
 
 
-def _larger(one: PartLoad, other: PartLoad | None) -> PartLoad:
-    """Return a part with the larger voltage and current of two."""
-    if other is None:
-        return one
-    return replace(
-        one,
-        peak_voltage_v=_greater(one.peak_voltage_v, other.peak_voltage_v),
-        peak_current_a=_greater(one.peak_current_a, other.peak_current_a),
+def _phasor(values: Any, time: Any, frequency: float) -> complex:
+    """Return the phasor of the fundamental over one period."""
+    return complex(2j * frequency * np.trapezoid(values * np.exp(-2j * pi * frequency * time), time))
+
+
+def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
+    """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
+    waves = state.waveforms
+    assert waves is not None
+    frequency = 1.0 / waves.drive_period_s
+    groups, real, apparent = {}, 0.0, 0.0
+    for group in GROUPS:
+        volts = _phasor(getattr(waves, f"voltage_{group}_v"), waves.time_s, frequency)
+        amperes = _phasor(getattr(waves, f"current_{group}_a"), waves.time_s, frequency)
+        source, through = at_stage(driver, group, volts, amperes)
+        power, product = (source * through.conjugate()).real, abs(source) * abs(through)
+        impedance = volts / amperes
+        groups[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
+        real, apparent = real + 0.5 * power, apparent + 0.5 * product
+    power_w = state.power_a_w + state.power_b_w
+    factor, speed = real / apparent, state.speed_rad_s
+    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, groups["a"], groups["b"])
+
+
+def network_of(driver: Driver, group: str, frequency: float | None = None) -> tuple[complex, complex]:
+    """Return the series impedance, stage and transformer included, and the admittance across the pin.
+
+    They are those of the source at the pin: an admittance in front of a cable's inductance counts at its end.
+    ``frequency`` in Hz is by default that of the driver; below 0 the values are those of a conjugate phasor.
+    """
+    open_v, _ = at_stage(driver, group, 1.0, 0.0, frequency)
+    series, _ = at_stage(driver, group, 0.0, 1.0, frequency)
+    return complex(series), complex((open_v - 1.0) / series)
+
+
+def at_stage(
+    driver: Driver | None, group: str, volts: complex, amperes: complex, frequency: float | None = None
+) -> tuple[complex, complex]:
+    """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
+    if driver is not None:
+        omega = 2.0 * pi * (driver.frequency if frequency is None else frequency)
+        for found in _passed(driver.equivalent(), group, volts, amperes, omega):
+            volts, amperes = found.volts, found.amperes
+    return volts, amperes
+
+
+def _passed(driver: Driver, group: str, volts: Any, amperes: Any, omega: float) -> list[Passed]:
+    """Return the network of a group from the pin to the stage for phasors of the pin: a cable first."""
+    found = []
+    for part in reversed(driver.parts(group)):
+        before = passed(part.label, part.values, volts, amperes, omega)
+        if before is None:
+            break
+        found.append(before)
+        volts, amperes = before.volts, before.amperes
+    return found
+
+
+def load_of(driver: Driver, group: str, load: complex) -> complex:
+    """Return the impedance in front of the cable, if there is one, for that of the group at its pin."""
+    for part in driver.parts(group):
+        if part.label == CABLE and (found := passed(CABLE, part.values, load, 1.0, 2.0 * pi * driver.frequency)):
+            return complex(found.volts / found.amperes)
+    return load
+
+
+def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
+    """Return phasors of the vectors of :func:`.part_loads`, an entry for each point, in a lossless stage's network."""
+    found: dict[str, Any] = {}
+    for group in GROUPS:
+        pin = np.array([complex(point.group(group).voltage_v) for point in points])
+        amperes = pin / np.array([point.group(group).impedance_ohm for point in points])
+        line, through = pin, amperes
+        for before in _passed(driver, group, pin, amperes, 2.0 * pi * driver.frequency):
+            stores, instance = before.stores, f"xnetwork_{group}"
+            if "lline" in stores:
+                found |= {
+                    f"i(v.xcable_{group}.vcurrent)": stores["lline"],
+                    f"v({driver.network}_{group})": before.volts,
+                }
+            else:
+                found |= {
+                    f"v({instance}.inner)": before.inner, f"i(v.{instance}.vcurrent)": before.amperes,
+                    f"i(v.{instance}.vcoil)": stores["lseries"], f"i(v.{instance}.vparallel)": stores["lparallel"],
+                }  # fmt: skip
+            line, through = before.volts, before.amperes
+        found |= {
+            f"v({group})": pin, f"i(vpin_{group})": amperes, f"v(line_{group})": line,
+            f"v(transformer_{group})": line,
+            f"i(vout_{group})": through * (1.0 if driver.kind == "push-pull" else driver.ratio(group)),
+        }  # fmt: skip
+    return found
+
+
+def warmed(point: Point, driver: Driver, rise_k: float) -> Point:
+    """Return an operating point behind a driver with a warmer motor, which a tracker follows by the frequency."""
+    thermal = Thermal.of(point.motor)
+    frequency = driver.frequency * thermal.frequency_factor(rise_k)
+    return replace(point, motor=thermal.warmed(point.motor, rise_k), source=driver.updated({"frequency": frequency}))
+
+
+@checked
+def driver_state(
+    motor: Motor,
+    driver: Driver,
+    *,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    warmer_k: float = 0.0,
+    contact: ContactLaw = PAPER_LAW,
+    timeout: float | None = None,
+) -> dict[str, Any]:
+    """Return the steady state behind a driver with its network as it is: for sweeps over tolerances.
+
+    The stage counts with its fundamental and its resistance (:meth:`.Driver.equivalent`).
+
+    Args:
+        motor: the motor, cold.
+        driver: the driver.
+        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
+        load_torque: torque in N·m of the load of a free shaft.
+        warmer_k: temperature in K of the motor above that of its parameters; the frequency follows its resonance.
+        contact: law of the contact.
+        timeout: wall time in s after which a run is ended.
+
+    Returns:
+        ``torque_n_m``, ``speed_rad_s``, amplitudes ``voltage_a_v`` and ``current_a_a`` at the pins of each group,
+        ``power_w`` into both, ``stage_power_w`` and ``power_factor`` of the fundamentals of the stages.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if there is no stable steady state.
+    """
+    stage = driver.equivalent()
+    settings: dict[str, Any] = {
+        "speed": speed, "load_torque": load_torque, "contact": contact, "timeout": timeout, "audit": False
+    }  # fmt: skip
+    cold = Point.of(motor, stage, **settings)
+    point = warmed(cold, stage, warmer_k) if warmer_k else cold
+    # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
+    pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
+    ideal = Point.of(point.motor, pins, **settings)
+    (begun,) = steady_states([ideal], accuracy=ACCURACY)
+    starts = [begun.solution, None] if begun.solution is not None else [None]
+    for start in starts:
+        (state,) = steady_states([point], accuracy=ACCURACY, waveforms=True, starts=[start])
+        if state.converged and (state.stable or state.held_by_friction):
+            found = range_point("", state, driver)
+            of_groups = {
+                f"{name}_{group}_{unit}": getattr(found.group(group), f"{name}_{unit}")
+                for group in GROUPS for name, unit in (("voltage", "v"), ("current", "a"))
+            }  # fmt: skip
+            names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
+            return {name: getattr(found, name) for name in names} | of_groups
+    raise SimulationError("There is no stable steady state behind this driver.")
+
+
+PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the reactance that a series network may cancel
+# reactance of a coil behind switching edges over that of the clamped capacitance, both at the drive: the third harmonic
+# of a square wave, a third of its fundamental, then is 9 % at the pin
+_FILTER = 0.6
+# of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
+# in 100 (1 + C of the group over C in series) / ω, a few tens of periods
+BLED = 100.0
+_SMALLEST = {"inductor": SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, least series coil: those of the libraries
+SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
+_ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
+_SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
+_LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
+_RATIOS = (0.1, 100.0)  # of a transformer, as in its library
+_DETUNED = 0.02  # of the reactance of a coil: a smaller difference needs no capacitor
+_INSTEAD = {
+    "none": "Take a network, --driver …+llcc, or a stage of lower resistance.",
+    "inductor": "Series matching cannot follow this load. Take +llcc, lower the voltage, or control the amplitude.",
+    "llcc": "Lower the voltage, or control the amplitude.",
+}
+
+
+@checked
+def design_driver(
+    motor: Motor,
+    spec: DriverSpec,
+    *,
+    speed: float | None = None,
+    load_torque: float = 0.0,
+    contact: ContactLaw | None = PAPER_LAW,
+    timeout: float | None = None,
+) -> Design:
+    """Design a driver whose pins keep their voltages from stall to no load, and check it in steady states.
+
+    Args:
+        motor: the motor.
+        spec: the drive wanted at the pins, stage, network and rails, and the parts that are given; those of network
+            and transformer are chosen here.
+        speed: of the operating point, rad/s; by default half the speed at no load.
+        load_torque: torque in N·m of the load at the operating point, and of the motor when it starts.
+        contact: law of the contact.
+        timeout: wall time in s after which a run is ended.
+
+    Raises:
+        ParameterError: for an invalid value.
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    ideal = Point.of(
+        motor, spec.drive, speed=speed, load_torque=0.0 if speed is not None else load_torque, contact=contact,
+        timeout=timeout, audit=False,
+    )  # fmt: skip
+    Load(torque=load_torque).check(motor)
+    if ideal.law is None:
+        raise ParameterError(
+            "A driver is designed for a motor on its rotor. Give a law of the contact, not none, or leave the network "
+            "unmatched."
+        )
+    wanted = {group: abs(volts) for group, volts in _pins(spec.drive).items()}
+    choose = spec.rail is not None and spec.stage in BRIDGES and "mosfet" not in spec.parts
+    # the one of the highest voltage, until the currents are known
+    template = replace(spec, parts={**spec.parts, "mosfet": MOSFETS[-1]} if choose else spec.parts).driver(voltage=1.0)
+    states = _range(ideal)
+    begun = Design(None, wanted, load_torque_n_m=load_torque)
+    if lost := _lost(states, wanted, "with the wanted voltages at the pins"):
+        return replace(begun, reason=lost)
+    search = _Search(ideal, spec, template, load_torque, states, choose)
+    begun = replace(begun, unmatched=search.points, reason=search.unreachable())
+    if begun.reason:
+        return begun
+    try:
+        best = search.best_share()
+        found = search.verified(begun, best)
+        return found if found.feasible or best == 0.0 else search.verified(begun, 0.0)
+    except _NotFeasibleError as error:
+        return replace(begun, reason=str(error))
+
+
+class _NotFeasibleError(Exception):
+    """There is no such driver; the message says why and what can be done."""
+
+
+def _range(ideal: Point) -> dict[str, SteadyState]:
+    """Return the steady states at stall, at the operating point and at no load with the wanted voltages at the pins."""
+    held, free = replace(ideal, load=Load(speed=0.0)), replace(ideal, load=Load())
+    given = ideal.load.speed is not None or ideal.load.torque != 0.0
+    stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], accuracy=ACCURACY, waveforms=True)
+    if not rest and idle.converged:
+        middle = replace(ideal, load=Load(speed=0.5 * idle.speed_rad_s))
+        rest = steady_states([middle], accuracy=ACCURACY, waveforms=True, starts=[stall.solution])
+    return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
+
+
+def _solved(points: Sequence[Point], starts: Sequence[PeriodPoint | None], *, surely: bool) -> list[SteadyState]:
+    """Return steady states behind a driver; if ``surely``, those that Newton's method does not find at once, too."""
+    found = steady_states(points, accuracy=ACCURACY, waveforms=True, starts=starts)
+    lost = [place for place, state in enumerate(found) if surely and not state.converged]
+    again = steady_states([points[place] for place in lost], accuracy=ACCURACY, waveforms=True)
+    for place, state in zip(lost, again, strict=True):
+        found[place] = state
+    return found
+
+
+def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where: str) -> str:
+    """Return in a sentence at which state there is no stable steady state; an empty text if there is at all."""
+    lost = [
+        name for name, state in states.items() if not (state.converged and (state.stable or state.held_by_friction))
+    ]
+    if not lost:
+        return ""
+    volts = " and ".join(f"{value:.4g} V" for value in wanted.values())
+    return (
+        f"At {', '.join(lost)} there is no stable steady state {where} ({volts}), so that no design can be checked. "
+        "Change the frequency or the voltage, and look at the motor with simulate."
     )
 
 
-def _greater(one: float | None, other: float | None) -> float | None:
-    """Return the greater of two values that are known."""
-    return max((value for value in (one, other) if value is not None), default=None)
+def _pins(drive: TwoPhaseDrive) -> dict[str, complex]:
+    """Return the phasors in V that are wanted at the pins, group A at phase 0."""
+    return {"a": complex(drive.voltage), "b": rect(drive.voltage_b, radians(drive.phase_deg))}
+
+
+class _Search:
+    """The search for a driver over the range of a motor."""
+
+    def __init__(
+        self,
+        ideal: Point,
+        spec: DriverSpec,
+        driver: Driver,
+        load_torque: float,
+        states: Mapping[str, SteadyState],
+        choose: bool,
+    ) -> None:
+        self.choose = choose  # whether the MOSFET is chosen, too
+        self.ideal, self.driver, self.rail, self.states = ideal, driver, spec.rail, states
+        self.load_torque = load_torque
+        self.points = tuple(range_point(name, state, None) for name, state in states.items())
+        self.pins = _pins(spec.drive)  # wanted phasors
+        self.omega = 2.0 * pi * driver.frequency
+        self.middle = next(point for point in self.points if point.state == OPERATING)
+
+    def unreachable(self) -> str:
+        """Return why the motor does not reach its operating point; an empty text if it does."""
+        idle, middle = self.points[-1].speed_rad_s, self.middle
+        load = self.ideal.load
+        asked = load.speed if load.speed is not None else middle.speed_rad_s
+        given = load.speed is not None or load.torque
+        if not given or not asked or (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
+            ahead = 1.0 if asked >= 0.0 else -1.0
+            if load.speed is None or ahead * middle.torque_n_m >= ahead * self.load_torque:
+                return ""
+            return (
+                f"At {asked:.4g} rad/s and {abs(self.pins['a']):.4g} V the motor gives {middle.torque_n_m:.3g} N·m, "
+                f"less than the load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
+            )
+        what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
+        return (
+            f"With {abs(self.pins['a']):.4g} V at the pins the motor turns at {idle:.4g} rad/s without load, and never "
+            f"{what} forwards. Raise the voltage, change frequency or phase, or ask for less."
+        )
+
+    def best_share(self) -> float:
+        """Return the share of the reactance to be cancelled, by the impedances of the motor at the wanted voltages.
+
+        These change with the voltages, so that half of the band is allowed.
+        """
+        if self.driver.network != "inductor":
+            return 0.0
+        found = []
+        for share in _SHARES:
+            driver = self.built(share)
+            changes, factors = [], []
+            for point in self.points:
+                real = apparent = 0.0
+                for group in GROUPS:
+                    load, source = point.group(group).impedance_ohm, driver.fundamental(group)
+                    volts, amperes = at_stage(driver, group, load, 1.0)
+                    changes.append(source * abs(load / volts) / abs(self.pins[group]) - 1.0)
+                    real += source**2 * (amperes / volts).real
+                    apparent += source**2 * abs(amperes / volts)
+                factors.append(real / apparent)
+            found.append((share, max(map(abs, changes)), min(factors)))
+        kept = [(factor, share) for share, change, factor in found if change <= 0.5 * PIN_BAND]
+        return max(kept)[1] if kept else 0.0
+
+    def built(self, share: float) -> Driver:
+        """Return the driver whose network cancels a share of the reactance at the operating point."""
+        driver = self.driver
+        try:
+            for _ in range(_ROUNDS):
+                driver = self._supplied(driver.updated(self._values(driver, share)))
+                if self.choose:
+                    driver = driver.updated({"mosfet": self._mosfet(driver)})
+        except ParameterError as error:
+            raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
+        return driver
+
+    def _mosfet(self, driver: Driver) -> str:
+        """Return the MOSFET with the least loss at the operating point."""
+        volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
+        current = 0.0
+        for group, pin in self.pins.items():
+            _, through = at_stage(driver, group, pin, pin / self.middle.group(group).impedance_ohm)
+            current = max(current, driver.ratio(group) * abs(through) / sqrt(2.0))
+        return suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
+
+    def _values(self, driver: Driver, share: float) -> dict[str, float]:
+        """Return the settings of the network."""
+        if driver.network == "none":
+            return {}
+        prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
+        for group in GROUPS:
+            most = largest_inductance(driver.frequency, winding_of(driver, group) or WINDING_CAPACITANCE)
+            label, leakage = f"{driver.network}_{group}", driver.leakage(group)
+            wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
+            filtering = driver.switched or driver.network == "llcc"
+            clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f") + driver.cable_f(group)
+            total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
+            coil = least = _SMALLEST[driver.network]
+            if total - leakage > least:
+                coil = min(nearest(total - leakage, E12), max(value for value in _decades(E12) if value <= most))
+            excess = omega * (coil + leakage) - wanted
+            capacitor = NO_CAPACITOR
+            if excess > _DETUNED * omega * (coil + leakage) and excess > 0.0 and (filtering or wanted < 0.0):
+                capacitor = nearest(1.0 / (omega * excess), E24)
+            values[f"{label}.{prefix}inductance"] = coil
+            values[f"{label}.{prefix}resistance"] = max(omega * coil / WINDING_QUALITY, 1e-2)
+            values[f"{label}.{prefix}capacitance"] = capacitor
+            if driver.network == "llcc":
+                values |= self._across(group, most)
+            isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
+            values[f"{label}.bleeder"] = nearest(BLED / (omega * capacitor), E12) if isolated else NO_BLEEDER
+        return values
+
+    def _across(self, group: str, most: float) -> dict[str, float]:
+        """Return the settings of the pair across a group, which cancels the middle of its susceptances."""
+        loads = [load_of(self.driver, group, point.group(group).impedance_ohm) for point in self.points]
+        susceptances = [(1.0 / load).imag for load in loads]
+        middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
+        coil, capacitor = NO_COIL, -middle / omega
+        if middle > 0.0:
+            largest = min(most, 1.0 / (omega * middle))
+            coil = max(value for value in _decades(E12) if value <= largest)
+            capacitor = 1.0 / (omega**2 * coil) - middle / omega
+        capacitor = NO_PARALLEL if capacitor < SMALLEST_CAPACITANCE else nearest(capacitor, E24)
+        label = f"llcc_{group}.parallel_"
+        return {
+            f"{label}inductance": coil, f"{label}capacitance": capacitor,
+            f"{label}resistance": min(max(omega * coil / WINDING_QUALITY, 1e-2), 1e4),
+        }  # fmt: skip
+
+    def _supplied(self, driver: Driver) -> Driver:
+        """Return the driver with the voltages of its stage and the ratios of its transformer."""
+        sources = {}
+        for group, volts in self.pins.items():
+            sources[group], _ = at_stage(driver, group, volts, volts / self.middle.group(group).impedance_ohm)
+        amplitudes = {group: abs(source) for group, source in sources.items()}
+        changes: dict[str, Any] = {
+            "voltage": amplitudes["a"], "ratio_b": amplitudes["b"] / amplitudes["a"],
+            "phase_deg": degrees(phase(sources["b"] / sources["a"])),
+        }  # fmt: skip
+        if self.rail is None:
+            return driver.updated(changes)
+        if driver.switched:
+            changes["supply_v"], before = self.rail, (2.0 if driver.kind == "half-bridge" else 4.0) / pi * self.rail
+        else:
+            changes["supply_v"], before = 0.5 * self.rail, 0.5 * self.rail / 1.1 - HEADROOM
+            if before < HEADROOM:
+                raise _NotFeasibleError(
+                    f"A linear stage between rails of {self.rail:g} V has {max(before, 0.0):.2g} V left, as it needs "
+                    f"{HEADROOM:g} V to each rail. Take a higher rail or a bridge."
+                )
+        ratios = {group: amplitude / (before * driver.raised(group)) for group, amplitude in amplitudes.items()}
+        if driver.switched:
+            needed = driver.kind != "half-bridge" or any(abs(ratio - 1.0) > _LEAST_STEP for ratio in ratios.values())
+        else:
+            needed = any(ratio > 1.0 for ratio in ratios.values())
+        least, most = _RATIOS
+        for group, ratio in ratios.items() if needed else ():
+            if not least <= ratio <= most:
+                raise _NotFeasibleError(
+                    f"Group {group.upper()} needs a transformer of 1 to {ratio:.3g} at a rail of {self.rail:g} V; the "
+                    f"limits are {least:g} and {most:g}. Take another rail."
+                )
+            changes[f"{driver.transformer_label}_{group}.ratio"] = float(f"{ratio:.3g}")
+        if needed and driver.kind in ("linear", "half-bridge"):
+            changes["transformer"] = True
+        return driver.updated(changes)
+
+    def verified(self, begun: Design, share: float) -> Design:
+        """Return the design for a share, with its steady states over the range and whether they are within limits."""
+        driver = self.built(share)
+        behind = [
+            replace(self.ideal, source=driver.equivalent(), load=Load(speed=point.speed_rad_s)) for point in self.points
+        ]
+        starts, surely = [state.solution for state in self.states.values()], share == 0.0
+        found = replace(begun, driver=driver, share=share)
+        states = dict(zip(self.states, _solved(behind, starts, surely=surely), strict=True))
+        lost = _lost(states, begun.wanted_v, where := "behind this driver; the voltages wanted at the pins")
+        if (rise := self.rise) and not lost:
+            warm = warmed(behind[1], driver.equivalent(), rise)
+            states[WARM] = _solved([warm], starts[1:2], surely=surely)[0]
+            lost = _lost(states, begun.wanted_v, where)
+        if lost:
+            return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
+        points = tuple(range_point(name, state, driver) for name, state in states.items())
+        parts = part_loads(driver, part_phasors(driver, points))
+        peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
+        faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
+        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._told(points, share)
+        return replace(found, points=points, parts=parts, feasible=not faults, reason=reason)
+
+    @property
+    def rise(self) -> float:
+        """Temperature in K above cold at which the motor runs, at most that of its limit; 0 where it is not known."""
+        limits = self.ideal.motor.limits
+        if limits is None:
+            return 0.0
+        rise = self.states[OPERATING].temperature_rise_k
+        return min(rise, 0.5 * limits.curie_temperature_c - limits.ambient_c) if rise > 0.0 else 0.0
+
+    def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
+        """Return a sentence for each pin whose voltage leaves the band, and for a motor that brakes."""
+        told = []
+        for point in points:
+            for group in GROUPS:
+                volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
+                if abs(volts / wanted - 1.0) > PIN_BAND:
+                    told.append(
+                        f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; the "
+                        f"limit is {100.0 * PIN_BAND:.0f} %."
+                    )
+        middle = next(point for point in points if point.state == OPERATING)
+        ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.load_torque
+        if abs(middle.speed_rad_s) > STANDS and ahead * middle.torque_n_m < ahead * load:
+            told.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
+        return [*told, *_overdriven(driver, points)]
+
+    def _told(self, points: tuple[RangePoint, ...], share: float) -> str:
+        """Return the explanation of a feasible network."""
+        worst = max(
+            abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in GROUPS
+        )
+        told = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
+        told += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
+        if self.driver.network == "inductor" and share == 0.0 and not self.driver.switched:
+            told += (
+                f" No series network is proposed: the voltages would change by more than {100.0 * PIN_BAND:.0f} %, or "
+                "the power factor fall. An LLCC filter can raise it."
+            )
+        elif self.driver.network == "inductor" and share < 1.0:
+            told += (
+                f" The network cancels {100.0 * share:.0f} % of the reactance at the operating point; with more the "
+                f"voltages would change by more than {100.0 * PIN_BAND:.0f} %, or the power factor fall."
+            )
+        return told
+
+
+def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
+    """Return a sentence for each linear amplifier whose current exceeds its limit."""
+    told = []
+    for group in GROUPS if driver.kind == "linear" else ():
+        limit, most = driver.setting("amplifier.current_limit"), 0.0
+        for point in points:
+            volts = point.group(group).voltage_v
+            _, through = at_stage(driver, group, volts, volts / point.group(group).impedance_ohm)
+            most = max(most, abs(through) * driver.ratio(group))
+        if most > limit:
+            told.append(f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A.")
+    return told
+
+
+def _decades(series: tuple[float, ...]) -> list[float]:
+    """Return the values of a series from 1 µH on."""
+    return [float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in series]

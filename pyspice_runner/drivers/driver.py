@@ -24,9 +24,8 @@ from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.powers import Power, powers_of
 from pyspice_runner.circuit.source import GROUPS, Pins, Source
-from pyspice_runner.drivers.mosfets import MOSFETS, ratings
-from pyspice_runner.drivers.networks import CABLE
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity

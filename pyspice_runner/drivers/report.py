@@ -7,7 +7,7 @@ Supply = losses in the driver + input of the motor; every report states the resi
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -19,12 +19,19 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.drivers.design import OPERATING, Design
+from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
-from pyspice_runner.drivers.early_run import EarlyRun
-from pyspice_runner.drivers.events import driver_events, event_cautions
-from pyspice_runner.drivers.maxima import PartLoad, load_vectors, maxima
-from pyspice_runner.drivers.switching import TurnOn, edge_waveforms, switching_vectors, turn_ons
+from pyspice_runner.drivers.loads import (
+    PartLoad,
+    TurnOn,
+    driver_events,
+    edge_waveforms,
+    event_cautions,
+    load_vectors,
+    maxima,
+    switching_vectors,
+    turn_ons,
+)
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -33,7 +40,6 @@ from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.accuracy import JUDGED, CoarserRuns
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
 from pyspice_runner.run.ceramic import ceramic, modal_vectors
-from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
@@ -42,7 +48,6 @@ from pyspice_runner.units import engineering
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
-Task = tuple[Point, float]  # a run from power-up, and its duration in s
 _MEANS = {
     "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
     "mean_rotor_speed_rad_s": "mean rotor speed",
@@ -311,7 +316,7 @@ class DriveReport(Result):
 @checked
 def drive_report(
     motor: Motor,
-    driver: Driver | Design,
+    driver: Driver | Design | DriverSpec,
     duration: float | None = None,
     *,
     contact: ContactLaw | None = PAPER_LAW,
@@ -321,41 +326,50 @@ def drive_report(
     timeout: float | None = None,
     audit: bool = True,
     events: bool = False,
-    early: EarlyRun[Task, Outcome] | None = None,
 ) -> DriveReport:
-    """Run a driver and its motor from power-up and report on both.
+    """Run a driver and its motor from power-up and report on both; design the driver of a specification first.
 
     Args:
         motor: the motor, at rest under its preload.
-        driver: the driver, or a design of :func:`propose_matching`, whose parts and start the run completes.
+        driver: the driver; a design of :func:`design`, whose parts and start the run completes; or a specification,
+            from which it is designed or built.
         duration: simulated time in s; by default 3 ms; for a design from 1 to 6 ms, until its motor has started.
         contact: law of the contact; ``None`` for a free tip.
-        speed: if given, the shaft is held at this speed, rad/s.
+        speed: if given, the shaft is held at this speed, rad/s; of a specification with a rail it is the operating
+            point of the design, and the motor starts from rest.
         load_torque: torque in N·m that a load draws from the free shaft.
         step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
         events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
             of a design then bear the largest of all.
-        early: where :func:`begin_early` has begun this run.
 
     Raises:
-        ParameterError: for an invalid value.
+        NoDriverError: if the design has no driver; a ``ParameterError``.
+        ParameterError: for another invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    if isinstance(driver, DriverSpec):
+        held = speed if driver.rail is None else None
+        driver = (
+            design_driver(motor, driver, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout)
+            if driver.designed
+            else driver.driver()
+        )
+        speed = held
     design = driver if isinstance(driver, Design) else None
-    driver = driver if isinstance(driver, Driver) else _driver_of(driver)
+    if isinstance(driver, Design):
+        driver = driver.checked_driver()
     setup = Point.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
     if duration is None:
         duration = _DURATION if design is None else _start_time(motor, design, load_torque)
     _check_duration(setup, duration)
-    task = setup, duration
-    recording, judged = setup.recording(), _judged(setup)
+    recording, judged, vectors = setup.recording(), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
     with coarser or nullcontext():
-        outcome = (early.outcome(task) if early else None) or run_task(task)
+        outcome = setup.run(duration, vectors)
         samples = outcome.vectors()
         errors = coarser.errors(recording.columns(samples, judged)) if coarser else None
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
@@ -402,7 +416,7 @@ def drive_report(
     )
     runs = [report.maxima]
     if events:
-        found = driver_events(setup, _vectors(setup))
+        found = driver_events(setup, driver, vectors)
         report = replace(report, events=found, event_faults=event_cautions(setup, found))
         runs += found.values()
     peaks = {group: float(report.maxima[f"voltage_{group}_v"]) for group in GROUPS}
@@ -422,32 +436,8 @@ def drive_report(
     return replace(report, audit=audited)
 
 
-def begin_early(
-    early: EarlyRun[Task, Outcome], motor: Motor, driver: Driver, duration: float | None = None, **settings: Any
-) -> None:
-    """Begin the run of a driver whose design is still being checked, if it has switching edges.
-
-    The time of another run follows from the design. The arguments are those of :func:`drive_report`.
-
-    Raises:
-        ParameterError: for an invalid value.
-    """
-    if driver.switched:
-        task = Point.of(motor, driver, **settings), _SHORTEST if duration is None else duration
-        _check_duration(*task)
-        early.begin(task)
-
-
-def run_task(task: Task, progress: Callable[[float], object] | None = None) -> Outcome:
-    """Run an operating point for a time in s; ``progress`` is called several times a second."""
-    setup, duration = task
-    return setup.run(duration, _vectors(setup), progress=progress)
-
-
-def _vectors(setup: Point) -> list[str]:
+def _vectors(setup: Point, driver: Driver) -> list[str]:
     """Return the vectors of a run from which a report is made."""
-    driver = setup.source
-    assert isinstance(driver, Driver)
     names = [*_saved(driver, contact=setup.law is not None), *modal_vectors(setup.motor), *load_vectors(driver)]
     names += setup.recording().vectors(_judged(setup))
     return list(dict.fromkeys([*names, *switching_vectors(driver)]))
@@ -458,20 +448,13 @@ def _judged(setup: Point) -> tuple[str, ...]:
     return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
 
 
-def _driver_of(design: Design) -> Driver:
-    """Return the driver of a design. Raise ParameterError with the reason if it has none."""
-    if design.driver is None:
-        raise ParameterError(f"There is no driver to be run. {design.reason}")
-    return design.driver
-
-
 def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
     """Return the time in s of the run of a design.
 
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
     take long, it begins to.
     """
-    if _driver_of(design).switched:
+    if design.checked_driver().switched:
         return _SHORTEST
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)

@@ -24,7 +24,7 @@ from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.drivers.networks import CABLE
+from pyspice_runner.drivers.parts import CABLE
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases

@@ -31,7 +31,7 @@ from pyspice_runner.circuit.powers import LINE
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Discretisation, State, motor_states
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
-from pyspice_runner.drivers.networks import CABLE, NO_CAPACITOR, passed
+from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR, passed
 from pyspice_runner.motor import groups
 from pyspice_runner.spice.library import definition_texts
 from pyspice_runner.steady.copies import Copy, Plant, content_name, copy_name

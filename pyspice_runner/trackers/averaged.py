@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs of the averaged motor with a phase-locked loop, by the compiled motor or in ngspice."""
+"""Phase-locked loops in front of the averaged motor, averaged over the pulses, by the compiled motor or in ngspice."""
 
 from __future__ import annotations
 
@@ -11,35 +11,161 @@ from math import pi, radians
 from time import monotonic
 
 import numpy as np
+from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.averaged.columns import mode_amplitudes
 from pyspice_runner.averaged.core import AveragedMotor, Loop
-from pyspice_runner.averaged.library import HARMONICS, Course
+from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Course, add_averaged_motor
 from pyspice_runner.averaged.point import deck_of
-from pyspice_runner.averaged.run import damping_factor, model_cautions
-from pyspice_runner.averaged.simulate import averaged_ceramic, averaged_engine
+from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.fixtures import add_cooling
+from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import Outcome, transient, transient_timing
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
-from pyspice_runner.trackers.averaged_library import (
-    averaged_front,
-    averaged_tracked_bench,
-    check_averaged_tracker,
-    tracker_values,
-)
+from pyspice_runner.spice.library import read_library
 from pyspice_runner.trackers.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, averaged_loop, crossing
-from pyspice_runner.trackers.result import SMOOTHED_PERIODS, Periods, TrackedRun, Tracking, judged
-from pyspice_runner.trackers.tracker import Disturbance, target_points
+from pyspice_runner.trackers.tracker import (
+    RAIL,
+    SMOOTHED_PERIODS,
+    Disturbance,
+    StatorLag,
+    TrackedSource,
+    add_disturbance,
+    add_filter,
+    sensing,
+    target_course,
+    target_points,
+)
+
+AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
+_AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
+
+
+def check_averaged_tracker(source: TrackedSource, disturbance: Disturbance) -> None:
+    """Raise ParameterError for what has no averaged model: an observer, or a change of the preload."""
+    if source.tracker.kind not in ("pll", "none"):
+        raise ParameterError(
+            f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave averaged "
+            "out."
+        )
+    if disturbance.kind not in AVERAGED_DISTURBANCES:
+        raise ParameterError(
+            f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
+            f"{', '.join(AVERAGED_DISTURBANCES)}."
+        )
+
+
+def tracker_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
+    """Return the parameters of ``tracker_averaged`` and ``tracker_filter`` by their names, for the compiled motor.
+
+    Without a tracker the pump has no current, and the filter keeps its voltage.
+    """
+    own, tracker = source.loop_filter, source.tracker
+    values = _loop_values(motor, source) | {
+        "resistance": own.resistance_ohm, "capacitance": own.capacitance_f, "ripple": own.ripple_f,
+        "start": tracker.start_v,
+    }  # fmt: skip
+    return values if tracker.kind == "pll" else values | {"current": 0.0}
+
+
+def averaged_front(source: TrackedSource) -> AveragedDrive:
+    """Return the voltages in front of the motor, and the network of a driver."""
+    if source.driver:
+        return AveragedDrive.of(source.driver)
+    return AveragedDrive(TwoPhaseDrive(**two_phases(source.tracker)))
+
+
+def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
+    tracker = source.tracker
+    return {
+        "drift": tracker.copies_drift_per_k, **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
+        "current": tracker.pump_current_a, "polarity": tracker.polarity, "rail": RAIL,
+    }  # fmt: skip
+
+
+def averaged_tracked_bench(
+    motor: Motor,
+    source: TrackedSource,
+    disturbance: Disturbance,
+    load: Load,
+    *,
+    frozen: tuple[float, float] | None = None,
+    thermal: Thermal | None = None,
+) -> Bench:
+    """Return a bench with an averaged motor behind a tracker.
+
+    Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
+    ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance; a ``"warm-up"`` heats the motor by its
+    losses. ``frozen`` is the control voltage and the temperature at which the loop is open, for ``.ac`` from the
+    oscillator's input; ``thermal`` is the drift with that temperature, by default that of the disturbance.
+    """
+    tracker = source.tracker
+    circuit = Circuit(f"{motor.name}: averaged over the period of the drive, tracked")
+    parts = ("tracker_averaged", "tracker_filter")
+    circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
+    start = {}
+    front = averaged_front(source)
+    sources = "stage" if front.networks else "line"
+    for group, volts in front.phasors.items():
+        for part, value in (("re", volts.real), ("im", volts.imag)):
+            node = f"{group}_{part}"
+            circuit.V(f"line_{node}", f"{sources}_{node}", circuit.gnd, f"DC {value!r}")
+            start[node] = 0.0 if front.networks else value
+    if front.networks:
+        front.add(circuit, after="line", frequency="tuned")
+    circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
+    if tracker.kind == "none" or frozen:
+        tuning, temperature = frozen or (tracker.start_v, 0.0)
+        circuit.V("tuning", "tuning", circuit.gnd, f"DC {tuning!r} AC 1")
+        circuit.V("control", "control", circuit.gnd, f"DC {tuning!r}")
+        if thermal:
+            circuit.V("temperature", "temperature", circuit.gnd, f"DC {temperature!r}")
+    else:
+        circuit.V("inject", "tuning", "control", "DC 0")
+        add_filter(circuit, source.loop_filter, tracker.start_v)
+    lines = [node for pin in _AMPLITUDES for node in (f"line_{pin}", pin)]
+    instantiate(
+        circuit, "tracker", "tracker_averaged",
+        (*lines, "target", "tuning", "control", "tuned", "phase", "temperature"),
+        **_loop_values(motor, source),
+    )  # fmt: skip
+    if disturbance.kind == "warm-up":
+        add_cooling(circuit, disturbance.thermal or Thermal())
+    add_disturbance(circuit, motor, disturbance)
+    if load.speed is not None:
+        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
+    pins = (*_AMPLITUDES, "tuned", "shaft", "temperature", "heat")
+    add_averaged_motor(circuit, motor, pins, thermal=thermal or disturbance.drifting)
+    return Bench(circuit, OPTIONS, start)
+
 
 LONGEST = 1e5  # s, of an averaged run
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of an averaged run
 NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
 _HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
+
+
+@dataclass(frozen=True)
+class TrackedRun:
+    """Inputs of a run with a tracker."""
+
+    setup: Point  # motor, source, load, law and solver
+    source: TrackedSource  # the tracker at its pins, with the disturbance
+    disturbance: Disturbance  # the disturbance
+    duration: float  # simulated time in s
+    lag: StatorLag  # resonance and lag of the mode, for which the filter was designed
+    stall_torque_n_m: float | None  # torque on a held shaft, if it was measured
+    margin: bool  # whether to find the loop gain at the end
 
 
 @dataclass(frozen=True)
@@ -65,10 +191,8 @@ class AveragedTrack:
     deck_sha256: str | None
 
 
-def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[str, complex], Mapping[str, complex]]:
-    """Track the averaged motor; return the result without its sensing.
-
-    Behind it are the phasors of the voltages of the groups in V, and of the currents into them in A, at the end.
+def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
+    """Run the averaged motor with a tracker.
 
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
@@ -78,25 +202,7 @@ def track_averaged(run: TrackedRun, engine: Engine) -> tuple[Tracking, Mapping[s
         raise ParameterError(
             f"duration = {run.duration:g} s is not valid: it must be from {least:.3g} to {LONGEST:g} s."
         )
-    used = averaged_engine(engine)
-    done = _compiled(run) if used == "compiled" else _spice(run)
-    motor, curves = run.setup.motor, done.curves
-    time = curves["time"]
-    periods = Periods(time, curves["frequency"], curves["phase"], curves["speed"], np.gradient(time))
-    found = judged(run, periods, done)
-    kept = ("duration_s", "contact", "speed_rad_s", "mode")
-    found.settings["run"] = {name: found.settings["run"][name] for name in kept} | {"averaged": True, "engine": used}
-    if done.deck_sha256:
-        found.settings["run"]["deck_sha256"] = done.deck_sha256
-    cautions = model_cautions(
-        float(curves["check"].max()),
-        float(curves["separated"].max()),
-        damping_factor(motor.to_dict(), curves["frequency"], curves["tip_y"]),
-    )
-    stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
-    loop = done.find_loop() if run.margin and found.locked else None
-    told = replace(found, loop=loop, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
-    return told, done.voltages, done.currents
+    return _compiled(run) if averaged_engine(engine) == "compiled" else _spice(run)
 
 
 def _bench(run: TrackedRun) -> Bench:
@@ -195,6 +301,7 @@ def _spice(run: TrackedRun) -> AveragedTrack:
         longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
     )  # fmt: skip
     vectors, last = outcome.vectors(), outcome.last()
+
     volts = {group: vectors[f"v({group}_re)"] + 1j * vectors[f"v({group}_im)"] for group in GROUPS}
     real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
     force = np.array(motor.modes[source.mode].couplings) @ [volts[group] for group in GROUPS]

@@ -1,27 +1,55 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The phase-locked loop averaged over a period: loop gain and phase margin from an ``.ac`` run.
+r"""Loop gain of a phase-locked loop: in front of a resonator alone, and of the running motor with driver and network.
 
-The circuit holds the tracker's own filter; stator, detector and oscillator are ``behavioral/tracker_average.lib``.
+A small modulation of the oscillator frequency gives the stage voltages side bands above and below the drive frequency.
+Network and motor answer to these. The motor is the full one about its steady state: a voltage at one side band draws a
+current at both, by the hot admittance and its image (:mod:`.small_signals`). The tracker subtracts the current of its
+copies of the clamped capacitances at both side bands. The phase of the difference against the force changes by
+
+.. math::
+    \\delta\\varphi = \\frac{m_+}{M} + \\frac{m_-}{M^*} - \\frac{f_+}{F} - \\frac{f_-}{F^*}
+
+with the phasors M and F of both, and the coefficients m, f of :math:`e^{j(\\omega\\pm\\Omega)t}` that the modulation
+:math:`e^{j\\omega t}` adds to the current and to the force.
+
+The detector compares rising edges. Behind a bridge the force has harmonics, which move its edge and change its slope
+there. They follow the oscillator: a phase shift ψ of the oscillator shifts the harmonic k by kψ. The response of the
+network to the fundamental has no effect on that.
 """
 
 from __future__ import annotations
 
+from cmath import phase
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from math import pi
+from math import degrees, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS
-from pyspice_runner.errors import SimulationError
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers.design import network_of
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.kernel import ac
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.trackers.loop_filter import LoopFilter, StatorLag
-from pyspice_runner.trackers.tracker import Tracker, averaged_bench
+from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, small_signals
+from pyspice_runner.trackers.tracker import (
+    LoopFilter,
+    StatorLag,
+    TrackedSource,
+    Tracker,
+    loop_gain,
+    sensing,
+    tracked_lag,
+    tracker_filter,
+)
 
 POINTS_PER_DECADE = 100
 SWEPT_DECADES = 2  # swept to either side of the bandwidth
@@ -61,20 +89,34 @@ def phase_shown_deg(
     return np.asarray(phase - 360.0 * np.round(off / 360.0))
 
 
-def loop_design(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
-    """Return the loop gain of a phase-locked loop in front of a resonator alone, for which a filter is designed.
+def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, contact: bool = True) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop in front of a resonator alone, for which its filter is designed.
 
     Args:
-        tracker: the tracker.
-        lag: of the stator.
-        loop_filter: the filter.
+        motor: the motor.
+        tracker: the tracker; its filter is the proposed one for its bandwidth.
+        mode: index of the tracked mode, from 0; by default the last.
+        contact: whether the tip is on the rotor.
 
     Raises:
-        SimulationError: if ngspice fails, or the loop gain does not cross 1 near the bandwidth.
+        ParameterError: if the tracker is no phase-locked loop.
+        SimulationError: if the loop gain does not cross 1 near the bandwidth.
     """
-    bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=False), AC_OPTIONS)
-    frequency, returned = _swept(tracker, bench, "v(control)")
-    return crossing(tracker, loop_filter, frequency, -returned)
+    if tracker.kind != "pll":
+        raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
+    lag = tracked_lag(motor, tracker, len(motor.modes) - 1 if mode is None else mode, contact=contact)
+    return resonator_loop(tracker, lag, tracker_filter(tracker, lag))
+
+
+def resonator_loop(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
+    """Return the loop gain of a filter in front of a resonator alone. Raise SimulationError unless it crosses 1."""
+    steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
+    frequency = tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps)
+    gain = loop_gain(
+        lag, loop_filter, frequency, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a,
+        target_deg=tracker.target_deg,
+    )  # fmt: skip
+    return crossing(tracker, loop_filter, frequency, tracker.polarity * gain)
 
 
 def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]) -> LoopDesign:
@@ -82,22 +124,16 @@ def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess
 
     ``guess`` has voltages of nodes near the operating point. Raise SimulationError as of :func:`loop_design`.
     """
-    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
-    frequency, phase = _swept(tracker, bench, "v(phase)", guess)
-    impedance = np.vectorize(loop_filter.impedance)(2j * pi * frequency)
-    return crossing(tracker, loop_filter, frequency, -pump * impedance * phase)
-
-
-def _swept(
-    tracker: Tracker, bench: Bench, vector: str, guess: Mapping[str, float] | None = None
-) -> tuple[Array, NDArray[np.complex128]]:
-    """Return frequencies in Hz about the bandwidth, and the response of a bench there."""
+    reach = 10**SWEPT_DECADES
     vectors = ac(
-        bench, [vector], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
-        start_frequency=tracker.bandwidth_hz / 10**SWEPT_DECADES,
-        stop_frequency=tracker.bandwidth_hz * 10**SWEPT_DECADES,
+        bench, ["v(phase)"], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
+        start_frequency=tracker.bandwidth_hz / reach, stop_frequency=tracker.bandwidth_hz * reach,
     ).phasors()  # fmt: skip
-    return vectors["frequency"].real, vectors[vector]
+    frequency = vectors["frequency"].real
+    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
+    return crossing(
+        tracker, loop_filter, frequency, -pump * loop_filter.impedance(2j * pi * frequency) * vectors["v(phase)"]
+    )
 
 
 def crossing(
@@ -116,3 +152,191 @@ def crossing(
     phase = np.unwrap(np.angle(gain))
     margin = 180.0 + float(np.degrees(np.interp(np.log(crossover), np.log(frequency), phase)))
     return LoopDesign(loop_filter, crossover, (margin + 180.0) % 360.0 - 180.0, frequency, gain, **more)
+
+
+Complex = NDArray[np.complex128]
+
+# frequencies at which the running motor is modulated; of a free resonator splines between seven are within 0.7 %
+POINTS = 7
+REACH = 4.0  # from the bandwidth to the lowest and to the highest of them
+POINTS_PER_DECADE = 100  # of the loop gain
+EDGE_STEPS = 20  # of Newton's method
+
+
+@dataclass(frozen=True)
+class LockedPoint:
+    """The steady state at which a tracker keeps a motor."""
+
+    motor: Motor  # at its temperature and preload
+    drive: TwoPhaseDrive  # the fundamentals at the pins
+    speed: float | None  # rad/s, of a held shaft or of one that still accelerates
+    load_torque: float = 0.0  # N·m, of a free shaft that has settled
+    # phasors of the harmonics of the sensed force from the first on, V; where the pins have none only the first
+    force: Complex | None = None
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """Currents of a motor for small voltages beside its drive; the first index is the modulation."""
+
+    modulation: Array  # Hz
+    currents: Complex  # phasors of the drive's currents, A
+    own: tuple[Complex, Complex]  # at the side band above by voltages there, and below by conjugate ones there, S
+    image: tuple[Complex, Complex]  # above by conjugate voltages below, and below by voltages above, S
+    error: Array  # estimated error of the admittances, S
+
+    def at(self, frequency: Array) -> _Answer:
+        """Return the answer at other modulations; admittances are smooth, the phase behind a network is not."""
+        from scipy.interpolate import CubicSpline  # takes long to load
+
+        def between(values: NDArray[Any]) -> Any:
+            return CubicSpline(np.log(self.modulation), values)(np.log(frequency))
+
+        own, image = (tuple(map(between, pair)) for pair in (self.own, self.image))
+        return _Answer(frequency, self.currents, (own[0], own[1]), (image[0], image[1]), between(self.error))
+
+
+def running_loop(
+    setup: Point, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
+) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop at a running motor.
+
+    Args:
+        setup: motor as the tracker knows it, and law of the contact.
+        source: the tracker at its pins, with its driver.
+        point: where the motor runs.
+        timeout: wall time in s after which a run of ngspice is ended.
+
+    Raises:
+        SimulationError: if there is no stable steady state, or the loop gain does not cross 1 near the bandwidth.
+    """
+    tracker, drive = source.tracker, point.drive
+    most = HIGHEST * drive.frequency
+    modulation = np.geomspace(tracker.bandwidth_hz / REACH, min(REACH * tracker.bandwidth_hz, most), POINTS)
+    answer = _free(point, modulation) if setup.law is None else _running(setup, point, modulation, timeout)
+    frequency = np.geomspace(
+        modulation[0], modulation[-1], round(POINTS_PER_DECADE * np.log10(modulation[-1] / modulation[0])) + 1
+    )
+    turns, errors, sensed = _turns(setup.motor, source, point, answer.at(frequency))
+    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
+    impedance = source.loop_filter.impedance(2j * pi * frequency)
+    gain = -pump * impedance * tracker.gain_hz_per_v * turns
+    # Within the dead time the current sets when the output of a bridge turns. The loop gain leaves out that an edge of
+    # the voltage at the pins, and of the current that answers, may move by its angle.
+    dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
+    return crossing(
+        tracker, source.loop_filter, frequency, gain,
+        margin_error_deg=degrees(float(np.max(errors / np.abs(turns)))) + dead_deg, sensed_phase_deg=sensed,
+    )  # fmt: skip
+
+
+def _free(point: LockedPoint, modulation: Array) -> _Answer:
+    """Return the currents of a stator without a rotor."""
+    frequency = point.drive.frequency
+    above, below = (
+        np.array([cold_admittance(point.motor, frequency + side * at) for at in modulation]) for side in (1.0, -1.0)
+    )
+    none = np.zeros_like(above)
+    currents = cold_admittance(point.motor, frequency) @ _volts(point.drive)
+    return _Answer(modulation, currents, (above, below.conj()), (none, none), np.zeros(len(modulation)))
+
+
+def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
+    """Return the currents of the full motor about its steady state."""
+    found = small_signals(
+        point.motor, point.drive, frequencies=modulation, speed=point.speed,
+        load_torque=0.0 if point.speed is not None else point.load_torque, contact=setup.law, timeout=timeout,
+    )  # fmt: skip
+    waves, frequency = found.state.waveforms, point.drive.frequency
+    assert waves is not None
+    wave = np.exp(-2j * pi * frequency * waves.time_s)
+    columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
+    currents = [2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns]
+    places = [[int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)]
+    above, below = places
+    hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s
+    worst = error[above].max(axis=(1, 2)) + error[below].max(axis=(1, 2))
+    return _Answer(
+        modulation, np.array(currents), (hot[above], hot[below].conj()), (image[below], image[above].conj()), worst
+    )
+
+
+def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Answer) -> tuple[Complex, Array, float]:
+    """Return the change of the sensed phase with the frequency in rad/Hz, its error, and the phase.
+
+    The sensed phase in degrees is that of the motional current ahead of the edges of the force.
+    """
+    frequency, weights = point.drive.frequency, sensing(known, source.tracker, source.mode)
+    currents, forces = (_by_group(weights, kind) for kind in ("current", "force"))
+    volts = _volts(point.drive)
+    motional = complex(currents @ (answer.currents - _copies(weights, frequency) @ volts))
+    harmonics = np.array([forces @ volts]) if point.force is None else point.force
+    orders = np.arange(1, len(harmonics) + 1)
+    wanted = harmonics * _reference(source, np.asarray(orders * frequency, dtype=float))
+    edge = _edge(wanted)
+    slopes = orders * wanted * np.exp(1j * orders * edge)
+    slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
+    stage = _stage(source, frequency, volts, answer.currents)
+    emf = 0.5 * np.concatenate([stage, stage.conj()])
+    turns, errors = [], []
+    for index, at in enumerate(answer.modulation.tolist()):
+        bands = (frequency + at, at - frequency)
+        series, across = (np.concatenate([_network(source, band, row) for band in bands]) for row in (0, 1))
+        # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
+        inner = np.block([
+            [answer.own[0][index], answer.image[0][index]], [answer.image[1][index], answer.own[1][index]],
+        ])  # fmt: skip
+        moved = np.linalg.solve(np.eye(4) + np.diag(series) @ (inner + np.diag(across)), emf)
+        drawn = inner @ moved
+        current, force = [], []
+        for band, part in zip(bands, (slice(2), slice(2, 4)), strict=True):
+            current.append(currents @ (drawn[part] - _copies(weights, band) @ moved[part]))
+            force.append(forces @ moved[part] * _reference(source, np.array([band]))[0])
+        ahead = current[0] / motional + current[1] / motional.conjugate()
+        ahead -= (force[0] * np.exp(1j * edge) + force[1] * np.exp(-1j * edge) + follows) / slope
+        turns.append(complex(ahead) / (1j * at))
+        errors.append(float(np.abs(currents).sum() * answer.error[index] * np.abs(moved).max() / abs(motional) / at))
+    sensed = degrees(phase(motional)) + degrees(edge) + source.tracker.target_deg
+    return np.array(turns), np.array(errors), (sensed + 180.0) % 360.0 - 180.0
+
+
+def _reference(source: TrackedSource, frequency: Array) -> Complex:
+    """Return the factors from the force to the signal with which the detector compares the current."""
+    tracker = source.tracker
+    target = np.radians(tracker.target_deg)
+    return np.asarray(np.cos(target) + 1j * frequency / tracker.frequency * np.sin(target))
+
+
+def _edge(harmonics: Complex) -> float:
+    """Return the phase at which a sum of sines, Im Σ S_k e^{jkθ}, rises through zero, near that of its fundamental."""
+    orders, edge = np.arange(1, len(harmonics) + 1), -float(np.angle(harmonics[0]))
+    for _ in range(EDGE_STEPS):
+        terms = harmonics * np.exp(1j * orders * edge)
+        edge -= float(terms.imag.sum() / (orders * terms).real.sum())
+    return edge
+
+
+def _volts(drive: TwoPhaseDrive) -> Complex:
+    return np.array([drive.voltage, drive.voltage_b * np.exp(1j * np.radians(drive.phase_deg))])
+
+
+def _copies(weights: Mapping[str, float], frequency: float) -> Complex:
+    """Return the admittances of the copies of the clamped capacitances, S."""
+    impedances = _by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * _by_group(weights, "capacitance"))
+    return np.diag(1.0 / impedances)
+
+
+def _by_group(values: Mapping[str, float], name: str) -> Array:
+    return np.array([values[groups.named(name, group)] for group in GROUPS])
+
+
+def _network(source: TrackedSource, frequency: float, row: int) -> list[complex]:
+    """Return for both groups the series impedance (row 0) or the admittance across the pin (row 1)."""
+    driver = source.driver
+    return [network_of(driver, group, frequency)[row] if driver else 0j for group in GROUPS]
+
+
+def _stage(source: TrackedSource, frequency: float, volts: Complex, amperes: Complex) -> Complex:
+    """Return the phasors of the stage in front of the network."""
+    series, across = (np.array(_network(source, frequency, row)) for row in (0, 1))
+    return np.asarray(volts + series * (amperes + across * volts))

@@ -32,7 +32,7 @@ from pyspice_runner.motor.refusal import unit_of
 from pyspice_runner.result import Audit, Result, json_ready
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.steady import SteadyState
-from pyspice_runner.trackers.result import Tracking
+from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
 

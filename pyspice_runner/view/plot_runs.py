@@ -21,7 +21,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
-from pyspice_runner.trackers.result import Tracking
+from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
 from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of, time_label
 

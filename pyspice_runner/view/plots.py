@@ -30,7 +30,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.small_signals import SmallSignals
 from pyspice_runner.steady.steady import SteadyState
-from pyspice_runner.trackers.result import Tracking
+from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.view import plot_calibration, plot_curves, plot_motors, plot_runs, plot_spectra
 from pyspice_runner.view.datasheet import Report
 from pyspice_runner.view.draw import Sheet, filled, save, write

@@ -26,7 +26,7 @@ from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.steady.settling import Progress
 from pyspice_runner.steady.speed_torque import axis, check_distinct, speed_torque
 from pyspice_runner.steady.steady import SteadyState, steady_state
-from pyspice_runner.trackers.result import Tracking
+from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.view.datasheet import Report
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.drivers.driver import control_amplitude
-from pyspice_runner.drivers.mosfets import MOSFETS, ratings, suited
+from pyspice_runner.drivers.parts import MOSFETS, ratings, suited
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.library import definitions, library_names, read_library

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.event_source import EventfulDriver
-from pyspice_runner.drivers.events import LOAD_STEP, STOP, SWEEP, driver_events, event_cautions
+from pyspice_runner.drivers.loads import LOAD_STEP, STOP, SWEEP, EventfulDriver, driver_events, event_cautions
 from pyspice_runner.run.point import Point
 
 MOTOR = pr.load_motor("andersen2002")
@@ -53,7 +52,7 @@ def test_the_maxima_of_events_are_those_of_their_time_and_excess_is_told() -> No
     strong = DRIVER.updated({"voltage": 200.0})
     setup = Point.of(MOTOR.updated({"limits.field_v_per_m": 2e5}), strong, audit=False)
     names = [f"{kind}_{group})" for kind in ("i(vpin", "i(vout") for group in "ab"]
-    found = driver_events(setup, ["v(a)", "v(b)", *names])
+    found = driver_events(setup, strong, ["v(a)", "v(b)", *names])
     assert list(found) == [LOAD_STEP, STOP, SWEEP]
     for event in (LOAD_STEP, SWEEP):
         assert found[event]["voltage_a_v"] == pytest.approx(200.0, rel=2e-3)

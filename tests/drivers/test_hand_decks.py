@@ -19,7 +19,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.drivers.design import Design
-from pyspice_runner.drivers.maxima import NO_BLEEDER
+from pyspice_runner.drivers.loads import NO_BLEEDER
 from pyspice_runner.spice.library import number
 
 START, STEADY = 1e-3, 3e-3  # s, of a run from rest, and of one in which the networks settle: they decay in 0.5 ms
@@ -122,7 +122,8 @@ def designed(name: str, motor: pr.Motor) -> Design:
     """Return the design of today for the drive of a deck."""
     _, stage, network, rail, speed = DRIVES[name]
     mosfet = {} if stage == "linear" else {"mosfet": "IRF610"}
-    design = pr.propose_matching(motor, pr.default_drive(motor), stage, network, rail=rail, speed=speed, parts=mosfet)
+    spec = pr.DriverSpec(pr.default_drive(motor), stage, network, rail, mosfet)
+    design = pr.design(motor, spec, speed=speed)
     assert design.feasible, design.reason
     return design
 

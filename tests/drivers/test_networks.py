@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.maxima import exceeded, part_loads
-from pyspice_runner.drivers.networks import passed
-from pyspice_runner.drivers.state import at_stage, load_of, network_of
-from pyspice_runner.drivers.stock import largest_inductance
+from pyspice_runner.drivers.design import at_stage, load_of, network_of
+from pyspice_runner.drivers.loads import exceeded, part_loads
+from pyspice_runner.drivers.parts import largest_inductance, passed
 from pyspice_runner.spice.library import definitions, read_library
 from tests.circuit.batch import measured
 

@@ -15,11 +15,10 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.drivers.design import Design
-from pyspice_runner.drivers.maxima import PartLoad
+from pyspice_runner.drivers.design import Design, driver_state
+from pyspice_runner.drivers.loads import PartLoad
+from pyspice_runner.drivers.parts import E12, E24, beyond, largest_inductance, nearest
 from pyspice_runner.drivers.report import DriveReport
-from pyspice_runner.drivers.state import driver_state
-from pyspice_runner.drivers.stock import E12, E24, beyond, largest_inductance, nearest
 from pyspice_runner.run.window import Window
 from tests.runs import simulated
 
@@ -46,7 +45,8 @@ def report(chosen: pr.Driver, *, friction: float = 0.3, **settings: Any) -> Driv
 def design(stage: str, network: str, level: float = 0.0) -> Design:
     """The driver of a stage whose pins get 50 V, 90° apart."""
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY)
-    return pr.propose_matching(motor(), drive, stage, network, parts={"bridge.level": level} if level else None)
+    parts = {"bridge.level": level} if level else {}
+    return pr.design(motor(), pr.DriverSpec(drive, stage, network, parts=parts))
 
 
 @cache
@@ -330,12 +330,13 @@ def test_a_field_above_the_limit_of_the_set_is_told() -> None:
 
 def test_a_rail_beyond_the_transistors_is_a_reason_and_no_driver() -> None:
     drive = pr.TwoPhaseDrive(voltage=150.0, frequency=FREQUENCY)
-    found = pr.propose_matching(motor(), drive, "full-bridge", rail=500.0)
+    spec = pr.DriverSpec(drive, "full-bridge", rail=500.0)
+    found = pr.design(motor(), spec)
     assert not found.feasible
     assert found.driver is None
     assert "its transistors IRF820 take 450 V" in found.reason
     with pytest.raises(pr.ParameterError, match="There is no driver to be run"):
-        pr.drive_report(motor(), found)
+        pr.drive_report(motor(), spec)
 
 
 @pytest.mark.soak  # as the full bridge above

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.mosfets import ratings
+from pyspice_runner.drivers.parts import ratings
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.spice.library import definitions, read_library
 from tests.circuit.batch import measured

@@ -25,9 +25,8 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy, Probe, copies_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
-from pyspice_runner.trackers.loop_filter import propose_filter, stator_lag
-from pyspice_runner.trackers.running_loop import LockedPoint, running_loop
-from pyspice_runner.trackers.tracker import TrackedSource
+from pyspice_runner.trackers.loop import LockedPoint, running_loop
+from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 

@@ -10,14 +10,14 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.trackers.loop_filter import (
+from pyspice_runner.trackers.track import running_resonance
+from pyspice_runner.trackers.tracker import (
     StatorLag,
     loop_gain,
     propose_filter,
     slider_cycle,
     stator_lag,
 )
-from pyspice_runner.trackers.track import running_resonance
 
 MOTOR = pr.load_motor("andersen2002")
 CONTACT = MOTOR.contact

@@ -18,15 +18,14 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import TRANSIENT_OPTIONS
+from pyspice_runner.circuit.fixtures import AC_OPTIONS, TRANSIENT_OPTIONS
 from pyspice_runner.cli import run
-from pyspice_runner.run.kernel import transient
+from pyspice_runner.run.kernel import ac, transient
 from pyspice_runner.run.point import Point
-from pyspice_runner.trackers.loop import LoopDesign, loop_design
-from pyspice_runner.trackers.loop_filter import LoopFilter, StatorLag, propose_filter
-from pyspice_runner.trackers.running_loop import LockedPoint, running_loop
+from pyspice_runner.trackers.loop import LockedPoint, LoopDesign, running_loop
 from pyspice_runner.trackers.track import measured_loop_gain, running_resonance
-from pyspice_runner.trackers.tracker import TrackedSource, averaged_bench
+from pyspice_runner.trackers.tracker import LoopFilter, StatorLag, TrackedSource
+from tools.decks import average_bench
 
 pytestmark = pytest.mark.xdist_group("trackers")
 
@@ -188,16 +187,11 @@ def free(bandwidth: float, ratio: float, **values: Any) -> pr.Tracker:
 
 @cache
 def design(chosen: pr.Tracker) -> LoopDesign:
-    lag = running_resonance(motor(), chosen, contact=False)
-    return loop_design(chosen, lag, proposed(chosen))
+    return pr.control_loop(motor(), chosen, contact=False)
 
 
 def proposed(chosen: pr.Tracker) -> LoopFilter:
-    lag = running_resonance(motor(), chosen, contact=False)
-    return propose_filter(
-        lag, chosen.bandwidth_hz, gain_hz_per_v=chosen.gain_hz_per_v, current_a=chosen.pump_current_a,
-        target_deg=chosen.target_deg, ripple_ratio=chosen.ripple_ratio,
-    )  # fmt: skip
+    return pr.design(motor(), chosen, contact=False)
 
 
 @pytest.mark.parametrize(
@@ -216,18 +210,15 @@ def test_the_phase_margin_moves_with_the_bandwidth_as_predicted(bandwidth: float
     assert 180.0 + np.degrees(np.angle(gain)) == pytest.approx(found.phase_margin_deg, abs=2.0)
 
 
-def test_the_loop_gain_off_resonance_is_that_of_the_closed_form() -> None:
+def test_the_loop_gain_off_resonance_is_that_of_the_averaged_circuit() -> None:
     chosen = free(500.0, 6.0, target_deg=-40.0)
-    found = design(chosen)
-    lag, s = running_resonance(motor(), chosen, contact=False), 2j * np.pi * found.frequency_hz
-    tau, off = lag.time_constant_s, np.tan(np.radians(40.0))
-    values = found.loop_filter
-    whole = values.capacitance_f + values.ripple_f
-    parallel = values.resistance_ohm * values.capacitance_f * values.ripple_f / whole
-    impedance = (1.0 + s * values.resistance_ohm * values.capacitance_f) / (s * whole * (1.0 + s * parallel))
-    stator = tau * (1.0 + s * tau) / ((1.0 + s * tau) ** 2 + off**2)
-    expected = chosen.pump_current_a * impedance * chosen.gain_hz_per_v * stator
-    assert found.gain == pytest.approx(expected, rel=1e-4)
+    found, lag = design(chosen), running_resonance(motor(), chosen, contact=False)
+    bench = Bench(average_bench(chosen, lag, found.loop_filter, closed=False), AC_OPTIONS)
+    vectors = ac(
+        bench, ["v(control)"], variation="dec", number_of_points=100, start_frequency=5.0, stop_frequency=50e3
+    ).phasors()
+    assert vectors["frequency"].real == pytest.approx(found.frequency_hz, rel=1e-6)
+    assert found.gain == pytest.approx(-vectors["v(control)"], rel=1e-4)
 
 
 def features(time: np.ndarray, response: np.ndarray) -> tuple[float, float]:
@@ -245,7 +236,7 @@ def averaged_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Time in s and phase in degrees of the averaged loop after a step of its target."""
     target = f"PWL(0 0 {begin!r} 0 {begin + 1e-6!r} {radians(step_deg)!r})"
-    bench = Bench(averaged_bench(tracker, lag, loop_filter, closed=True, target=target), TRANSIENT_OPTIONS)
+    bench = Bench(average_bench(tracker, lag, loop_filter, closed=True, target=target), TRANSIENT_OPTIONS)
     step = 1.0 / (200.0 * 2.0 * np.pi * tracker.bandwidth_hz)
     vectors = transient(bench, ["v(phase)"], step=step, duration=duration).vectors()
     return vectors["time"], np.degrees(vectors["v(phase)"])

@@ -1,0 +1,511 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the parts of a driver and the groups of a motor must bear, how a bridge switches, and events of a run.
+
+Maxima are over a whole run, from power-up on. The leg of a bridge commutates in the dead time: the current of its
+output charges the output capacitances of both transistors. If the voltage across a transistor has not come to zero when
+it turns on, its channel discharges the rest (hard switching).
+
+Events begin in a run from power-up. A bridge that stops opens all of its transistors: the energy of the network and of
+the motor goes through their diodes into the supply, or stays. A frequency that sweeps passes the resonances of the
+network with the group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from math import pi, radians
+from typing import Any
+
+import numpy as np
+from PySpice.Spice.Netlist import Circuit
+
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.powers import Power
+from pyspice_runner.circuit.source import GROUPS, Pins, Source
+from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
+from pyspice_runner.drivers.parts import (
+    CABLE,
+    FEWEST_TIMES,
+    MOSFETS,
+    NO_CAPACITOR,
+    WINDING_CAPACITANCE,
+    beyond,
+    ratings,
+)
+from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.strength import depolarised, electrode_distance
+from pyspice_runner.run.point import Point
+from pyspice_runner.run.window import Array, Window
+from pyspice_runner.units import engineering
+
+TRANSISTOR = "MOSFET"  # first word of the names of transistors
+TRANSFORMER = "transformer"  # of the names of values of transformers
+LEAST_COIL = 1e-6  # H in series, which stands for none
+NO_BLEEDER = 1e12  # Ω across it, which stands for none
+NO_COIL = 1.0  # H across a group, which stands for none
+_DRAINS = {  # sources in the libraries of the bridges that carry the currents into the drains
+    "half-bridge": ("high", "low"), "full-bridge": ("ph", "pl", "nh", "nl"), "push-pull": ("drain_p", "drain_n"),
+}  # fmt: skip
+NO_PARALLEL = 1e-12  # F across a group, which stands for none
+
+
+@dataclass(frozen=True)
+class PartLoad:
+    """A part of a driver, with its value and what it must bear; ``None`` where that does not apply."""
+
+    name: str  # with its group
+    value: float  # in its unit
+    unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
+    peak_voltage_v: float | None  # greatest voltage across it
+    peak_current_a: float | None  # greatest current through it
+
+    def largest(self, others: Iterable[PartLoad]) -> PartLoad:
+        """Return the part with the largest voltage and current of several runs."""
+        volts, amperes = zip(*((one.peak_voltage_v, one.peak_current_a) for one in (self, *others)), strict=True)
+        return replace(
+            self,
+            peak_voltage_v=max((value for value in volts if value is not None), default=None),
+            peak_current_a=max((value for value in amperes if value is not None), default=None),
+        )
+
+
+def load_vectors(driver: Driver) -> list[str]:
+    """Return the vectors that :func:`part_loads` takes, beside the voltages and currents of stages and pins."""
+    names = []
+    for group in GROUPS:
+        for part, before, _ in _behind(driver, group):
+            names.append(f"v({before})")
+            if part.label == CABLE:
+                names.append(f"i(v.xcable_{group}.vcurrent)")
+        names += [vector for vectors in _drains(driver, group) for vector in vectors]
+        if driver.network != "none":
+            names.append(f"v(xnetwork_{group}.inner)")
+            places = ("current", "coil", *(["parallel"] if driver.network == "llcc" else []))
+            names += [f"i(v.xnetwork_{group}.v{place})" for place in places]
+    return names
+
+
+def part_loads(driver: Driver, samples: Mapping[str, Array]) -> tuple[PartLoad, ...]:
+    """Return the parts of both groups, from the supply to the pin, with the maxima over a run."""
+    found: list[PartLoad] = []
+    for group in GROUPS:
+        found += _of_stage(driver, group, samples)
+        for part, before, after in _behind(driver, group):
+            found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples)
+    return tuple(found)
+
+
+def _behind(driver: Driver, group: str) -> list[tuple[Part, str, str]]:
+    """Return the parts behind the stage of a group, each with the nodes in front of it and behind it."""
+    parts = list(driver.parts(group))[0 if driver.kind == "ideal" else 1 :]
+    nodes = [f"line_{group}", *(f"{part.label}_{group}" for part in parts[:-1]), group]
+    return list(zip(parts, nodes, nodes[1:], strict=False))
+
+
+def _drains(driver: Driver, group: str) -> tuple[list[str], list[str]]:
+    """Return the vectors of the drains of a bridge: currents, and voltages that are not held between the rails."""
+    legs, stage = _DRAINS.get(driver.kind, ()), f"xstage_{group}"
+    volts = [f"v({stage}.{leg})" for leg in legs] if driver.kind == "push-pull" else []
+    return [f"i(v.{stage}.v{leg})" for leg in legs], volts
+
+
+def _peak(values: Array) -> float:
+    return float(np.abs(values).max())
+
+
+def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return a part behind the stage of a group, between two voltages."""
+    of_group = f"group {group.upper()}"
+    if part.label == "transformer":
+        name = f"{TRANSFORMER}, {of_group}, turns secondary to primary"
+        turns = PartLoad(name, part.values["ratio"], "1", _peak(after), _peak(samples[f"i(vout_{group})"]))
+        return [turns, *_winding(part, group, _peak(after))]
+    if part.label == CABLE:
+        through = _peak(samples[f"i(v.xcable_{group}.vcurrent)"])
+        return [
+            PartLoad(f"cable inductance, {of_group}", part.values["inductance"], "H", _peak(before - after), through),
+            PartLoad(f"cable capacitance, {of_group}", part.values["capacitance"], "F", _peak(after), None),
+        ]
+    return _of_network(part, group, before, after, samples)
+
+
+def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return supplies, transistors and dead time."""
+    found: list[PartLoad] = []
+    if driver.kind == "ideal":
+        return found
+    of_group = f"group {group.upper()}"
+    for rail, volts in zip(RAILS, driver.rails(group), strict=True):
+        current = f"i(v{rail}_{group})"
+        if current in samples and volts:
+            found.append(PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), _peak(samples[current])))
+    if driver.kind in BRIDGES:
+        borne_v, current_a = driver.swing(group), _peak(samples[f"i(vout_{group})"])
+        if driver.kind == "push-pull":
+            name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
+            line_v = _peak(samples[f"v(line_{group})"])
+            found.append(PartLoad(name, driver.ratio(group), "1", line_v, current_a))
+            found += _winding(driver.parts(group)[0], group, line_v)
+            current_a *= driver.ratio(group)
+        # beside the current of the output, a transistor bears the reverse current of the diode that it commutates
+        currents, voltages = ([_peak(samples[name]) for name in names if name in samples] for names in
+                              _drains(driver, group))  # fmt: skip
+        name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
+        peaks = max([borne_v, *voltages]), max([current_a, *currents])
+        found.append(PartLoad(name, BRIDGES[driver.kind], "1", *peaks))
+        dead_time = driver.setting(f"bridge_{group}.dead_time")
+        found.append(PartLoad(f"dead time, {of_group}", dead_time, "s", None, None))
+    return found
+
+
+def _winding(part: Part, group: str, volts: float) -> list[PartLoad]:
+    """Return the capacitance of a transformer's winding, if it is stated."""
+    capacitance = part.values["winding_capacitance"]
+    name = f"{TRANSFORMER}, group {group.upper()}, winding capacitance"
+    return [PartLoad(name, capacitance, "F", volts, None)] if capacitance else []
+
+
+def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
+    """Return coils and capacitors of a network between two voltages."""
+    values, llcc, of_group = part.values, part.label == "llcc", f"group {group.upper()}"
+    prefix, instance = "series_" if llcc else "", f"xnetwork_{group}"
+    inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
+    coil, capacitor = values[f"{prefix}inductance"], values[f"{prefix}capacitance"]
+    found: list[PartLoad] = []
+    if coil > LEAST_COIL:
+        wound = _peak(samples[f"i(v.{instance}.vcoil)"])
+        found.append(PartLoad(f"series coil, {of_group}", coil, "H", _peak(before - inner), wound))
+    if capacitor != NO_CAPACITOR:
+        found.append(PartLoad(f"series capacitor, {of_group}", capacitor, "F", _peak(inner - after), _peak(through)))
+    if (bleeder := values["bleeder"]) != NO_BLEEDER:
+        volts = _peak(inner - after)
+        found.append(PartLoad(f"bleeder, {of_group}", bleeder, "Ω", volts, volts / bleeder))
+    if not llcc:
+        return found
+    across, volts = samples[f"i(v.{instance}.vparallel)"], _peak(after)
+    drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[f"i(vpin_{group})"])
+    coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
+    if coil != NO_COIL:
+        found.append(PartLoad(f"parallel coil, {of_group}", coil, "H", volts, _peak(across)))
+    if capacitor != NO_PARALLEL:
+        rest = _peak(through - drawn - across)
+        found.append(PartLoad(f"parallel capacitor, {of_group}", capacitor, "F", volts, rest))
+    return found
+
+
+def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
+    """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
+
+    ``exceeded`` has a sentence for each limit of a part that is exceeded.
+
+    The field of a group is its greatest voltage over the distance of its electrodes; ``None`` where that is not known.
+    """
+    found: dict[str, Any] = {}
+    for group in GROUPS:
+        voltage = np.abs(samples[f"v({group})"])
+        distance = electrode_distance(motor, group)
+        found |= {
+            f"voltage_{group}_v": float(voltage.max()),
+            f"voltage_{group}_at_s": float(samples["time"][voltage.argmax()]),
+            f"current_{group}_a": float(np.abs(samples[f"i(vpin_{group})"]).max()),
+            f"field_{group}_v_per_m": None if distance is None else float(voltage.max()) / distance,
+            f"stage_current_{group}_a": float(np.abs(samples[f"i(vout_{group})"]).max()),
+        }
+    loads = part_loads(driver, samples)
+    found["parts"] = [load.__dict__ for load in loads]
+    found["exceeded"] = exceeded(loads, driver)
+    return found
+
+
+def winding_of(driver: Driver, group: str) -> float:
+    """Return the capacitance in F of the winding of the coil in series; 0 if it is not stated."""
+    return driver.setting(f"{driver.network}_{group}.winding_capacitance") if driver.network != "none" else 0.0
+
+
+def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
+    """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
+    frequency = driver.frequency
+    resonances = {group: driver.transformer_resonance(group) for group in GROUPS}
+    told = [
+        f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
+        f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."
+        for group, resonance in resonances.items()
+        if resonance < FEWEST_TIMES * frequency
+    ]
+    for part in parts:
+        if part.name.startswith(TRANSISTOR) and driver.mosfet in MOSFETS:
+            most, borne = ratings(driver.mosfet).breakdown_v, part.peak_voltage_v or 0.0
+            if borne > most:
+                told.append(
+                    f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Take another one or lower the "
+                    "rail."
+                )
+        if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
+            volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
+            winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
+            told += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
+    return told
+
+
+ON, OFF = 0.8, 0.6  # V, of the ramp of a leg at which a gate rises and falls through half its voltage, in the libraries
+ZERO = (
+    0.05  # of the rails, voltage left below which a transistor turns on without voltage: less than 0.3 % of the energy
+)
+_BEFORE, _AFTER = 0.5, 1.0  # of a dead time around it, in the picture of an edge
+
+
+@dataclass(frozen=True)
+class TurnOn:
+    """The turn-on of one transistor, means over the edges of the last periods."""
+
+    transistor: str  # group and device, as in the losses: ``a.high``, ``b.pl``
+    zero_voltage: bool  # whether hardly any voltage is left
+    voltage_left_v: float  # across the transistor when it turns on
+    current_a: float  # of the leg when the other transistor turns off; positive where it helps
+    charge_c: float | None  # to be moved over the whole swing; ``None`` for a MOSFET of the user's own
+    dead_time_s: (
+        float | None
+    )  # in which that current moves the charge; ``None`` where it does not help, or is not known
+    hard_switching_w: float | None  # loss in the channel by the voltage that is left
+
+
+@dataclass(frozen=True)
+class _Switch:
+    """One transistor and the one that turns off before it turns on."""
+
+    name: str  # group and device
+    ramp: str  # vector of the delayed control
+    rising: bool  # whether it turns on where the ramp rises
+    voltage: str  # vector of the output of its leg, or of its drain
+    top: float | None  # V, the rail from which the voltage across it is counted down; ``None``: up from ``bottom``
+    bottom: float  # V
+    current: str  # vector of the current that the other transistor carries, or of the output
+    helping: float  # sign of that current where it moves the leg towards this transistor
+
+
+def _switches(driver: Driver, group: str) -> list[_Switch]:
+    """Return the transistors of the bridge of a group."""
+    stage, (top, bottom) = f"xstage_{group}", driver.rails(group)
+    if driver.kind == "push-pull":
+        return [
+            _Switch(
+                f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
+                f"i(v.{stage}.vdrain_{other})", 1.0,
+            )
+            for own, other in ("pn", "np")
+        ]  # fmt: skip
+    out, line, back = f"i(vout_{group})", f"v(line_{group})", f"v(return_{group})"
+    if driver.kind == "half-bridge":
+        legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
+    else:
+        legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
+    found = []
+    for ramp, voltage, sign, high, low in legs:
+        found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
+        found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
+    return found
+
+
+def switching_vectors(driver: Driver) -> list[str]:
+    """Return the vectors that :func:`turn_ons` takes, beside those of the report."""
+    switches = [switch for group in GROUPS if driver.kind in BRIDGES for switch in _switches(driver, group)]
+    return [name for switch in switches for name in (switch.ramp, switch.voltage, switch.current)]
+
+
+def turn_ons(driver: Driver, samples: Mapping[str, Array], window: Window) -> tuple[TurnOn, ...]:
+    """Return the turn-ons of all transistors of a bridge over the window; none for another stage."""
+    found: list[TurnOn] = []
+    for group in GROUPS if driver.kind in BRIDGES else ():
+        for switch in _switches(driver, group):
+            edges = [edge for edge in _edges(samples, switch) if edge[0] >= window.start]
+            if edges:
+                found.append(_turn_on(driver, switch, edges, samples, driver.swing(group)))
+    return tuple(found)
+
+
+def edge_waveforms(driver: Driver, samples: Mapping[str, Array]) -> dict[str, Array]:
+    """Return time, voltage and current of the first leg of group A around its last turn-on; empty for another stage."""
+    if driver.kind not in BRIDGES:
+        return {}
+    switch = _switches(driver, "a")[0]
+    edges = _edges(samples, switch)
+    if not edges:
+        return {}
+    off, on = edges[-1]
+    time = samples["time"]
+    near = (time >= off - _BEFORE * (on - off)) & (time <= on + _AFTER * (on - off))
+    sign = 1.0 if driver.kind == "push-pull" else -switch.helping
+    return {
+        "time_s": time[near] - off, "leg_voltage_v": samples[switch.voltage][near],
+        "leg_current_a": sign * samples[switch.current][near], "turn_on_s": np.array([on - off]),
+    }  # fmt: skip
+
+
+def _edges(samples: Mapping[str, Array], switch: _Switch) -> list[tuple[float, float]]:
+    """Return the times at which the other transistor turns off and this one turns on, for every edge."""
+    time, ramp = samples["time"], samples[switch.ramp] * (1.0 if switch.rising else -1.0)
+    offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
+    places = np.searchsorted(offs, ons) - 1
+    return [(float(offs[place]), float(on)) for place, on in zip(places, ons, strict=True) if place >= 0]
+
+
+def _crossings(time: Array, values: Array, level: float) -> Array:
+    """Return the times at which a signal rises through a level."""
+    before = np.flatnonzero((values[:-1] < level) & (values[1:] >= level))
+    share = (level - values[before]) / (values[before + 1] - values[before])
+    return np.asarray(time[before] + share * (time[before + 1] - time[before]))
+
+
+def _turn_on(
+    driver: Driver,
+    switch: _Switch,
+    edges: list[tuple[float, float]],
+    samples: Mapping[str, Array],
+    swing: float,
+) -> TurnOn:
+    """Return the mean over the edges of a transistor."""
+    time, offs, ons = samples["time"], *(np.array(times) for times in zip(*edges, strict=True))
+    volts = np.interp(ons, time, samples[switch.voltage])
+    left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
+    current = switch.helping * float(np.mean(np.interp(offs, time, samples[switch.current])))
+    charge, dead_time, loss = None, None, None
+    if driver.mosfet in MOSFETS:
+        part = ratings(driver.mosfet)
+        charge = part.swing_charge(swing)
+        dead_time = charge / current if current > 0.0 else None
+        loss = driver.frequency * part.swing_loss(left, swing)
+    return TurnOn(switch.name, left <= ZERO * swing, left, current, charge, dead_time, loss)
+
+
+_EDGE = 1e-6  # s, in which a load steps and a control stops
+
+
+@dataclass(frozen=True)
+class EventfulDriver(Source):
+    """A driver with events in its run, each of which may be left out."""
+
+    driver: Driver
+    load_at: float | None = None  # s, when the load steps
+    load_torque: float = 0.0  # N·m, that it draws from then on
+    stop_at: float | None = None  # s, when the controls stop: the gates of a bridge, the input of an amplifier
+    first: float | None = None  # Hz, at which the frequency begins to sweep; ``None``: it stays
+    rate: float = 0.0  # Hz/s, of the sweep
+
+    @property
+    def label(self) -> str:
+        """Caption of the driver."""
+        return self.driver.label
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Frequencies in Hz that the time step must resolve."""
+        return self.driver.frequencies
+
+    @property
+    def uniform(self) -> bool:
+        """Whether a run has uniform steps; the events shorten them."""
+        return False
+
+    @property
+    def rise_time(self) -> float:
+        """Time in s over which the supply rises."""
+        return self.driver.rise_time
+
+    @property
+    def points_per_period(self) -> int:
+        """Default number of steps in a period of the fastest motion."""
+        return self.driver.points_per_period
+
+    def ringing_step(self, motor: Motor) -> float:
+        """Return the longest default step in s by what rings in the driver."""
+        return self.driver.ringing_step(motor)
+
+    @property
+    def powers(self) -> Mapping[str, Power]:
+        """Powers and energies inside the driver."""
+        return self.driver.powers
+
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
+        """Return ngspice's options for a run with the driver."""
+        return self.driver.options(motor, law)
+
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+        """Add driver, controls and the step of the load."""
+        driver = self.driver
+        add_driver(circuit, driver, dict(zip(GROUPS, pins, strict=True)), source=False)
+        begins = driver.frequency if self.first is None else self.first
+        on = "1"
+        if self.stop_at is not None:
+            on = "V(on)"
+            circuit.V("on", "on", circuit.gnd, f"PWL(0 1 {self.stop_at!r} 1 {self.stop_at + _EDGE!r} 0)")
+        for group in GROUPS:
+            turned = radians(driver.phase_deg) if group == "b" else 0.0
+            angle = f"{2.0 * pi!r}*({begins!r}+{0.5 * self.rate!r}*time)*time+{turned!r}"
+            control = f"{control_amplitude(driver, group)!r}*{on}*sin({angle})"
+            circuit.raw_spice += f"Bcontrol_{group} control_{group} 0 V={control}\n"
+        if self.load_at is not None:
+            step = f"PWL(0 0 {self.load_at!r} 0 {self.load_at + _EDGE!r} {self.load_torque!r})"
+            circuit.I("step", "shaft", circuit.gnd, step)
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return the voltages of the pins at t = 0."""
+        return self.driver.initial_voltages()
+
+    def current(self, group: str) -> tuple[str, float]:
+        """Return the vector of the current into a pin, and its sign."""
+        return self.driver.current(group)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the driver, JSON-ready."""
+        return self.driver.to_dict()
+
+
+LOAD_STEP, STOP, SWEEP = "load step", "stop", "frequency sweep"
+SWEPT = 0.05  # of the frequency to both sides, that a sweep covers: about that in which a tracker searches
+_BEGIN, _LASTS, _SWEEPS = 1e-3, 0.5e-3, 2e-3  # s: power-up, each event, a sweep
+
+
+def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the maxima of a run, as :func:`.maxima`, for each event.
+
+    Args:
+        setup: motor, source and load; the load steps from nothing to its torque, or to that of friction under the
+            preload, which stalls the motor. A shaft that is held has no step.
+        driver: the driver of the source.
+        vectors: those that :func:`.maxima` takes.
+
+    Raises:
+        SimulationError: if ngspice fails or its result cannot be trusted.
+    """
+    motor = setup.motor
+    steps = setup.load.speed is None
+    torque = setup.load.torque or motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    stops = _BEGIN + (_LASTS if steps else 0.0)
+    stopped = EventfulDriver(driver, _BEGIN if steps else None, torque, stops)
+    first = (1.0 - SWEPT) * driver.frequency
+    swept = EventfulDriver(driver, first=first, rate=2.0 * SWEPT * driver.frequency / _SWEEPS)
+    load = Load() if steps else setup.load
+    runs = [(replace(setup, source=stopped, load=load), stops + _LASTS), (replace(setup, source=swept), _SWEEPS)]
+    with ThreadPoolExecutor() as pool:
+        one, other = pool.map(lambda run: run[0].run(run[1], vectors).vectors(), runs)
+    windows = [(LOAD_STEP, one, _BEGIN, stops)] if steps else []
+    windows += [(STOP, one, stops, np.inf), (SWEEP, other, 0.0, np.inf)]
+    return {name: maxima(motor, driver, _cut(samples, begin, end)) for name, samples, begin, end in windows}
+
+
+def _cut(samples: Mapping[str, Array], begin: float, end: float) -> dict[str, Array]:
+    """Return the samples from one time in s to another."""
+    within = (samples["time"] >= begin) & (samples["time"] <= end)
+    return {name: values[within] for name, values in samples.items()}
+
+
+def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return a sentence for each limit of a part or of the ceramic that an event exceeds."""
+    told = []
+    for name, found in events.items():
+        peaks = {group: float(found[f"voltage_{group}_v"]) for group in GROUPS}
+        told += [f"At a {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
+    return told
