@@ -46,7 +46,7 @@ class AveragedDrive:
                 "The averaged motor takes a drive with one frequency, a TwoPhaseDrive or a Driver, not "
                 f"{drive.label}: use simulate."
             )
-        same = drive.equivalent()
+        same = drive.equivalent
         _check(same)
         return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
 

@@ -233,8 +233,8 @@ def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[
 def _parts(changes: list[str] | None) -> dict[str, float]:
     """Return the changed parameters."""
     values = {}
-    told = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
-    for path, text in common.pairs_of("--part", changes, told):
+    notes = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
+    for path, text in common.pairs_of("--part", changes, notes):
         try:
             values[path] = float(text)
         except ValueError:

@@ -54,7 +54,7 @@ STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the 
 WARM = "operating point, warm"  # the motor at its temperature, the frequency following its drift
 STANDS = 1e-3  # rad/s, speed below which a motor does not turn
 ARRIVED = 0.9  # of the speed of the operating point, from which on a motor has reached it
-BEGUN = 0.02  # of that speed, from which on a motor turns and is no longer in the first slips of its start
+TURNING = 0.02  # of that speed, from which on a motor turns and is no longer in the first slips of its start
 
 
 @dataclass(frozen=True)
@@ -230,11 +230,11 @@ class Design:
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
         both = tuple(part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
-        told = [*exceeded(both, self.driver), *depolarised(motor, volts)]
+        notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         if starts is False:
-            told.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
-        feasible = self.feasible and not told
-        reason = self.reason if feasible else " ".join([*([] if self.feasible else [self.reason]), *told])
+            notes.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
+        feasible = self.feasible and not notes
+        reason = self.reason if feasible else " ".join([*([] if self.feasible else [self.reason]), *notes])
         return replace(self, parts=both, feasible=feasible, reason=reason, starts=starts)
 
     def _starts(self, speed_rad_s: float) -> bool:
@@ -249,7 +249,7 @@ class Design:
         sign = 1.0 if target.speed_rad_s > 0.0 else -1.0
         ahead = [point for point in self.points if point.speed_rad_s / target.speed_rad_s < 1.0]
         spare = [sign * (point.torque_n_m - self.load_torque_n_m) > 0.0 for point in ahead]
-        return reached >= ARRIVED or (reached >= BEGUN and bool(spare) and all(spare))
+        return reached >= ARRIVED or (reached >= TURNING and bool(spare) and all(spare))
 
 
 ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
@@ -296,7 +296,7 @@ def at_stage(
     """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
     if driver is not None:
         omega = 2.0 * pi * (driver.frequency if frequency is None else frequency)
-        for found in _passed(driver.equivalent(), group, volts, amperes, omega):
+        for found in _passed(driver.equivalent, group, volts, amperes, omega):
             volts, amperes = found.volts, found.amperes
     return volts, amperes
 
@@ -388,7 +388,7 @@ def driver_state(
         ParameterError: for an invalid value.
         SimulationError: if there is no stable steady state.
     """
-    stage = driver.equivalent()
+    stage = driver.equivalent
     settings: dict[str, Any] = {
         "speed": speed, "load_torque": load_torque, "contact": contact, "timeout": timeout, "audit": False
     }  # fmt: skip
@@ -397,8 +397,8 @@ def driver_state(
     # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
     pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
     ideal = Point.of(point.motor, pins, **settings)
-    (begun,) = steady_states([ideal], accuracy=ACCURACY)
-    starts = [begun.solution, None] if begun.solution is not None else [None]
+    (pins_held,) = steady_states([ideal], accuracy=ACCURACY)
+    starts = [pins_held.solution, None] if pins_held.solution is not None else [None]
     for start in starts:
         (state,) = steady_states([point], accuracy=ACCURACY, waveforms=True, starts=[start])
         if state.converged and (state.stable or state.held_by_friction):
@@ -474,19 +474,19 @@ def design_driver(
     # the one of the highest voltage, until the currents are known
     template = replace(spec, parts={**spec.parts, "mosfet": MOSFETS[-1]} if choose else spec.parts).driver(voltage=1.0)
     states = _range(ideal)
-    begun = Design(None, wanted, load_torque_n_m=load_torque)
+    draft = Design(None, wanted, load_torque_n_m=load_torque)
     if lost := _lost(states, wanted, "with the wanted voltages at the pins"):
-        return replace(begun, reason=lost)
+        return replace(draft, reason=lost)
     search = _Search(ideal, spec, template, load_torque, states, choose)
-    begun = replace(begun, unmatched=search.points, reason=search.unreachable())
-    if begun.reason:
-        return begun
+    draft = replace(draft, unmatched=search.points, reason=search.unreachable())
+    if draft.reason:
+        return draft
     try:
         best = search.best_share()
-        found = search.verified(begun, best)
-        return found if found.feasible or best == 0.0 else search.verified(begun, 0.0)
+        found = search.verified(draft, best)
+        return found if found.feasible or best == 0.0 else search.verified(draft, 0.0)
     except _NotFeasibleError as error:
-        return replace(begun, reason=str(error))
+        return replace(draft, reason=str(error))
 
 
 class _NotFeasibleError(Exception):
@@ -701,27 +701,27 @@ class _Search:
             changes["transformer"] = True
         return driver.updated(changes)
 
-    def verified(self, begun: Design, share: float) -> Design:
+    def verified(self, draft: Design, share: float) -> Design:
         """Return the design for a share, with its steady states over the range and whether they are within limits."""
         driver = self.built(share)
         behind = [
-            replace(self.ideal, source=driver.equivalent(), load=Load(speed=point.speed_rad_s)) for point in self.points
+            replace(self.ideal, source=driver.equivalent, load=Load(speed=point.speed_rad_s)) for point in self.points
         ]
         starts, surely = [state.solution for state in self.states.values()], share == 0.0
-        found = replace(begun, driver=driver, share=share)
+        found = replace(draft, driver=driver, share=share)
         states = dict(zip(self.states, _solved(behind, starts, surely=surely), strict=True))
-        lost = _lost(states, begun.wanted_v, where := "behind this driver; the voltages wanted at the pins")
+        lost = _lost(states, draft.wanted_v, where := "behind this driver; the voltages wanted at the pins")
         if (rise := self.rise) and not lost:
-            warm = warmed(behind[1], driver.equivalent(), rise)
+            warm = warmed(behind[1], driver.equivalent, rise)
             states[WARM] = _solved([warm], starts[1:2], surely=surely)[0]
-            lost = _lost(states, begun.wanted_v, where)
+            lost = _lost(states, draft.wanted_v, where)
         if lost:
             return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
         points = tuple(range_point(name, state, driver) for name, state in states.items())
         parts = part_loads(driver, part_phasors(driver, points))
         peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
         faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
-        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._told(points, share)
+        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._explanation(points, share)
         return replace(found, points=points, parts=parts, feasible=not faults, reason=reason)
 
     @property
@@ -735,44 +735,44 @@ class _Search:
 
     def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
         """Return a sentence for each pin whose voltage leaves the band, and for a motor that brakes."""
-        told = []
+        notes = []
         for point in points:
             for group in GROUPS:
                 volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
                 if abs(volts / wanted - 1.0) > PIN_BAND:
-                    told.append(
+                    notes.append(
                         f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; the "
                         f"limit is {100.0 * PIN_BAND:.0f} %."
                     )
         middle = next(point for point in points if point.state == OPERATING)
         ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.load_torque
         if abs(middle.speed_rad_s) > STANDS and ahead * middle.torque_n_m < ahead * load:
-            told.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
-        return [*told, *_overdriven(driver, points)]
+            notes.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
+        return [*notes, *_overdriven(driver, points)]
 
-    def _told(self, points: tuple[RangePoint, ...], share: float) -> str:
+    def _explanation(self, points: tuple[RangePoint, ...], share: float) -> str:
         """Return the explanation of a feasible network."""
         worst = max(
             abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in GROUPS
         )
-        told = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
-        told += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
+        notes = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
+        notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
         if self.driver.network == "inductor" and share == 0.0 and not self.driver.switched:
-            told += (
+            notes += (
                 f" No series network is proposed: the voltages would change by more than {100.0 * PIN_BAND:.0f} %, or "
                 "the power factor fall. An LLCC filter can raise it."
             )
         elif self.driver.network == "inductor" and share < 1.0:
-            told += (
+            notes += (
                 f" The network cancels {100.0 * share:.0f} % of the reactance at the operating point; with more the "
                 f"voltages would change by more than {100.0 * PIN_BAND:.0f} %, or the power factor fall."
             )
-        return told
+        return notes
 
 
 def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
     """Return a sentence for each linear amplifier whose current exceeds its limit."""
-    told = []
+    notes = []
     for group in GROUPS if driver.kind == "linear" else ():
         limit, most = driver.setting("amplifier.current_limit"), 0.0
         for point in points:
@@ -780,8 +780,8 @@ def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
             _, through = at_stage(driver, group, volts, volts / point.group(group).impedance_ohm)
             most = max(most, abs(through) * driver.ratio(group))
         if most > limit:
-            told.append(f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A.")
-    return told
+            notes.append(f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A.")
+    return notes
 
 
 def _decades(series: tuple[float, ...]) -> list[float]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import asin, inf, pi, radians, sqrt
 from typing import Any, Literal, NamedTuple, Self, get_args
 
@@ -347,7 +348,7 @@ class Driver(Stated, Source):
 
     def dead_time(self, group: str) -> float:
         """Return the dead time in s of a bridge; 0 without one."""
-        return next((part.values["dead_time"] for part in self.parts(group) if part.label == "bridge"), 0.0)
+        return self.values(group, "bridge").get("dead_time", 0.0)
 
     def delays(self, group: str) -> dict[str, Delay]:
         """Return the delays of the bridge of a group, by the parameters of their state at the start; else none."""
@@ -368,16 +369,14 @@ class Driver(Stated, Source):
 
     def ratio(self, group: str) -> float:
         """Return the voltage ratio of the transformer of a group; 1 without one."""
-        values = self._transformer(group)
-        return values["ratio"] if values else 1.0
+        return self._transformer(group).get("ratio", 1.0)
 
-    def _transformer(self, group: str) -> Mapping[str, float] | None:
-        """Return the values of the part with the transformer of a group, if there is one."""
-        label = self.transformer_label
-        return next((part.values for part in self.parts(group) if part.label == label), None)
+    def _transformer(self, group: str) -> Mapping[str, float]:
+        return self.values(group, self.transformer_label)
 
+    @cached_property
     def equivalent(self) -> Driver:
-        """Return ideal sources of the fundamental of the stage, with the same network behind them.
+        """Ideal sources of the fundamental of the stage, with the same network behind them.
 
         Resistance of the stage, and resistance and leakage of a transformer, are in series with the network. Dead time,
         harmonics and the diodes of a bridge are left out; so is the resistance of a stage or MOSFET of the user's own.
@@ -388,16 +387,11 @@ class Driver(Stated, Source):
         network = "inductor" if self.network == "none" else self.network
         for group in GROUPS:
             inductance, resistance = self._in_series(group)
-            label, (coil, ohms) = f"{network}_{group}", _SERIES[network]
-            values: Mapping[str, float] = {}
-            if self.network != "none":
-                values = next(part.values for part in self.parts(group) if part.label == network)
+            label, (coil, ohms), values = f"{network}_{group}", _SERIES[network], self.values(group, network)
             changes |= {f"{label}.{name}": values[name] for name in values}
             changes[f"{label}.{coil}"] = max(values.get(coil, 0.0) + inductance, 1e-6)
             changes[f"{label}.{ohms}"] = max(values.get(ohms, 0.0) + resistance, 1e-3)
-            for part in self.parts(group):
-                if part.label == CABLE:
-                    changes |= {f"{CABLE}_{group}.{name}": value for name, value in part.values.items()}
+            changes |= {f"{CABLE}_{group}.{name}": value for name, value in self.values(group, CABLE).items()}
         amplitudes = {group: self.fundamental(group) for group in GROUPS}
         return Driver(
             kind="ideal", network=network, voltage=amplitudes["a"], ratio_b=amplitudes["b"] / amplitudes["a"],
@@ -448,7 +442,7 @@ class Driver(Stated, Source):
         if "bridge" in parts and self.mosfet in MOSFETS:
             resistance = ratings(self.mosfet).on_resistance_ohm * (2.0 if self.kind == "full-bridge" else 1.0)
         values = self._transformer(group)
-        if values is None:
+        if not values:
             return 0.0, resistance
         raised = self.raised(group)  # R + jωL beside the capacitance: (R + jωL)/(1 - ω²LC + jωRC), with ωRC small
         resistance = (resistance + values["primary_resistance"]) * values["ratio"] ** 2 * raised**2
@@ -456,7 +450,7 @@ class Driver(Stated, Source):
 
     def cable_f(self, group: str) -> float:
         """Return the capacitance in F of the cable of a group; 0 without one."""
-        return next((part.values["capacitance"] for part in self.parts(group) if part.label == CABLE), 0.0)
+        return self.values(group, CABLE).get("capacitance", 0.0)
 
     def leakage(self, group: str) -> float:
         """Return the leakage inductance in H of a transformer, in series with the network; 0 without one."""
@@ -514,6 +508,18 @@ class Driver(Stated, Source):
 
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin; a cable if one of its parameters is set."""
+        return self.chains[group]
+
+    @cached_property
+    def chains(self) -> dict[str, tuple[Part, ...]]:
+        """Group → its chain, from the stage to the pin."""
+        return {group: self._chain_of(group) for group in GROUPS}
+
+    def values(self, group: str, label: str) -> Mapping[str, float]:
+        """Return the parameters of a part of a group by its label; empty without it."""
+        return next((part.values for part in self.parts(group) if part.label == label), {})
+
+    def _chain_of(self, group: str) -> tuple[Part, ...]:
         own = [self._part(_OWN, self._stage, f"stage_{group}", group)] if self._stage else []
         between = self.transformer or self.kind == "full-bridge"
         slots = (_STAGES.get(self.kind), _TRANSFORMER if between else None)

@@ -229,7 +229,7 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
     frequency = driver.frequency
     resonances = {group: driver.transformer_resonance(group) for group in GROUPS}
-    told = [
+    notes = [
         f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
         f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."
         for group, resonance in resonances.items()
@@ -239,15 +239,15 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if part.name.startswith(TRANSISTOR) and driver.mosfet in MOSFETS:
             most, borne = ratings(driver.mosfet).breakdown_v, part.peak_voltage_v or 0.0
             if borne > most:
-                told.append(
+                notes.append(
                     f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Take another one or lower the "
                     "rail."
                 )
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
             volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
             winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
-            told += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
-    return told
+            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
+    return notes
 
 
 ON, OFF = 0.8, 0.6  # V, of the ramp of a leg at which a gate rises and falls through half its voltage, in the libraries
@@ -504,8 +504,8 @@ def _cut(samples: Mapping[str, Array], begin: float, end: float) -> dict[str, Ar
 
 def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return a sentence for each limit of a part or of the ceramic that an event exceeds."""
-    told = []
+    notes = []
     for name, found in events.items():
         peaks = {group: float(found[f"voltage_{group}_v"]) for group in GROUPS}
-        told += [f"At a {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
-    return told
+        notes += [f"At a {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
+    return notes

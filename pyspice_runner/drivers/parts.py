@@ -192,14 +192,14 @@ def beyond(
     else:
         found.append(("capacitance", value, LARGEST_CAPACITANCE, "F"))
         found.append(("voltage", volts, HIGHEST_CAPACITOR_VOLTAGE, "V"))
-    told = [
+    notes = [
         f"The {name} has a {what} of {engineering(much, of)}; the limit is {engineering(most, of)}."
         for what, much, most, of in found
         if much > most * (1.0 + 1e-9)
     ]
     if unit == "F" and value < SMALLEST_CAPACITANCE:
         least = engineering(SMALLEST_CAPACITANCE, "F")
-        told.append(f"The {name} has a capacitance of {engineering(value, 'F')}; the least is {least}.")
+        notes.append(f"The {name} has a capacitance of {engineering(value, 'F')}; the least is {least}.")
     if unit == "H" and value < SMALLEST_INDUCTANCE:
-        told.append(f"The {name} has an inductance of {engineering(value, 'H')}; the least is 1 µH.")
-    return tuple(told)
+        notes.append(f"The {name} has an inductance of {engineering(value, 'H')}; the least is 1 µH.")
+    return tuple(notes)

@@ -266,8 +266,8 @@ class DriveReport(Result):
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
-            told = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
-            found[f"losses of {part}"] = ", ".join(told)
+            notes = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
+            found[f"losses of {part}"] = ", ".join(notes)
         for group, port in self.groups.items():
             found[f"group {group}"] = (
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "

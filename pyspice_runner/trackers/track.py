@@ -274,8 +274,8 @@ class Tracking(Result):
 
     def _static_error(self) -> str:
         sensed = self.loop.sensed_phase_deg if self.loop else None
-        told = f"{self.static_phase_error_deg:.2g}° of the mode"
-        return told if sensed is None else f"{told}, {sensed - self._wanted_deg:.2g}° of the sensed current"
+        notes = f"{self.static_phase_error_deg:.2g}° of the mode"
+        return notes if sensed is None else f"{notes}, {sensed - self._wanted_deg:.2g}° of the sensed current"
 
     def _design(self) -> str:
         return f"{1e-3 * self.design_frequency_hz:.6g} kHz"

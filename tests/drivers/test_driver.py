@@ -305,10 +305,10 @@ def test_the_capacitance_of_a_winding_raises_the_voltage_behind_the_leakage(kind
     assert wound.transformer_resonance("a") == pytest.approx(resonance)
     raised = 1.0 / (1.0 - (plain.frequency / resonance) ** 2)
     assert wound.fundamental("a") == pytest.approx(raised * plain.fundamental("a"))
-    inductances = [one.equivalent().setting("inductor.inductance") for one in (wound, plain)]
+    inductances = [one.equivalent.setting("inductor.inductance") for one in (wound, plain)]
     assert inductances[0] - inductances[1] == pytest.approx((raised - 1.0) * leakage)
     with pytest.raises(pr.ParameterError, match="below the drive"):
-        wound.updated({"frequency": 130e3}).equivalent()
+        _ = wound.updated({"frequency": 130e3}).equivalent
 
 
 # --- decks ---------------------------------------------------------------------------------------------------

@@ -276,7 +276,7 @@ def test_the_state_behind_a_driver_is_that_of_its_design_and_follows_the_values_
     coil = found.driver.setting("inductor_a.inductance")
     more = found.driver.updated({"inductor_a.inductance": 1.05 * coil})
     load = complex(point.a.resistance_ohm, point.a.reactance_ohm)
-    series = more.equivalent().setting("inductor_a.resistance")  # the tuned pair leaves its resistance alone
+    series = more.equivalent.setting("inductor_a.resistance")  # the tuned pair leaves its resistance alone
     detuned = 0.05j * 2.0 * pi * FREQUENCY * coil
     changed = driver_state(motor(), more, speed=point.speed_rad_s)["voltage_a_v"] / plain["voltage_a_v"]
     # 2 %: the impedance of the motor changes with its voltage, and the pair is tuned to the E series only
