@@ -47,7 +47,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.point import Point
-from pyspice_runner.steady.shooting import Point as PeriodPoint
+from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.steady import SteadyState, steady_states
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
@@ -504,7 +504,7 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 
 
-def _solved(points: Sequence[Point], starts: Sequence[PeriodPoint | None], *, surely: bool) -> list[SteadyState]:
+def _solved(points: Sequence[Point], starts: Sequence[Orbit | None], *, surely: bool) -> list[SteadyState]:
     """Return steady states behind a driver; if ``surely``, those that Newton's method does not find at once, too."""
     found = steady_states(points, accuracy=ACCURACY, waveforms=True, starts=starts)
     lost = [place for place, state in enumerate(found) if surely and not state.converged]
