@@ -118,13 +118,3 @@ EXPORT void session_linearise(struct motor *m, double *by_state, double *by_inpu
     memcpy(by_state, m->solver.jacobian, sizeof m->solver.jacobian);
     memcpy(by_input, found, sizeof found);
 }
-
-/* The places among the states of speed, angle, real and imaginary part of the charge, speed and angle of the load,
-   temperature, and behind them the two voltages of a loop filter, which are places of the loop only where there is one. */
-EXPORT void session_places(const struct motor *m, int place[9])
-{
-    static const int places[9] = {SPEED, POSITION, CHARGE, CHARGE + 1, LOAD_SPEED, LOAD_POSITION, TEMPERATURE, LOOP, LOOP + 1};
-
-    (void)m;
-    memcpy(place, places, sizeof places);
-}

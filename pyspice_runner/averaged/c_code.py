@@ -12,7 +12,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from typing import NamedTuple
 
 from pyspice_runner.averaged.c_source import NETWORK, TRACKER, circuit_source, phase_source
@@ -38,6 +37,11 @@ _GROUPS = (
     "MOUNT_X_PARAMETERS", "MODE_PARAMETERS",
 )  # fmt: skip
 MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
+# the first states, in the order of the header's enumeration; charges are integrals of the groups' complex currents
+_STATES = (
+    "speed", "position", "temperature", "load_speed", "load_position", "bearing", "slider", "carrier",
+    "carrier_velocity", "carrier_x", "carrier_x_velocity", "charge_1", "charge_2", "charge_3", "charge_4",
+)  # fmt: skip
 OF_SPRINGS = ("mass", "damping", "stiffness")
 
 
@@ -157,30 +161,16 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def state_names(modes: int, states: int, harmonics: int) -> list[str]:
-    """Return the names of the states of an averaged motor, in the order of the header's enumeration."""
-    text = re.sub(r"/\*.*?\*/", "", (data_path("behavioral") / HEADER).read_text(encoding="utf-8"), flags=re.S)
-    block = re.search(r"enum \{\s*(SPEED,.*?)\s*\}", text, re.S)
-    assert block is not None
-    place, found = 0, dict[str, int]()
-    for entry in block[1].split(","):
-        name, _, value = (part.strip() for part in entry.partition("="))
-        before, _, count = (part.strip() for part in value.partition("+"))
-        if value:
-            place = found[before] + {"MODES": modes}.get(count, 0 if not count.isdigit() else int(count))
-        found[name] = place
-        place += 1
-    starts = [*found.items()]
-    names = []
-    for (name, begin), (_, end) in pairwise(starts[: [*found].index("AMPLITUDE") + 1]):
-        lower = name.lower()
-        names += [lower] if end - begin == 1 else [f"{lower}_{number}" for number in range(1, end - begin + 1)]
-    for number in range(states - found["AMPLITUDE"]):
-        mode, rest = divmod(number, 2 * harmonics)
-        order, part = divmod(rest, 2)
-        moving = f"mode{mode + 1}" if mode < modes else ("carrier", "carrier_x")[mode - modes]
-        names.append(f"{moving}_harmonic{order + 1}_{('re', 'im')[part]}")
-    return names
+def state_names(modes: int, moving: int, harmonics: int = HARMONICS, *, tracked: bool = False) -> list[str]:
+    """Return the names of the states of an averaged motor, in their order; those of a network are behind them.
+
+    The carrier moves in ``moving`` directions; a loop has the two voltages of its filter.
+    """
+    bent = [f"deflection_{number}" for number in range(1, modes + 1)] if modes > 1 else ["deflection"]
+    moved = [*(f"mode{number}" for number in range(1, modes + 1)), *("carrier", "carrier_x")[:moving]]
+    orders = range(1, harmonics + 1)
+    vibrating = [f"{name}_harmonic{order}_{part}" for name in moved for order in orders for part in ("re", "im")]
+    return [*_STATES, *bent, *vibrating, *(("control", "filter") if tracked else ())]
 
 
 def _size(modes: int, moving: int) -> list[str]:

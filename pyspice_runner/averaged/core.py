@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.c_code import Front, session_texts, variables
+from pyspice_runner.averaged.c_code import Front, session_texts, state_names, variables
 from pyspice_runner.averaged.c_source import NETWORK, TRACKER, Parts, circuit_parameters
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Course, Terms, require_averaged
 from pyspice_runner.errors import SimulationError
@@ -34,10 +34,6 @@ from pyspice_runner.spice.compiler import cached_library
 Array = NDArray[np.float64]
 INPUTS = (
     "amplitude_a", "amplitude_b", "phase", "frequency", "load_torque", "ambient_temperature", "preload", "friction"
-)  # fmt: skip
-# states with a name of their own: rad/s, rad, A·s; with a loop the two voltages of its filter
-PLACES = (
-    "speed", "position", "charge_re", "charge_im", "load_speed", "load_position", "temperature", "control", "filter"
 )  # fmt: skip
 _ROWS = 512  # between two looks at the clock
 SETTLING, SETTLED = ("speed", "torque", "tip_x_amplitude", "temperature"), 1e-6  # what settles; relative change
@@ -54,7 +50,6 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "sums": (None, (_POINTER,)),
     "amplitude": (ctypes.c_double, (ctypes.c_int,)),
     "linearise": (None, (_POINTER, _POINTER)),
-    "places": (None, (ctypes.POINTER(ctypes.c_int),)),
 }
 _TRACK = {"track": (None, (_POINTER, ctypes.c_int, ctypes.c_int))}  # of a library with a loop
 _DRIVE = {"drive": (None, (_POINTER, ctypes.c_int))}  # of a library with networks
@@ -66,7 +61,7 @@ class LinearMotor:
 
     by_state: Array  # shape (states, states)
     by_input: Array  # shape (states, inputs), inputs in the order of INPUTS; with a loop its target is behind them
-    place: Mapping[str, int]  # of PLACES in the states
+    place: Mapping[str, int]  # name of a state, as of :func:`.state_names` → its place
 
 
 @dataclass(frozen=True)
@@ -138,6 +133,7 @@ class AveragedMotor:
         known = variables(motor, thermal, shaft, front)
         inputs = (*INPUTS, "target") if loop else INPUTS
         self._modes = len(motor.modes)
+        self._states = state_names(self._modes, moving, harmonics, tracked=front.tracked)
         self._places = {item.name: item.reference for item in known}
         self.shown = tuple(item.name for item in known if item.name in inputs or item.causality == "output")
         self._memory = ctypes.create_string_buffer(self._c.session_bytes())
@@ -262,10 +258,7 @@ class AveragedMotor:
         count = self._c.session_states()
         by_state, by_input = np.empty((count, count)), np.empty((count, len(self._slopes)))
         self._c.session_linearise(self._memory, *(one.ctypes.data_as(_POINTER) for one in (by_state, by_input)))
-        places = (ctypes.c_int * len(PLACES))()
-        self._c.session_places(self._memory, places)
-        found = dict(zip(PLACES, places, strict=True))
-        return LinearMotor(by_state, by_input, found)
+        return LinearMotor(by_state, by_input, {name: place for place, name in enumerate(self._states)})
 
     def mode_amplitudes(self) -> list[float]:
         """Return for each mode the greatest displacement of its coordinate by all harmonics in phase, m."""

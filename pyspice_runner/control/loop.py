@@ -374,8 +374,8 @@ def _plant(motor: Motor, drive: TwoPhaseDrive, load_torque: float, quantity: Qua
     row = np.zeros(states)
     if quantity == "phase":
         turned = np.exp(-1j * radians(point["current_phase_a"])) / point["current_amplitude_a"]
-        row[small.place["charge_re"]] = degrees(turned.imag)
-        row[small.place["charge_im"]] = degrees(turned.real)
+        row[small.place["charge_1"]] = degrees(turned.imag)
+        row[small.place["charge_2"]] = degrees(turned.real)
     else:
         row[small.place["position"]] = 1.0
     return _Plant(quantity, sample_time, held[:states, :states], held[:states, states], row, point)

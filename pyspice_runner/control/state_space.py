@@ -18,9 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.c_code import state_names
 from pyspice_runner.averaged.core import INPUTS, AveragedMotor, LinearMotor
-from pyspice_runner.averaged.library import HARMONICS
 from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import model_cautions
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -245,10 +243,10 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     point, small = small_signals_at(motor, drive, load_torque)
     if not point["current_amplitude_a"]:
         raise SimulationError("No current flows into group A: its phase is not known. Give group A a voltage.")
-    names = state_names(len(motor.modes), len(small.by_state), HARMONICS)
+    names = list(small.place)
     driven = np.array([by_input(small, drive, name) for name in OF_INPUTS]).T
     turned = np.exp(-1j * np.radians(point["current_phase_a"]))
-    charge = [small.place[f"charge_{part}"] for part in ("re", "im")]
+    charge = [small.place[f"charge_{part}"] for part in (1, 2)]
     current_by_state = turned * (small.by_state[charge[0]] + 1j * small.by_state[charge[1]])
     current_by_input = turned * (driven[charge[0]] + 1j * driven[charge[1]])
     degree = degrees(1.0) / point["current_amplitude_a"]

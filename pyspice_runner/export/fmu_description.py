@@ -12,15 +12,13 @@ from math import pi
 from typing import Literal
 from xml.etree import ElementTree
 
-from pyspice_runner.averaged.c_code import MOUNTS, OF_SPRINGS, Variable
-from pyspice_runner.averaged.library import HARMONICS
+from pyspice_runner.averaged.c_code import MOUNTS, OF_SPRINGS, Variable, state_names
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
 
 Version = Literal[2, 3]
 VERSIONS: tuple[Version, ...] = (2, 3)
 STEP_SIZE = 1e-3  # s, of the default experiment: a controller at 1 kHz
-STATES_WITHOUT_MODES = 15  # of the C code: rotor, load, bearing, slider, carrier, temperature, charges
 # SI base units with their exponents; FMI 2.0 has whole exponents only, so that two units have no such definition
 _UNITS: dict[str, dict[str, float]] = {
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "A": {"A": 1}, "Hz": {"s": -1}, "K": {"K": 1}, "s": {"s": 1},
@@ -37,8 +35,7 @@ _UNITS: dict[str, dict[str, float]] = {
 
 def state_count(motor: Motor) -> int:
     """Return the number of states in the C code; its compilation checks it."""
-    modes = len(motor.modes)
-    return STATES_WITHOUT_MODES + modes + 2 * HARMONICS * (modes + len(carriers(motor.mount)))
+    return len(state_names(len(motor.modes), len(carriers(motor.mount))))
 
 
 @dataclass(frozen=True)
