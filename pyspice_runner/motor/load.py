@@ -21,14 +21,12 @@ from __future__ import annotations
 
 import difflib
 import re
-import warnings
 from collections.abc import Mapping
 from math import inf, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import beam as beam_model
@@ -38,11 +36,11 @@ from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.motor.motor import (
     ALIASES,
     MOVED,
+    SECTIONS,
     Motor,
     Provenance,
     Structure,
     assemble,
-    mass_and_stiffness,
     with_constants,
 )
 from pyspice_runner.motor.parameters import (
@@ -60,7 +58,8 @@ from pyspice_runner.motor.parameters import (
     label,
     quantity,
 )
-from pyspice_runner.motor.refusal import allowed_range, as_table, build, check_keys, checked, limited, quoted, unit_of
+from pyspice_runner.motor.refusal import as_table, build, check_keys, checked, limited, quoted
+from pyspice_runner.motor.save import KINDS
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
 from pyspice_runner.motor.solid.store import stator_of
 
@@ -86,16 +85,16 @@ class Arm(Parameters):
         le=1e3, default=None,
     )  # fmt: skip
 
-    def to_mode(self) -> Mode:
-        """Return the mechanical arm: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
+    def to_table(self) -> dict[str, Any]:
+        """Return the mechanical arm as a table ``[[modes]]``: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
         coupling_squared = self.mass_kg / self.inductance_h
-        return Mode(
-            damping_n_s_per_m=coupling_squared * self.resistance_ohm,
-            stiffness_n_per_m=coupling_squared / self.capacitance_f,
-            coupling_a_n_per_v=sqrt(coupling_squared),
-            coupling_b_n_per_v=self.coupling_ratio * sqrt(coupling_squared),
+        return {
+            "damping_n_s_per_m": coupling_squared * self.resistance_ohm,
+            "stiffness_n_per_m": coupling_squared / self.capacitance_f,
+            "coupling_a_n_per_v": sqrt(coupling_squared),
+            "coupling_b_n_per_v": self.coupling_ratio * sqrt(coupling_squared),
             **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y", "recoil_kg", "recoil_x_kg"}),
-        )
+        }
 
 
 class Materials(Parameters):
@@ -207,18 +206,14 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
     return parse_toml(read_document(path, "a readable TOML file"), path.name), path
 
 
-_SECTIONS = (
-    "name", "description", "beam", "ceramic", "patches", "tip", "damping", "modes", "arms", "piezo", "contact", "rotor",
-    "slider", "mount", "limits", "drive", "solid",
-)  # fmt: skip
+_TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "drive", *SECTIONS)
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
-_KINDS = ("given", "derived", "assumed")
 
 
 def _from_document(document: dict[str, Any], file: Path) -> Motor:
     where = file.name
-    check_keys(document, _SECTIONS, where, "")
+    check_keys(document, (*_TABLES, *_WAYS), where, "")
     ways = [way for way in _WAYS if way in document]
     if len(ways) != 1:
         found = " and ".join(f"[{way}]" for way in ways) or "none of them"
@@ -237,13 +232,6 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     rotor = build(MOVED[moved], plain[moved], moved, where)
     structure, modes, capacitances = _resolve_modes(plain, ways[0], file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
-    if piezo.pop("loss_reference_hz", None) is not None:  # of files from before the ladder
-        provenance.pop("piezo.loss_reference_hz", None)
-        warnings.warn(
-            f"{where}: piezo.loss_reference_hz is ignored, because the loss tangent is now the same from 1 kHz to "
-            "10 MHz. Delete the line.",
-            stacklevel=2,
-        )
     if capacitances is not None:
         if given := [key for key in capacitances if key in piezo]:
             raise ParameterError(
@@ -282,11 +270,12 @@ def _resolve_modes(
     where = file.name
     if way == "beam":
         return _from_beam(plain, where)
+    stated = "[solid]" if way == "solid" else f"[[{way}]]"
+    for key in ("ceramic", "patches", "tip", *(["damping"] if way == "solid" else [])):
+        if key in plain:
+            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with {stated} leave it out.")
     if way == "solid":
         return _from_solid(plain, where, file.parent)
-    for key in ("ceramic", "patches", "tip"):
-        if key in plain:
-            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [[{way}]] leave it out.")
     entries = plain[way]
     if not isinstance(entries, list) or not entries:
         raise ParameterError(f"{where}: {way} must be one or more tables [[{way}]].")
@@ -295,14 +284,7 @@ def _resolve_modes(
     for index, entry in enumerate(entries):
         if way == "arms":
             arm = build(Arm, entry, f"arms.{index}", where)
-            try:
-                modes.append(arm.to_mode().model_dump())
-            except ValidationError as error:
-                name, value = str(error.errors()[0]["loc"][-1]), quoted(error.errors()[0]["input"])
-                raise ParameterError(
-                    f"{where}: the values of arms.{index} and its mass_kg = {arm.mass_kg:g} kg give a mode with "
-                    f"{name} = {value} {unit_of(Mode, name)}; it must be {allowed_range(Mode, name)}."
-                ) from error
+            modes.append(build(Mode, arm.to_table(), f"the mode of arms.{index}", where).model_dump())
         else:
             modes.append(_complete_mode(as_table(entry, f"modes.{index}", where), damping, f"modes.{index}", where))
     return None, modes, None
@@ -336,28 +318,16 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
 def _from_solid(
     plain: dict[str, Any], where: str, folder: Path
 ) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
-    for key in ("ceramic", "patches", "tip", "damping"):
-        if key in plain:
-            raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with [solid] leave it out.")
     solid = solid_from(plain["solid"], where, folder)
     try:
         stator = stator_of(solid)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error
-    columns = {
-        "mass_kg": stator.masses_kg, "stiffness_n_per_m": stator.stiffnesses_n_per_m,
-        "damping_n_s_per_m": stator.dampings_n_s_per_m(solid.quality_factor),
-        "coupling_a_n_per_v": stator.couplings_n_per_v[0], "coupling_b_n_per_v": stator.couplings_n_per_v[1],
-        "tip_x": stator.tip_x, "tip_y": stator.tip_y,
-        **{  # 0 but for rounding
-            name: np.where(np.abs(recoil) > 1e-6 * stator.mass_kg, recoil, 0.0)
-            for name, recoil in (("recoil_kg", stator.recoil_kg), ("recoil_x_kg", stator.recoil_x_kg))
-        },
-    }  # fmt: skip
-    modes = [
-        {"name": f"mode-{index + 1}", **{name: float(column[index]) for name, column in columns.items()}}
-        for index in range(len(stator.masses_kg))
-    ]
+    modes = stator.tables("mode", solid.quality_factor)
+    for mode in modes:
+        for name in ("recoil_kg", "recoil_x_kg"):
+            if abs(mode[name]) <= 1e-6 * stator.mass_kg:
+                mode[name] = 0.0  # but for rounding
     capacitance = stator.clamped_f + stator.residual_f
     between = -float(capacitance[0, 1])
     return (
@@ -401,13 +371,11 @@ def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, wh
         raise ParameterError(f"{where}: {path}.mass_kg is missing (modal mass m, in kg). State it.")
     if "frequency_hz" not in entry and "stiffness_n_per_m" not in entry:
         raise ParameterError(f"{where}: {path} has no frequency. State frequency_hz or stiffness_n_per_m.")
-    entry = with_constants(entry, path, where)
+    entry = with_constants(entry, path, where, damping)
     if "damping_n_s_per_m" not in entry:
-        if damping is None:
-            raise ParameterError(
-                f"{where}: {path} has no damping. State quality_factor or damping_n_s_per_m, or [damping] for all."
-            )
-        entry["damping_n_s_per_m"] = damping.modal(*mass_and_stiffness(entry, path, where))
+        raise ParameterError(
+            f"{where}: {path} has no damping. State quality_factor or damping_n_s_per_m, or [damping] for all."
+        )
     return entry
 
 
@@ -444,9 +412,9 @@ def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str)
     if not isinstance(value, dict):
         provenance[path] = Provenance("stated", "")
         return value
-    if "value" not in value and not any(kind in value for kind in _KINDS):
+    if "value" not in value and not any(kind in value for kind in KINDS):
         return {key: _strip(item, f"{path}.{key}", provenance, where) for key, item in value.items()}
-    kinds = [kind for kind in _KINDS if kind in value]
+    kinds = [kind for kind in KINDS if kind in value]
     if "value" not in value or len(kinds) != 1 or len(value) != 2 or not isinstance(value[kinds[0]], str):
         shown = path if path.isascii() and re.fullmatch(r"[\w.-]+", path) else quoted(path)
         raise ParameterError(

@@ -31,8 +31,9 @@ from pyspice_runner.motor.parameters import (
     Rotor,
     Slider,
     Tip,
+    quantity,
 )
-from pyspice_runner.motor.refusal import allowed_range, build, checked, limited, positive, quoted, refusal, schema_of
+from pyspice_runner.motor.refusal import build, checked, limited, quoted, refusal
 from pyspice_runner.motor.save import motor_toml
 from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, unknown_recoil
@@ -76,7 +77,14 @@ _OF_MODE = (
 )  # effects of a mode, off at 0 or unknown
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
-_SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
+SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
+
+
+class Ringing(Parameters):
+    """A mode by its ringing, from which stiffness and damping follow."""
+
+    frequency_hz: float = quantity("natural frequency", "Hz", ge=LOWEST_FREQUENCY, le=HIGHEST_FREQUENCY)
+    quality_factor: float = quantity("mechanical quality factor", "1", gt=LOWEST_QUALITY, le=HIGHEST_QUALITY)
 
 
 @dataclass(frozen=True)
@@ -406,7 +414,7 @@ def assemble(
             modes=tuple(modes[index] for index in order),
             **{
                 section: build(kind, parts[section], section, where)
-                for section, kind in _SECTIONS.items()
+                for section, kind in SECTIONS.items()
                 if parts.get(section) is not None
             },
             drive=parts.get("drive"),
@@ -421,38 +429,27 @@ def assemble(
         raise refusal(error, Motor, "", where) from error
 
 
-def with_constants(mode: Mapping[str, Any], path: str, where: str) -> dict[str, Any]:
-    """Return a mode with stiffness and damping in place of its frequency and quality factor, if it has these."""
+def with_constants(mode: Mapping[str, Any], path: str, where: str, damping: Damping | None = None) -> dict[str, Any]:
+    """Return a mode with stiffness and damping in place of its frequency and quality factor, if it has these.
+
+    A mode without damping has that of ``damping``.
+    """
     found = dict(mode)
+
+    def value(kind: type[Parameters], name: str) -> float:
+        return limited(kind, name, found[name], f"{path}.{name}", where)
+
     if "frequency_hz" in found:
-        found["stiffness_n_per_m"] = _stiffness_for(found["mass_kg"], found.pop("frequency_hz"), path, where)
+        omega = 2.0 * pi * value(Ringing, "frequency_hz")
+        found["stiffness_n_per_m"] = value(Mode, "mass_kg") * omega**2
+        del found["frequency_hz"]
     if "quality_factor" in found:
-        quality = positive(found.pop("quality_factor"), f"{path}.quality_factor", where)
-        if quality <= LOWEST_QUALITY:
-            raise ParameterError(
-                f"{where}: {path}.quality_factor = {quality:g} is not valid: it must be > {LOWEST_QUALITY:g}."
-            )
-        mass, stiffness = mass_and_stiffness(found, path, where)
-        found["damping_n_s_per_m"] = sqrt(stiffness * mass) / quality
+        root = sqrt(value(Mode, "stiffness_n_per_m") * value(Mode, "mass_kg"))
+        found["damping_n_s_per_m"] = root / value(Ringing, "quality_factor")
+        del found["quality_factor"]
+    elif damping is not None and "damping_n_s_per_m" not in found:
+        found["damping_n_s_per_m"] = damping.modal(value(Mode, "mass_kg"), value(Mode, "stiffness_n_per_m"))
     return found
-
-
-def mass_and_stiffness(mode: Mapping[str, Any], path: str, where: str) -> list[float]:
-    """Return mass in kg and stiffness in N/m of a mode, checked."""
-    return [limited(Mode, name, mode[name], f"{path}.{name}", where) for name in ("mass_kg", "stiffness_n_per_m")]
-
-
-def _stiffness_for(mass_kg: Any, frequency_hz: Any, path: str, where: str) -> float:
-    mass = limited(Mode, "mass_kg", mass_kg, f"{path}.mass_kg", where)
-    frequency = positive(frequency_hz, f"{path}.frequency_hz", where, "Hz")
-    stiffness = mass * (2.0 * pi * frequency) ** 2
-    limits = schema_of(Mode, "stiffness_n_per_m")
-    if not limits["exclusiveMinimum"] < stiffness <= limits["maximum"]:
-        raise ParameterError(
-            f"{where}: {path}.frequency_hz = {frequency:g} Hz is not valid: with a mass of {mass:g} kg it needs a "
-            f"stiffness of {stiffness:.3g} N/m, which must be {allowed_range(Mode, 'stiffness_n_per_m')}."
-        )
-    return stiffness
 
 
 def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
@@ -478,10 +475,10 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
             f"There is no parameter {quoted(path)}: the motor has a {has}, no {section}. Its parameters are "
             f"{', '.join(f'{has}.{name}' for name in document[has])}."
         )
-    elif section in _SECTIONS:
+    elif section in SECTIONS:
         if document[section] is None:
             document[section] = {}
-        prefix, key, target, allowed = f"{section}.", rest, document[section], tuple(_SECTIONS[section].model_fields)
+        prefix, key, target, allowed = f"{section}.", rest, document[section], tuple(SECTIONS[section].model_fields)
     else:
         prefix, key, target, allowed = "", path, document, ("name", *_OPTIONAL)
     if key not in allowed:

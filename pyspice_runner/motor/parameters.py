@@ -8,7 +8,6 @@ unit (SI throughout). The origin of a value is stated in the parameter set.
 
 from __future__ import annotations
 
-import re
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
@@ -43,14 +42,10 @@ class Parameters(BaseModel):
         if name.startswith("_"):
             super().__setattr__(name, value)
             return
-        kind = type(self).__name__
-        paths = {"Motor": name, "Mode": f"modes.{getattr(self, 'name', 0)}.{name}"}
-        parts = ("Contact", "Rotor", "Slider", "Mount", "Piezo", "Limits")
-        paths |= {part: f"{part.lower()}.{name}" for part in parts}
-        owner = "motor" if kind in paths else re.findall("[A-Z][a-z]*", kind)[-1].lower()
-        changed = f"{owner}.updated({{{paths.get(kind, name)!r}: …}})"
-        hint = f"{changed} returns a changed copy." if hasattr(self, "updated") or kind in paths else "Make another."
-        raise ParameterError(f"{kind}: {name} cannot be assigned. {hint}")
+        raise ParameterError(
+            f"{type(self).__name__}: {name} cannot be assigned. The method updated of the motor or the drive returns a "
+            "changed copy."
+        )
 
 
 class Beam(Parameters):

@@ -173,14 +173,6 @@ def as_table(value: Any, path: str, where: str) -> dict[str, Any]:
     return value
 
 
-def positive(value: Any, path: str, where: str, unit: str = "") -> float:
-    """Return the value if it is a number above zero, and below 1e18, which keeps its powers finite."""
-    unit = f" {unit}" if unit else ""
-    if not (_is_number(value) and 0.0 < value < 1e18):
-        raise _invalid(value, path, where, f"a number > 0 and < 1e+18{unit}", unit)
-    return float(value)
-
-
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
@@ -259,10 +251,6 @@ def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
         return f"{where}: there are too many arguments without a name. Name them: {', '.join(keyword[:3])}."
     name = names[place] if isinstance(place, int) else place
     if first["type"] == "unexpected_keyword_argument":
-        if name == "sliders" and "contact" in names:
-            return f"{where}: there is no argument 'sliders'. Write contact=Law(\"brush\", {quoted(first['input'])})."
-        if name == "averaged":
-            return f"{where}: there is no argument 'averaged'. The averaged motor runs in simulate_averaged."
         hint = did_you_mean(name, [known for known in names if known != "self"], "The arguments are")
         return f"{where}: there is no argument {quoted(name)}. {hint}"
     if first["type"].startswith("missing"):

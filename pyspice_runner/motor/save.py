@@ -7,8 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-_KINDS = ("given", "derived", "assumed")
-_SECTIONS = ("piezo", "contact", "rotor", "slider", "mount", "limits", "drive")
+KINDS = ("given", "derived", "assumed")  # of the origin of a value in a file
 
 
 def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, heading: str = "") -> str:
@@ -18,7 +17,7 @@ def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, he
         found = []
         for key, value in table.items():
             text, origin = _written(value), provenance.get(f"{path}.{key}")
-            if origin is not None and origin.kind in _KINDS:
+            if origin is not None and origin.kind in KINDS:
                 text = f"{{ value = {text}, {origin.kind} = {_written(origin.note)} }}"
             found += [] if value is None else [f"{key} = {text}"]
         return found
@@ -27,9 +26,9 @@ def motor_toml(document: Mapping[str, Any], provenance: Mapping[str, Any], *, he
     lines += ["", f"name = {_written(document['name'])}"]
     for index, mode in enumerate(document["modes"]):
         lines += ["", "[[modes]]", *entries(f"modes.{index}", mode)]
-    for section in _SECTIONS:
-        if document.get(section) is not None:
-            lines += ["", f"[{section}]", *entries(section, document[section])]
+    for section, table in document.items():
+        if isinstance(table, Mapping):
+            lines += ["", f"[{section}]", *entries(section, table)]
     return "\n".join(lines) + "\n"
 
 

@@ -229,7 +229,7 @@ def test_set_takes_the_aliases_of_a_mode(
     motor = load_changed("andersen2002", [change])
     assert getattr(motor.modes[0], path) == pytest.approx(value, rel=1e-12)
     assert run(["show", "andersen2002", "--set", "modes.0.quality_factor=0.4"]) == 2
-    assert "modes.0.quality_factor = 0.4 is not valid: it must be > 0.5" in capsys.readouterr().err
+    assert "modes.0.quality_factor = 0.4 is not valid: it must be a number > 0.5" in capsys.readouterr().err
 
 
 def test_set_takes_what_the_file_of_a_beam_states() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import pickle
-import re
 from math import pi, sqrt
 from typing import Any
 
@@ -60,13 +59,9 @@ def test_document_has_the_agreed_shape(subject: Motor) -> None:
 
 def test_motor_is_frozen_hashable_by_value_and_survives_a_pickle() -> None:
     subject = motor()
-    for owner, name, path in (
-        (subject, "name", "name"),
-        (subject.contact, "preload_n", "contact.preload_n"),
-        (subject.modes[0], "mass_kg", f"modes.{subject.modes[0].name}.mass_kg"),
-    ):
-        message = f"{type(owner).__name__}: {name} cannot be assigned. motor.updated({{{path!r}: …}}) returns a changed"
-        with pytest.raises(ParameterError, match=re.escape(message)):
+    for owner, name in ((subject, "name"), (subject.contact, "preload_n"), (subject.modes[0], "mass_kg")):
+        message = f"{type(owner).__name__}: {name} cannot be assigned. The method updated of the motor"
+        with pytest.raises(ParameterError, match=message):
             setattr(owner, name, 1.0)
     assert pickle.loads(pickle.dumps(subject)) == subject == motor()
 
@@ -218,14 +213,11 @@ MODES = "there are push, pull, turn, numbered from 0."
         ),
         (
             {"modes.0.frequency_hz": 0.0},
-            "modes.0.frequency_hz = 0 Hz is not valid: it must be a number > 0 and < 1e+18 Hz.",
+            "modes.0.frequency_hz = 0 Hz is not valid: it must be a number ≥ 10 and ≤ 1e+07 Hz.",
         ),
         (
             {"modes.0.frequency_hz": 1e12},
-            (
-                "modes.0.frequency_hz = 1e+12 Hz is not valid: with a mass of 0.004 kg it needs a "
-                "stiffness of 1.58e+23 N/m, which must be a number > 0.001 and ≤ 1e+15 N/m."
-            ),
+            "modes.0.frequency_hz = 1e+12 Hz is not valid: it must be a number ≥ 10 and ≤ 1e+07 Hz.",
         ),
         (
             {"modes.0.frequency_hz": 2e4, "modes.0.mass_kg": "light"},
@@ -240,7 +232,7 @@ MODES = "there are push, pull, turn, numbered from 0."
             "mode pull rings too well: quality factor 7.73e+08; no solid exceeds 1e+06, so raise its damping.",
         ),
         (
-            {"modes.0.frequency_hz": 9.0},
+            {"modes.0.stiffness_n_per_m": 0.004 * (18.0 * pi) ** 2},
             (
                 "mode push swings at 9 Hz by its mass and stiffness; a piezo motor's modes lie from 10 to 1e+07 Hz, so "
                 "correct one of them."

@@ -142,20 +142,6 @@ def test_name_of_a_motor_may_hold_more_than_that_of_a_mode() -> None:
     assert refusal.allowed_range(Motor, "modes") == "1 to 20 entries"
 
 
-@pytest.mark.parametrize("value", [1.0, 1, 1e-300, 9e17])
-def test_positive_number_passes(value: float) -> None:
-    assert refusal.positive(value, "f", "here", "Hz") == value
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), 1e18, 10**400, "1", True, None])
-def test_a_number_that_is_not_positive_is_rejected(value: Any) -> None:
-    with pytest.raises(ParameterError) as caught:
-        refusal.positive(value, "modes.0.frequency_hz", "motor x", "Hz")
-    assert reads_well(str(caught.value))
-    assert str(caught.value).startswith("motor x: modes.0.frequency_hz = ")
-    assert str(caught.value).endswith(" is not valid: it must be a number > 0 and < 1e+18 Hz.")
-
-
 @pytest.mark.parametrize("value", [2.1, 0.0, "1", True, float("nan")])
 def test_a_single_value_must_be_in_the_range_of_its_field(value: Any) -> None:
     assert refusal.limited(Thing, "size", 2, "things.0.size", "shelf.toml") == 2.0
@@ -280,12 +266,6 @@ def test_a_method_does_not_name_self_among_its_arguments() -> None:
 def test_the_duration_is_positional_and_has_a_name(name: str) -> None:
     parameter = signature(getattr(pr, name)).parameters["duration"]
     assert parameter.kind is parameter.POSITIONAL_OR_KEYWORD
-
-
-def test_simulate_points_to_the_averaged_motor() -> None:
-    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(50.0, 51.7e3)
-    with pytest.raises(ParameterError, match="The averaged motor runs in simulate_averaged"):
-        pr.simulate(motor, drive, 1e-3, averaged=True)  # type: ignore[call-arg]
 
 
 def test_a_motor_without_named_parameters_points_to_load_motor() -> None:

@@ -99,5 +99,5 @@ def test_an_analysis_that_needs_a_contact_says_why(analysis: object) -> None:
     }[analysis]  # type: ignore[index]
     with pytest.raises(pr.ParameterError, match=r"contact = None \(free tip\) is not valid here: "):
         analysis(MOTOR, DRIVE, contact=None, **arguments)  # type: ignore[operator]
-    with pytest.raises(pr.ParameterError, match=r"no argument 'sliders'\. Write contact=Law\(\"brush\", 8\)\."):
+    with pytest.raises(pr.ParameterError, match=r"no argument 'sliders'\."):
         analysis(MOTOR, DRIVE, sliders=8, **arguments)  # type: ignore[operator]

@@ -27,19 +27,10 @@ def with_outside_modes(motor: Motor) -> Motor:
     modes = Modes(*(column[..., chosen] for column in vars(outside).values()))
     effective = modes.stiffnesses_n_per_m - modes.masses_kg * stator.static_from(modes.frequencies_hz)
     charges = (modes.couplings_n_per_v / effective) @ modes.couplings_n_per_v.T
-    damping = modes.dampings_n_s_per_m(motor.solid.quality_factor)
+    held = {"recoil_kg": 0.0, "recoil_x_kg": 0.0}
+    outer = [table | held for table in modes.tables("outside", motor.solid.quality_factor)]
     document = motor.model_dump() | {"drive": motor.drive}
-    document["modes"] = [mode.model_dump() for mode in motor.modes] + [
-        {
-            "name": f"outside-{index + 1}", "mass_kg": float(modes.masses_kg[index]),
-            "stiffness_n_per_m": float(modes.stiffnesses_n_per_m[index]), "damping_n_s_per_m": float(damping[index]),
-            "coupling_a_n_per_v": float(modes.couplings_n_per_v[0, index]),
-            "coupling_b_n_per_v": float(modes.couplings_n_per_v[1, index]),
-            "tip_x": float(modes.tip_x[index]), "tip_y": float(modes.tip_y[index]), "recoil_kg": 0.0,
-            "recoil_x_kg": 0.0,
-        }
-        for index in range(len(chosen))
-    ]  # fmt: skip
+    document["modes"] = [*(mode.model_dump() for mode in motor.modes), *outer]
     document["piezo"]["capacitance_a_f"] -= float(charges[0, 0])
     document["piezo"]["capacitance_b_f"] -= float(charges[1, 1])
     document["piezo"]["capacitance_ab_f"] += float(charges[0, 1])

@@ -25,6 +25,7 @@ from pyspice_runner.motor.one_thread import one_thread
 from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, strains
 from pyspice_runner.motor.solid.geometry import Geometry, build_geometry
 from pyspice_runner.motor.solid.parameters import Solid
+from pyspice_runner.motor.stator import MODE_COLUMNS
 
 _RIGID = 1e-8  # ω² of a rigid motion, over that of the shift
 _ZERO = 1e-7  # of its natural scale: a motion or a coupling that symmetry forbids
@@ -60,6 +61,16 @@ class Modes:
     def dampings_n_s_per_m(self, quality_factor: float) -> Array:
         """Return the modal damping √(k m)/Q."""
         return np.asarray(2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor)
+
+    def tables(self, name: str, quality_factor: float) -> list[dict[str, Any]]:
+        """Return the modes as tables ``[[modes]]``, named ``name-1`` and so on."""
+        damping, coupling = self.dampings_n_s_per_m(quality_factor), self.couplings_n_per_v.T
+        ends = (self.tip_x, self.tip_y, self.recoil_kg, self.recoil_x_kg)
+        rows = np.column_stack([self.masses_kg, damping, self.stiffnesses_n_per_m, coupling, *ends])
+        return [
+            {"name": f"{name}-{index}", **dict(zip(MODE_COLUMNS, row, strict=True))}
+            for index, row in enumerate(rows.tolist(), start=1)
+        ]
 
 
 @dataclass(frozen=True)
