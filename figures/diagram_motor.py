@@ -107,7 +107,8 @@ def circuit(sheet: Sheet) -> None:
     sheet.block((10.2, 4.5), (8.9, 1.4), MODE)
     sheet.note("mode 2 and further modes:\nthe same circuit, in parallel", (14.1, 5.2), linespacing=1.3)
     sheet.node(mode, "a\ncom\nb", (10.4, 5.2), ha="left", linespacing=1.1)
-    sheet.node("piezomotor_tip", "fx vx x\nfy vy y", (18.9, 5.2), ha="right", linespacing=1.4)
+    sheet.node("piezomotor_tip", "fx vx x\nfy vy y", (18.9, 5.35), ha="right", linespacing=1.4)
+    sheet.node(mode, "base", (18.9, 4.75), ha="right")
 
     contact(sheet, (fourth, top), middle, bottom)
     mount(sheet, bottom)

@@ -18,6 +18,8 @@ SCRIPTS = sorted((ROOT / "figures").glob("diagram_*.py"))
 NOT_DRAWN = {
     "piezomotor_group": {"p", "n", "slow1", "slow2", "slow3", "slow4", "slow5"},
     "piezomotor_averaged": {"shaft"},  # that of its rotor
+    "piezomotor_mode": {"force", "damped"},  # inside the loop, between the mode and its tip
+    "piezomotor_tip": {"force", "damped", "elastic"},
 }
 PAGES = {
     "README.md": "diagram_motor", "docs/drive.md": "diagram_drive", "docs/contact.md": "diagram_contact",
@@ -36,10 +38,15 @@ def names_of(script: Path) -> list[Any]:
     return list(drawn.names)
 
 
+def text_of(library: str) -> str:
+    """The file of a subcircuit: that of the averaged motor is generated."""
+    folder = "netlists" if library == "piezomotor_averaged" else "behavioral"
+    return (ROOT / folder / f"{library}.lib").read_text(encoding="utf-8")
+
+
 def header_of(library: str, entry: str) -> set[str]:
     """Names of the ``PIN`` or ``PAR`` lines in the header of a subcircuit."""
-    text = (ROOT / "behavioral" / f"{library}.lib").read_text(encoding="utf-8")
-    return set(re.findall(rf"^\* {entry} +(\w+)", text, re.M))
+    return set(re.findall(rf"^\* {entry} +(\w+)", text_of(library), re.M))
 
 
 def words_of(label: str) -> list[str]:
@@ -48,7 +55,7 @@ def words_of(label: str) -> list[str]:
 
 def nodes_of(library: str) -> set[str]:
     """Pins and inner nodes of a subcircuit."""
-    text = (ROOT / "behavioral" / f"{library}.lib").read_text(encoding="utf-8")
+    text = text_of(library)
     ends = re.findall(r"^[RLCVEFGHB]\w* (\w+) (\w+)", text, re.M)
     return header_of(library, "PIN") | {node for pair in ends for node in pair}
 
