@@ -7,6 +7,7 @@ import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi, sqrt
 from typing import Any, Self
 
@@ -36,7 +37,7 @@ from pyspice_runner.motor.parameters import (
 from pyspice_runner.motor.refusal import build, checked, limited, quoted, refusal
 from pyspice_runner.motor.save import motor_toml
 from pyspice_runner.motor.solid.parameters import Solid
-from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, unknown_recoil
+from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, carriers, unknown_recoil
 from pyspice_runner.units import engineering
 
 # Relations between the values of a motor.
@@ -177,8 +178,7 @@ class Motor(Shown, Parameters):
             )
         self._check_groups()
         stator = self.stator
-        carried = stator.with_carrier(self.mount)
-        shaking = stator.recoil[:, : carried.carriers] / np.sqrt(stator.mass[:, np.newaxis])
+        shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
             raise ValueError(
@@ -216,7 +216,7 @@ class Motor(Shown, Parameters):
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
 
-    @property
+    @cached_property
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
         return Stator.of_modes(self.modes, self.piezo, self.contact)
@@ -315,6 +315,12 @@ class Motor(Shown, Parameters):
         }
 
     __str__ = Shown.__repr__
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with some fields replaced, as of pydantic, without the matrices of this motor."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("stator", None)
+        return copied
 
     def to_toml(self, *, heading: str = "") -> str:
         """Return the motor as TOML for :func:`~pyspice_runner.load_motor`: values as set, with their origin.

@@ -83,20 +83,18 @@ class Stator:
         """Return the stator on its carrier, whose coordinates are the last: along y and, unless it is held, along x."""
         if not (moving := carriers(mount)):
             return self
-        n, count, contacts = len(self.mass), len(moving), len(self.contact) // 2
-        mass, damping, stiffness = (
-            np.pad(square(one), (0, count)) for one in (self.mass, self.damping, self.stiffness)
-        )
-        mass[n:, :n] = self.recoil.T[:count]
-        mass[:n, n:] = mass[n:, :n].T
-        for place, along in enumerate(moving, start=n):
-            mass[place, place], damping[place, place] = along.mass_kg, along.damping_n_s_per_m
-            stiffness[place, place] = along.stiffness_n_per_m
-        moved = np.tile([[0.0, 1.0], [1.0, 0.0]], (contacts, 1))[:, :count]
-        return replace(
-            self, mass=mass, damping=damping, stiffness=stiffness, coupling=np.pad(self.coupling, ((0, count), (0, 0))),
-            contact=np.hstack([self.contact, moved]), recoil=np.zeros((n + count, 2)), carriers=count,
-        )  # fmt: skip
+        n = len(self.mass)
+        found = self._extended(len(moving))
+        found.mass[n:, :n] = self.recoil.T[: len(moving)]
+        found.mass[:n, n:] = found.mass[n:, :n].T
+        for place, along in enumerate(moving):
+            found.mass[n + place, n + place], found.damping[n + place, n + place] = (
+                along.mass_kg,
+                along.damping_n_s_per_m,
+            )
+            found.stiffness[n + place, n + place] = along.stiffness_n_per_m
+            found.contact[1 - place :: 2, n + place] = 1.0
+        return replace(found, recoil=np.zeros((n + len(moving), 2)), carriers=len(moving))
 
     def pressed(self, stiffness: ArrayLike, damping: ArrayLike, surface_kg: float, surface_n_s_per_m: float) -> Self:
         """Return the stator with its contacts stuck to the surface of a rotor, which is one more coordinate, the last.
@@ -109,17 +107,27 @@ class Stator:
         """
         springs = np.diag(np.asarray(stiffness, dtype=float))
         springs = springs @ np.linalg.inv(np.eye(len(springs)) + self.residual @ springs)
-        along = np.hstack([self.contact, np.tile([[-1.0], [0.0]], (len(springs) // 2, 1))])
-        mass, losses, elastic = (np.pad(square(one), (0, 1)) for one in (self.mass, self.damping, self.stiffness))
-        mass[-1, -1], losses[-1, -1] = surface_kg, surface_n_s_per_m
-        more = ((0, 1), (0, 0))
-        held = springs @ self.residual_per_volt  # forces of the contacts per volt
+        found = self._extended(1)
+        found.mass[-1, -1], found.damping[-1, -1] = surface_kg, surface_n_s_per_m
+        found.contact[::2, -1] = -1.0
+        along, held = found.contact, springs @ self.residual_per_volt  # ``held``: forces of the contacts per volt
         return replace(
-            self, mass=mass, damping=losses + along.T @ np.diag(np.asarray(damping, dtype=float)) @ along,
-            stiffness=elastic + along.T @ springs @ along,
-            coupling=np.pad(self.coupling, more) - along.T @ held, contact=along, recoil=np.pad(self.recoil, more),
+            found, damping=found.damping + (along.T * np.asarray(damping)) @ along,
+            stiffness=found.stiffness + along.T @ springs @ along, coupling=found.coupling - along.T @ held,
             capacitance=self.capacitance - self.residual_per_volt.T @ held, carriers=0,
         )  # fmt: skip
+
+    def _extended(self, count: int) -> Self:
+        """Return the stator with more coordinates, so far without mass, spring, damping and motion of the contacts."""
+        n, shape = len(self.mass), (len(self.mass) + count, len(self.mass) + count)
+        mass, damping, stiffness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        contact = np.zeros((len(self.contact), n + count))
+        mass[:n, :n], damping[:n, :n], stiffness[:n, :n] = map(square, (self.mass, self.damping, self.stiffness))
+        coupling, recoil = np.zeros((n + count, self.coupling.shape[1])), np.zeros((n + count, 2))
+        contact[:, :n], coupling[:n], recoil[:n] = self.contact, self.coupling, self.recoil
+        return replace(
+            self, mass=mass, damping=damping, stiffness=stiffness, coupling=coupling, contact=contact, recoil=recoil
+        )
 
     def adapted(self, step: float) -> Self:
         """Return the stator, on its carrier, that a netlist needs so that the trapezoidal rule is exact at resonances.
