@@ -41,6 +41,7 @@ from pyspice_runner.drivers.parts import (
     suited,
 )
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -265,18 +266,18 @@ def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePo
     waves = state.waveforms
     assert waves is not None
     frequency = 1.0 / waves.drive_period_s
-    groups, real, apparent = {}, 0.0, 0.0
+    inputs, real, apparent = {}, 0.0, 0.0
     for group in GROUPS:
-        volts = _phasor(getattr(waves, f"voltage_{group}_v"), waves.time_s, frequency)
-        amperes = _phasor(getattr(waves, f"current_{group}_a"), waves.time_s, frequency)
+        volts = _phasor(getattr(waves, groups.column("voltage", group, "v")), waves.time_s, frequency)
+        amperes = _phasor(getattr(waves, groups.column("current", group, "a")), waves.time_s, frequency)
         source, through = at_stage(driver, group, volts, amperes)
         power, product = (source * through.conjugate()).real, abs(source) * abs(through)
         impedance = volts / amperes
-        groups[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
+        inputs[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
         real, apparent = real + 0.5 * power, apparent + 0.5 * product
     power_w = state.power_a_w + state.power_b_w
     factor, speed = real / apparent, state.speed_rad_s
-    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, groups["a"], groups["b"])
+    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, inputs["a"], inputs["b"])
 
 
 def network_of(driver: Driver, group: str, frequency: float | None = None) -> tuple[complex, complex]:
@@ -329,11 +330,11 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
         amperes = pin / np.array([point.group(group).impedance_ohm for point in points])
         line, through = pin, amperes
         for before in _passed(driver, group, pin, amperes, 2.0 * pi * driver.frequency):
-            stores, instance = before.stores, f"xnetwork_{group}"
+            stores, instance = before.stores, groups.named("xnetwork", group)
             if "lline" in stores:
                 found |= {
                     f"i(v.xcable_{group}.vcurrent)": stores["lline"],
-                    f"v({driver.network}_{group})": before.volts,
+                    groups.voltage(driver.network, group): before.volts,
                 }
             else:
                 found |= {
@@ -342,9 +343,9 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
                 }  # fmt: skip
             line, through = before.volts, before.amperes
         found |= {
-            f"v({group})": pin, f"i(vpin_{group})": amperes, f"v(line_{group})": line,
-            f"v(transformer_{group})": line,
-            f"i(vout_{group})": through * (1.0 if driver.kind == "push-pull" else driver.ratio(group)),
+            f"v({group})": pin, groups.current("pin", group): amperes, groups.voltage("line", group): line,
+            groups.voltage("transformer", group): line,
+            groups.current("out", group): through * (1.0 if driver.kind == "push-pull" else driver.ratio(group)),
         }  # fmt: skip
     return found
 
@@ -404,7 +405,7 @@ def driver_state(
         if state.converged and (state.stable or state.held_by_friction):
             found = range_point("", state, driver)
             of_groups = {
-                f"{name}_{group}_{unit}": getattr(found.group(group), f"{name}_{unit}")
+                groups.column(name, group, unit): getattr(found.group(group), f"{name}_{unit}")
                 for group in GROUPS for name, unit in (("voltage", "v"), ("current", "a"))
             }  # fmt: skip
             names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
@@ -625,10 +626,10 @@ class _Search:
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
         for group in GROUPS:
             most = largest_inductance(driver.frequency, winding_of(driver, group) or WINDING_CAPACITANCE)
-            label, leakage = f"{driver.network}_{group}", driver.leakage(group)
+            label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
-            clamped = getattr(self.ideal.motor.piezo, f"capacitance_{group}_f") + driver.cable_f(group)
+            clamped = groups.of(self.ideal.motor.piezo.capacitances, group) + driver.cable_f(group)
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:

@@ -28,6 +28,7 @@ from pyspice_runner.circuit.source import GROUPS, Pins, Source
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
 from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated, quoted
@@ -301,7 +302,7 @@ class Driver(Stated, Source):
 
     def ringing(self, motor: Motor, group: str) -> Ringing | None:
         """Return the inductance and capacitance behind the stage of a group; ``None`` without an inductance."""
-        inductance, capacitance = self.leakage(group), float(getattr(motor.piezo, f"capacitance_{group}_f"))
+        inductance, capacitance = self.leakage(group), groups.of(motor.piezo.capacitances, group)
         for part in self.parts(group):
             if part.label == self.network:
                 inductance += part.values[_SERIES[part.label][0]]
@@ -387,7 +388,7 @@ class Driver(Stated, Source):
         network = "inductor" if self.network == "none" else self.network
         for group in GROUPS:
             inductance, resistance = self._in_series(group)
-            label, (coil, ohms), values = f"{network}_{group}", _SERIES[network], self.values(group, network)
+            label, (coil, ohms), values = groups.named(network, group), _SERIES[network], self.values(group, network)
             changes |= {f"{label}.{name}": values[name] for name in values}
             changes[f"{label}.{coil}"] = max(values.get(coil, 0.0) + inductance, 1e-6)
             changes[f"{label}.{ohms}"] = max(values.get(ohms, 0.0) + resistance, 1e-3)
@@ -520,14 +521,18 @@ class Driver(Stated, Source):
         return next((part.values for part in self.parts(group) if part.label == label), {})
 
     def _chain_of(self, group: str) -> tuple[Part, ...]:
-        own = [self._part(_OWN, self._stage, f"stage_{group}", group)] if self._stage else []
+        own = [self._part(_OWN, self._stage, groups.named("stage", group), group)] if self._stage else []
         between = self.transformer or self.kind == "full-bridge"
         slots = (_STAGES.get(self.kind), _TRANSFORMER if between else None)
-        cable = _CABLE if {CABLE, f"{CABLE}_{group}"} & {path.partition(".")[0] for path in self.settings} else None
+        labels = {path.partition(".")[0] for path in self.settings}
+        cable = _CABLE if {CABLE, groups.named(CABLE, group)} & labels else None
         chain = [slot for slot in (*slots, _NETWORKS.get(self.network), cable) if slot]
         return (
             *own,
-            *(self._part(slot.label, read_library(slot.library), f"{slot.instance}_{group}", group) for slot in chain),
+            *(
+                self._part(slot.label, read_library(slot.library), groups.named(slot.instance, group), group)
+                for slot in chain
+            ),
         )
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
@@ -561,7 +566,7 @@ class Driver(Stated, Source):
 
     def current(self, group: str) -> tuple[str, float]:
         """Return the vector of the current into a pin, and its sign."""
-        return f"i(vpin_{group})", 1.0
+        return groups.current("pin", group), 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the driver and every parameter of its parts, JSON-ready."""
@@ -655,7 +660,7 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
         libraries.insert(0, read_library("driver_source"))
     circuit.raw_spice += definitions(*libraries) + "\n"
     if source:
-        amplitudes = {f"amplitude_{group}": control_amplitude(driver, group) for group in GROUPS}
+        amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in GROUPS}
         nodes = ("control_a", "control_b", circuit.gnd)
         instantiate(
             circuit, "source", "driver_source", nodes,
@@ -715,35 +720,35 @@ def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, rise
     def add(part: Part, nodes: Mapping[str, str]) -> None:
         instantiate(circuit, part.instance, part.library, list(nodes.values()), **part.values)
 
-    chain, output, line = _chain(driver, group), f"control_{group}", f"line_{group}"
+    chain, output, line = _chain(driver, group), groups.named("control", group), groups.named("line", group)
     if driver.kind != "ideal":
         (first, nodes), *chain = chain
         for rail, volts in zip(RAILS, driver.rails(group), strict=True):
             ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
             if rail in nodes:
-                circuit.V(f"{rail}_{group}", nodes[rail], circuit.gnd, ramp if volts else "DC 0")
+                circuit.V(groups.named(rail, group), nodes[rail], circuit.gnd, ramp if volts else "DC 0")
         add(first, nodes)
-        output = f"out_{group}"
-    circuit.V(f"out_{group}", output, line, "DC 0")
+        output = groups.named("out", group)
+    circuit.V(groups.named("out", group), output, line, "DC 0")
     for part, nodes in chain:
         add(part, nodes)
-        line = f"{part.label}_{group}"
-    circuit.V(f"pin_{group}", line, pin, "DC 0")
+        line = groups.named(part.label, group)
+    circuit.V(groups.named("pin", group), line, pin, "DC 0")
 
 
 def _chain(driver: Driver, group: str) -> list[tuple[Part, dict[str, str]]]:
     """Return the parts of a channel from the stage on, each with the node of each pin."""
-    back = f"return_{group}" if driver.kind == "full-bridge" else "0"
-    line, found = f"line_{group}", list[tuple[Part, dict[str, str]]]()
+    back = groups.named("return", group) if driver.kind == "full-bridge" else "0"
+    line, found = groups.named("line", group), list[tuple[Part, dict[str, str]]]()
     for part in driver.parts(group):
         if driver.kind != "ideal" and not found:
-            before, after = f"control_{group}", f"out_{group}"
+            before, after = groups.named("control", group), groups.named("out", group)
         else:
-            before, line = line, f"{part.label}_{group}"
+            before, line = line, groups.named(part.label, group)
             after = line
         nodes = {
             "in": before, "out": after, "com": "0", "out_p": after, "out_n": back,
-            "p1": before, "p2": back, "s1": after, "s2": "0", **{rail: f"{rail}_{group}" for rail in RAILS},
+            "p1": before, "p2": back, "s1": after, "s2": "0", **{rail: groups.named(rail, group) for rail in RAILS},
         }  # fmt: skip
         found.append((part, {name: nodes[name] for name in part.library.pin_names}))
     return found

@@ -34,6 +34,7 @@ from pyspice_runner.drivers.parts import (
     beyond,
     ratings,
 )
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.strength import depolarised, electrode_distance
@@ -101,13 +102,13 @@ def part_loads(driver: Driver, samples: Mapping[str, Array]) -> tuple[PartLoad, 
 def _behind(driver: Driver, group: str) -> list[tuple[Part, str, str]]:
     """Return the parts behind the stage of a group, each with the nodes in front of it and behind it."""
     parts = list(driver.parts(group))[0 if driver.kind == "ideal" else 1 :]
-    nodes = [f"line_{group}", *(f"{part.label}_{group}" for part in parts[:-1]), group]
+    nodes = [groups.named("line", group), *(groups.named(part.label, group) for part in parts[:-1]), group]
     return list(zip(parts, nodes, nodes[1:], strict=False))
 
 
 def _drains(driver: Driver, group: str) -> tuple[list[str], list[str]]:
     """Return the vectors of the drains of a bridge: currents, and voltages that are not held between the rails."""
-    legs, stage = _DRAINS.get(driver.kind, ()), f"xstage_{group}"
+    legs, stage = _DRAINS.get(driver.kind, ()), groups.named("xstage", group)
     volts = [f"v({stage}.{leg})" for leg in legs] if driver.kind == "push-pull" else []
     return [f"i(v.{stage}.v{leg})" for leg in legs], volts
 
@@ -121,7 +122,7 @@ def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mappi
     of_group = f"group {group.upper()}"
     if part.label == "transformer":
         name = f"{TRANSFORMER}, {of_group}, turns secondary to primary"
-        turns = PartLoad(name, part.values["ratio"], "1", _peak(after), _peak(samples[f"i(vout_{group})"]))
+        turns = PartLoad(name, part.values["ratio"], "1", _peak(after), _peak(samples[groups.current("out", group)]))
         return [turns, *_winding(part, group, _peak(after))]
     if part.label == CABLE:
         through = _peak(samples[f"i(v.xcable_{group}.vcurrent)"])
@@ -139,14 +140,14 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
         return found
     of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
-        current = f"i(v{rail}_{group})"
+        current = groups.current(rail, group)
         if current in samples and volts:
             found.append(PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), _peak(samples[current])))
     if driver.kind in BRIDGES:
-        borne_v, current_a = driver.swing(group), _peak(samples[f"i(vout_{group})"])
+        borne_v, current_a = driver.swing(group), _peak(samples[groups.current("out", group)])
         if driver.kind == "push-pull":
             name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
-            line_v = _peak(samples[f"v(line_{group})"])
+            line_v = _peak(samples[groups.voltage("line", group)])
             found.append(PartLoad(name, driver.ratio(group), "1", line_v, current_a))
             found += _winding(driver.parts(group)[0], group, line_v)
             current_a *= driver.ratio(group)
@@ -171,7 +172,7 @@ def _winding(part: Part, group: str, volts: float) -> list[PartLoad]:
 def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
     """Return coils and capacitors of a network between two voltages."""
     values, llcc, of_group = part.values, part.label == "llcc", f"group {group.upper()}"
-    prefix, instance = "series_" if llcc else "", f"xnetwork_{group}"
+    prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
     coil, capacitor = values[f"{prefix}inductance"], values[f"{prefix}capacitance"]
     found: list[PartLoad] = []
@@ -186,7 +187,7 @@ def _of_network(part: Part, group: str, before: Array, after: Array, samples: Ma
     if not llcc:
         return found
     across, volts = samples[f"i(v.{instance}.vparallel)"], _peak(after)
-    drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[f"i(vpin_{group})"])
+    drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
     coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
     if coil != NO_COIL:
         found.append(PartLoad(f"parallel coil, {of_group}", coil, "H", volts, _peak(across)))
@@ -208,11 +209,11 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
         voltage = np.abs(samples[f"v({group})"])
         distance = electrode_distance(motor, group)
         found |= {
-            f"voltage_{group}_v": float(voltage.max()),
-            f"voltage_{group}_at_s": float(samples["time"][voltage.argmax()]),
-            f"current_{group}_a": float(np.abs(samples[f"i(vpin_{group})"]).max()),
-            f"field_{group}_v_per_m": None if distance is None else float(voltage.max()) / distance,
-            f"stage_current_{group}_a": float(np.abs(samples[f"i(vout_{group})"]).max()),
+            groups.column("voltage", group, "v"): float(voltage.max()),
+            groups.column("voltage", group, "at_s"): float(samples["time"][voltage.argmax()]),
+            groups.column("current", group, "a"): float(np.abs(samples[groups.current("pin", group)]).max()),
+            groups.column("field", group, "v_per_m"): None if distance is None else float(voltage.max()) / distance,
+            groups.column("stage_current", group, "a"): float(np.abs(samples[groups.current("out", group)]).max()),
         }
     loads = part_loads(driver, samples)
     found["parts"] = [load.__dict__ for load in loads]
@@ -288,7 +289,7 @@ class _Switch:
 
 def _switches(driver: Driver, group: str) -> list[_Switch]:
     """Return the transistors of the bridge of a group."""
-    stage, (top, bottom) = f"xstage_{group}", driver.rails(group)
+    stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
     if driver.kind == "push-pull":
         return [
             _Switch(
@@ -297,7 +298,7 @@ def _switches(driver: Driver, group: str) -> list[_Switch]:
             )
             for own, other in ("pn", "np")
         ]  # fmt: skip
-    out, line, back = f"i(vout_{group})", f"v(line_{group})", f"v(return_{group})"
+    out, line, back = groups.current("out", group), groups.voltage("line", group), groups.voltage("return", group)
     if driver.kind == "half-bridge":
         legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
     else:
@@ -506,6 +507,6 @@ def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> lis
     """Return a sentence for each limit of a part or of the ceramic that an event exceeds."""
     notes = []
     for name, found in events.items():
-        peaks = {group: float(found[f"voltage_{group}_v"]) for group in GROUPS}
+        peaks = {group: float(found[groups.column("voltage", group, "v")]) for group in GROUPS}
         notes += [f"At a {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
     return notes

@@ -33,6 +33,7 @@ from pyspice_runner.drivers.loads import (
     turn_ons,
 )
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
@@ -273,7 +274,7 @@ class DriveReport(Result):
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
                 f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
             )
-            field = self.maxima[f"field_{group}_v_per_m"]
+            field = self.maxima[groups.column("field", group, "v_per_m")]
             found[f"group {group}, greatest"] = (
                 f"{engineering(self.maxima[f'voltage_{group}_v'], 'V')} after "
                 f"{engineering(self.maxima[f'voltage_{group}_at_s'], 's')}"
@@ -419,11 +420,11 @@ def drive_report(
         found = driver_events(setup, driver, vectors)
         report = replace(report, events=found, event_faults=event_cautions(setup, found))
         runs += found.values()
-    peaks = {group: float(report.maxima[f"voltage_{group}_v"]) for group in GROUPS}
+    peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in GROUPS}
     if design:
         reached = None if speed is not None else report.mean_rotor_speed_rad_s
         loads = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
-        most = {group: max(float(run[f"voltage_{group}_v"]) for run in runs) for group in GROUPS}
+        most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in GROUPS}
         report = replace(report, design=design.ran(loads, reached, most, motor))
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
@@ -514,12 +515,12 @@ class _Measurement:
         """Return the voltage at a place."""
         if place == "pin":
             return self.samples[f"v({group})"]
-        back = self.samples[f"v(return_{group})"] if self.driver.kind == "full-bridge" else 0.0
-        return self.samples[f"v(line_{group})"] - back
+        back = self.samples[groups.voltage("return", group)] if self.driver.kind == "full-bridge" else 0.0
+        return self.samples[groups.voltage("line", group)] - back
 
     def current(self, place: str, group: str) -> Array:
         """Return the current at a place."""
-        return self.samples[f"i(v{place}_{group})"]
+        return self.samples[groups.current(place, group)]
 
     def power(self, place: str, group: str) -> Array:
         """Return the power that passes through a place."""
@@ -573,9 +574,9 @@ class _Measurement:
             lost = sum(loss for name, loss in losses.items() if self.driver.own and name.startswith("driver_"))
             return _Budget(output_w + lost + inside, losses, sum(feeds), sum(stored))
         put_in = sum(
-            self.window.mean(-self.samples[f"v({rail}_{group})"] * self.samples[f"i(v{rail}_{group})"])
+            self.window.mean(-self.samples[groups.voltage(rail, group)] * self.samples[groups.current(rail, group)])
             for rail in RAILS
-            if f"i(v{rail}_{group})" in self.samples
+            if groups.current(rail, group) in self.samples
         )
         if self.driver.own and not parts[0].library.losses:
             losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
@@ -586,15 +587,15 @@ class _Measurement:
         found: dict[str, Array] = {}
         for group in GROUPS:
             for rail, name in zip(RAILS, ("positive", "negative"), strict=True):
-                if f"i(v{rail}_{group})" in self.samples:
-                    found[name] = found.get(name, 0.0) - self.samples[f"i(v{rail}_{group})"]
+                if groups.current(rail, group) in self.samples:
+                    found[name] = found.get(name, 0.0) - self.samples[groups.current(rail, group)]
         return found
 
     def waveforms(self) -> dict[str, Array]:
         """Return voltages and currents of both groups over the window."""
         columns = {"time_s": self.window.time}
         for group in GROUPS:
-            for place, name in (("out", f"output_{group}"), ("pin", f"group_{group}")):
+            for place, name in (("out", groups.named("output", group)), ("pin", groups.named("group", group))):
                 columns[f"{name}_v"] = self.window.cut(self.voltage(place, group))
                 columns[f"{name}_a"] = self.window.cut(self.current(place, group))
         return columns
@@ -618,12 +619,17 @@ def _quotient(above: float, below: float) -> float:
 def _saved(driver: Driver, *, contact: bool) -> list[str]:
     names = ["v(shaft)", *(["v(xmotor.friction)", "v(xmotor.normal)"] if contact else [])]
     for group in GROUPS:
-        names += [f"v({group})", f"i(vpin_{group})", f"v(line_{group})", f"i(vout_{group})"]
+        names += [
+            f"v({group})",
+            groups.current("pin", group),
+            groups.voltage("line", group),
+            groups.current("out", group),
+        ]
         if driver.kind == "full-bridge":
-            names.append(f"v(return_{group})")
+            names.append(groups.voltage("return", group))
         if driver.kind != "ideal":
             rails = [rail for rail, volts in zip(RAILS, driver.rails(group), strict=True) if volts]
-            names += [item for rail in rails for item in (f"v({rail}_{group})", f"i(v{rail}_{group})")]
+            names += [item for rail in rails for item in (groups.voltage(rail, group), groups.current(rail, group))]
         for part in driver.parts(group):
             names += part.power_vectors
     return names
