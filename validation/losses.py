@@ -25,7 +25,7 @@ from pydantic import ValidationError
 import pyspice_runner as pr
 from pyspice_runner.motor.contact import normal_stiffness_at_preload, tangential_stiffness_at_preload
 from pyspice_runner.motor.drive import check_together
-from pyspice_runner.run.dynamometer import GAIN
+from pyspice_runner.run.audit import GAIN
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE
 from pyspice_runner.spice.ngspice import ngspice_version
 from tests.reference.damped import DampedRun, integrate_damped

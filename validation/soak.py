@@ -25,9 +25,8 @@ import numpy as np
 from pydantic import ValidationError
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.fixtures import UNIFORM_POINTS
 from pyspice_runner.circuit.law import PAPER_LAW
-from pyspice_runner.circuit.source import DriveSource, Source
+from pyspice_runner.circuit.source import UNIFORM_POINTS, DriveSource, Source
 from pyspice_runner.drivers.driver import DriverKind, NetworkKind
 from pyspice_runner.motor.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, check_together, free_tip
 from pyspice_runner.motor.motor import Motor

@@ -26,7 +26,7 @@ from pyspice_runner.motor.shaft import ShaftLoad
 from pyspice_runner.motor.strength import peak_of_amplitudes, temperature_rise
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit
-from pyspice_runner.run.ceramic import stated
+from pyspice_runner.run.audit import stated
 from pyspice_runner.run.kernel import progress_callback, run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice import Engine

@@ -8,22 +8,12 @@ from dataclasses import dataclass, field
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.evaluated import Plotted, plotted_nodes
-from pyspice_runner.circuit.fixtures import (
-    METERED,
-    TRANSIENT_OPTIONS,
-    add_cooling,
-    add_meters,
-    add_set_speed,
-    brake_parts,
-    connect_brake,
-    not_below_rounding,
-)
+from pyspice_runner.circuit.evaluated import Plotted, Power, plotted_nodes
+from pyspice_runner.circuit.fixtures import METERED, add_cooling, add_meters, add_set_speed, brake_parts, connect_brake
 from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_values
 from pyspice_runner.circuit.motor import add_motor, instantiate
 from pyspice_runner.circuit.own_law import PINS
-from pyspice_runner.circuit.powers import Power
-from pyspice_runner.circuit.source import GROUPS, Source
+from pyspice_runner.circuit.source import GROUPS, TRANSIENT_OPTIONS, Source, not_below_rounding
 from pyspice_runner.circuit.state import Discretisation, Motion, first_guess, motor_states, plate_nodes, start_nodes
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
@@ -74,8 +64,8 @@ def motor_bench(
     circuit = Circuit(title or f"{motor.name}: transient")
     source.add(circuit, motor, GROUPS, begun=begun)
     powers = {} if plotted else dict(source.powers)
-    for line in {power.line for power in powers.values()}:
-        circuit.raw_spice = circuit.raw_spice.replace(line, "")
+    for power in powers.values():
+        circuit.raw_spice = circuit.raw_spice.replace(power.line, "")
     nodes = source.pins
     if approach:
         circuit.V("approach", "approach", circuit.gnd, approach)
@@ -94,7 +84,8 @@ def motor_bench(
         thermal=thermal or source.thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
     first = _start(motor, source, law, start, discretisation)
-    return Bench(circuit, options, first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
+    nodes_left_out = plotted_nodes(motor, law, "xmotor") if law and law.row else {}
+    return Bench(circuit, options, first, signals={**nodes_left_out, **powers})
 
 
 def dynamometer_bench(
@@ -172,6 +163,6 @@ def _start(
         states = motor_states(motor, law)
         nodes |= start_nodes(states, [state.of(start) for state in states], discretisation)
     else:
-        plates = zip(GROUPS, source.initial_voltages(), strict=True)
-        nodes |= {node: voltage for group, voltage in plates if abs(voltage) > 1e-12 for node in plate_nodes(group)}
+        for group, voltage in zip(GROUPS, source.initial_voltages(), strict=True):
+            nodes |= dict.fromkeys(plate_nodes(group), voltage) if abs(voltage) > 1e-12 else {}
     return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The equations of contact and stem, as the libraries have them, evaluated by numpy for many states at once."""
+"""Equations of the libraries, evaluated by numpy: of contact and stem, and of powers that a circuit leaves out."""
 
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import CodeType
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import Law, contact_library, contact_values
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.spice.expressions import equations, translated
-from pyspice_runner.spice.library import Library
+from pyspice_runner.spice.expressions import TOKEN, equations, translated
+from pyspice_runner.spice.library import Library, number
 
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-7  # step of a difference quotient over the scale: the curvature and rounding change less than that
@@ -210,3 +211,61 @@ def parameter_columns(
         for motor, deflection in zip(motors, deflections_m, strict=True)
     ]  # fmt: skip
     return {name: np.array([values[name] for values in each], dtype=float) for name in defaults}
+
+
+LINE = re.compile(r"^B((?:loss|feed|store)_\w+) \w+ 0 V=(.*)\n", re.M)  # of a power or energy: its node and expression
+_PARAMETER = re.compile(r"^\.param (\w+)=\{(.*)\}$", re.M)  # of a library, which follows from others
+_SENSED = re.compile(r"([VI])\((\w+)(?:,(\w+))?\)")  # a voltage or current in an expression
+
+
+@dataclass(frozen=True, eq=False)
+class Power:
+    """The voltage of a node that a circuit leaves out, because nothing depends on it."""
+
+    line: str  # of the library, which the circuit leaves out
+    terms: Mapping[str, str]  # name in the expression by vector
+    constants: Mapping[str, float]  # parameters of the part
+    _code: CodeType
+
+    def of(self, vectors: Mapping[str, Array]) -> Array:
+        """Return the vector of the node."""
+        recorded = {name: vectors[vector] for vector, name in self.terms.items()}
+        return np.asarray(eval(self._code, {}, {**self.constants, **recorded}), dtype=float)
+
+
+def powers_of(
+    library: Library, instance: str, nodes: Mapping[str, str], values: Mapping[str, float]
+) -> Iterator[tuple[str, Power]]:
+    """Yield the powers and energies of an instance of a library by their vectors.
+
+    Args:
+        library: the library.
+        instance: name of the instance, with the x, in lower case.
+        nodes: node of the circuit for each pin.
+        values: value of each parameter.
+    """
+    constants = dict(values)
+    for name, expression in _PARAMETER.findall(library.subcircuit):
+        constants[name] = eval(_python(expression), {}, constants)
+    for line in LINE.finditer(library.subcircuit):
+        node, expression = line.groups()
+        terms: dict[str, str] = {}
+
+        def voltage(name: str | None, terms: dict[str, str] = terms) -> str:
+            node = nodes.get(name, f"{instance}.{name}") if name else "0"
+            return terms.setdefault(f"v({node})", f"node_{name}") if node != "0" else "0"
+
+        def sensed(found: re.Match[str], terms: dict[str, str] = terms) -> str:
+            kind, first, second = found.groups()
+            if kind == "I":
+                return terms.setdefault(f"i(v.{instance}.{first.lower()})", f"current_{first.lower()}")
+            return f"({voltage(first)}-{voltage(second)})"
+
+        text = _python(_SENSED.sub(sensed, expression))
+        yield f"v({instance}.{node})", Power(line.group(), terms, constants, compile(text, f"<{library.name}>", "eval"))
+
+
+def _python(expression: str) -> str:
+    """Return an expression of ngspice, without functions, for Python."""
+    words = TOKEN.findall(expression.replace("{", "(").replace("}", ")"))
+    return "".join(repr(number(word)) if word[0] in ".0123456789" else word for word in words)

@@ -3,77 +3,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from math import degrees, pi
-from sys import float_info
+from collections.abc import Sequence
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
-from pyspice_runner.circuit.state import Discretisation, plate_nodes, stems
-from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.circuit.state import plate_nodes
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, Tone
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, read_library
 
-# Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
-# V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere are negligible. The step is uniform: trtol switches
-# off the control of the truncation error, which would shorten steps.
-TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
-FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; fewer points do not resolve it
-UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
-_SUMS = 16.0  # margin above the rounding error of one force; random motors needed up to 8
-_SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacements, if a nanovolt is larger
 # ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
 METERED = ("metered_a", "metered_b")  # nodes of the source in front of the wattmeters
 _METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
-
-
-def transient_options(motor: Motor, law: Law | None = PAPER_LAW) -> dict[str, str]:
-    """Return :data:`TRANSIENT_OPTIONS`, with smaller tolerances for a motor with small contact forces.
-
-    A nanovolt and a nanoampere are negligible in a motor of centimetres, but not against micronewtons in a MEMS.
-    """
-    if law is None:
-        return TRANSIENT_OPTIONS
-    depth = 1e6 * contact_law.static_penetration(motor.contact)
-    friction = motor.contact.friction * motor.contact.preload_n
-    volts = (motor.contact.preload_n, friction, depth, contact_law.limit_ratio(motor.contact) * depth)
-    amperes = motor.rotor.radius_m * friction
-    return TRANSIENT_OPTIONS | {
-        name: f"{_SMALL * least:.3g}"
-        for name, least in (("vntol", min(volts)), ("abstol", amperes))
-        if _SMALL * least < float(TRANSIENT_OPTIONS[name])
-    }
-
-
-def not_below_rounding(
-    options: Mapping[str, str], motors: Iterable[Motor], law: Law | None, discretisation: Discretisation | None
-) -> dict[str, str]:
-    """Return ngspice's options with tolerances that are not below rounding errors, 1 V = 1 A = 1 m/s.
-
-    A compliance in series is compressed by the difference of two forces, and its rate is a difference over half a step:
-    with 1e-5 m/N, 5 N and steps of 10 ps the error of the rate is 4e-8 m/s, below which no iteration comes. Damping
-    changes the limit of stick by it, and so the velocity at which a slider is pulled back.
-    """
-    if discretisation is None:
-        return dict(options)
-    found, half_step = dict(options), discretisation.slider_time
-    for motor in motors:
-        contact = motor.contact
-        compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
-        velocity = _SUMS * float_info.epsilon * compressed / half_step
-        limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
-        pulled = limit * contact_law.normal_damping(contact) * velocity / half_step
-        for name, least in (("vntol", velocity), ("abstol", pulled)):
-            found[name] = f"{least:.3g}" if least > float(found[name]) else found[name]
-    return found
 
 
 def brake_parts(*, meters: bool) -> list[Library]:
@@ -159,30 +106,3 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
             law=PAPER_LAW if preloaded else None,
         )
     return circuit
-
-
-def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
-    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
-    for group, node, tones in zip(GROUPS, pins, drive.tones, strict=True):
-        active = [tone for tone in tones if tone.amplitude] or [tones[0]]
-        if drive.soft_start > 0.0:
-            shape = "+".join(
-                f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
-                f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
-                for tone in active
-            )
-            since = f"(time+{begun!r})" if begun else "time"
-            source = groups.named("drive", group)
-            circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
-            circuit.V(group, node, source, "DC 0")
-            continue
-        series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
-        nodes = [node, *series, circuit.gnd]
-        for index, tone in enumerate(active):
-            circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
-
-
-def sine(tone: Tone, begun: float = 0.0) -> str:
-    """Return the value of a voltage source for a sine that has been on for ``begun`` seconds."""
-    phase = degrees(tone.phase) + 360.0 * ((tone.frequency * begun) % 1.0)
-    return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {phase!r})"

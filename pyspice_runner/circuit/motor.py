@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from math import degrees, pi
+from typing import Any
 
 import numpy as np
 from numpy import format_float_positional
@@ -23,6 +25,7 @@ from pyspice_runner.circuit.law import (
     Law,
     contact_library,
     contact_values,
+    is_own,
     touching_law,
     unplotted,
 )
@@ -46,7 +49,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.groups import GROUPS
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Mode, Mount
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
@@ -99,7 +102,7 @@ class Assembly(SubCircuit):
         """The text of the subcircuits of the parts."""
         return "\n".join(self.part_texts.values())
 
-    @property
+    @cached_property
     def part_texts(self) -> dict[str, str]:
         """The text of the subcircuit of each part, by its name."""
         return definition_texts(*self._libraries, prefix=self.prefix)
@@ -454,7 +457,8 @@ def add_motor(
     ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
     have or whose value is out of range.
     """
-    definition = MotorSubCircuit(
+    write = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
+    definition = write(
         motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
         approach=approach, check=check, plotted=plotted, name=name,
     )  # fmt: skip
@@ -468,10 +472,17 @@ def add_motor(
             f"The circuit already has a different motor called {name}, so {motor.name} cannot be its {instance!r}. "
             "Give the second motor another name, or the same values."
         )
-    check_parameters(name, definition.settable, settings or {})
+    if settings:
+        check_parameters(name, definition.settable, settings)
     states = motor_states(motor, law) if start else ()
     starts = start_parameters(states, [state.of(start) for state in states], discretisation) if start else {}
     circuit.X(instance, name, *nodes, **(settings or {}), **starts)
+
+
+@derived
+def _definition(motor: Motor, /, **settings: Any) -> MotorSubCircuit:
+    """Return the subcircuit of a motor; many runs of one motor share it."""
+    return MotorSubCircuit(motor, **settings)
 
 
 @checked
@@ -596,6 +607,7 @@ def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, 
     return "piezomotor_mode_soft", {"softening": mode.softening_per_m2, "growth": mode.damping_growth_per_m2}
 
 
+@derived
 def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
     """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"`` in the netlist, those of PLATES."""
     return lossy_capacitance(groups.of(motor.piezo.capacitances, group), _loss_tangent(motor), branches=len(PLATES))

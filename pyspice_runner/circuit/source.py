@@ -4,24 +4,37 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import inf
-from typing import Any
+from math import degrees, inf, pi
+from sys import float_info
+from typing import Any, ClassVar
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, add_drive, transient_options
-from pyspice_runner.circuit.law import Law
-from pyspice_runner.circuit.powers import Power
+from pyspice_runner.circuit.evaluated import Power
+from pyspice_runner.circuit.law import PAPER_LAW, Law
+from pyspice_runner.circuit.state import Discretisation, stems
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.drive import Drive, check_together
+from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.drive import Drive, Tone, check_together
 from pyspice_runner.motor.groups import GROUPS as GROUPS
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.refusal import Stated
 from pyspice_runner.motor.thermal import Thermal
 
 Pins = tuple[str, str]  # nodes of groups A and B
+
+
+# Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
+# V, N, µm, m/s and rad/s of order one; a nanovolt and a nanoampere are negligible. The step is uniform: trtol switches
+# off the control of the truncation error, which would shorten steps.
+TRANSIENT_OPTIONS = {"reltol": "1e-6", "vntol": "1e-9", "abstol": "1e-9", "trtol": "1e9", "method": "trap"}
+FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; fewer points do not resolve it
+UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
+_SUMS = 16.0  # margin above the rounding error of one force; random motors needed up to 8
+_SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacements, if a nanovolt is larger
 
 
 class Excitation(ABC):
@@ -66,9 +79,10 @@ class Source(Excitation):
         """Drift of the motor whose temperature the source sets; ``None`` if it sets none."""
         return None
 
-    def updated(self, changes: Mapping[str, Any]) -> Excitation | Drive:
-        """Return the source with changed values of :attr:`given`. Raise ParameterError for an invalid one."""
-        return self.given.updated(changes)  # type: ignore[return-value]
+    @property
+    def unsteady(self) -> str:
+        """Why shooting cannot find a steady state behind the source, as a sentence; empty if it can."""
+        return f"The source ({self.label}) does not repeat after a fixed period, or has states that are not known."
 
     @property
     @abstractmethod
@@ -100,10 +114,8 @@ class Source(Excitation):
         """Time in s over which the amplitude rises at the start."""
         return 0.0
 
-    @property
-    def fewest_points(self) -> int:
-        """Least number of steps in a period of the fastest motion."""
-        return FEWEST_POINTS_PER_PERIOD
+    fewest_points = FEWEST_POINTS_PER_PERIOD  # minimum number of steps in a period of the fastest motion
+    vectors: ClassVar[tuple[str, ...]] = ()  # that a run records in addition to those of the motor
 
     @property
     def points_per_period(self) -> int:
@@ -117,11 +129,6 @@ class Source(Excitation):
     def ringing_step(self, motor: Motor) -> float:  # noqa: ARG002
         """Return the longest default step in s by what rings in the source itself with the motor's capacitances."""
         return inf
-
-    @property
-    def vectors(self) -> tuple[str, ...]:
-        """Vectors that a run records in addition to those of the motor."""
-        return ()
 
     @property
     def powers(self) -> Mapping[str, Power]:
@@ -161,6 +168,7 @@ class UniformSource(Source):
 
     drive: Drive
     uniform = True
+    unsteady = ""
 
     @property
     def label(self) -> str:
@@ -232,3 +240,77 @@ class DriveSource(UniformSource):
 def source_of(excitation: Drive | Excitation, motor: Motor, law: Law | None) -> Source:
     """Return the source for a drive, or what else drives a motor."""
     return DriveSource(excitation) if isinstance(excitation, Drive) else excitation.as_source(motor, law)
+
+
+@derived
+def transient_options(motor: Motor, law: Law | None = PAPER_LAW) -> dict[str, str]:
+    """Return :data:`TRANSIENT_OPTIONS`, with smaller tolerances for a motor with small contact forces.
+
+    A nanovolt and a nanoampere are negligible in a motor of centimetres, but not against micronewtons in a MEMS.
+    """
+    if law is None:
+        return TRANSIENT_OPTIONS
+    depth = 1e6 * contact_law.static_penetration(motor.contact)
+    friction = motor.contact.friction * motor.contact.preload_n
+    volts = (motor.contact.preload_n, friction, depth, contact_law.limit_ratio(motor.contact) * depth)
+    amperes = motor.rotor.radius_m * friction
+    return TRANSIENT_OPTIONS | {
+        name: f"{_SMALL * least:.3g}"
+        for name, least in (("vntol", min(volts)), ("abstol", amperes))
+        if _SMALL * least < float(TRANSIENT_OPTIONS[name])
+    }
+
+
+def not_below_rounding(
+    options: Mapping[str, str], motors: Iterable[Motor], law: Law | None, discretisation: Discretisation | None
+) -> dict[str, str]:
+    """Return ngspice's options with tolerances that are not below rounding errors, 1 V = 1 A = 1 m/s.
+
+    A compliance in series is compressed by the difference of two forces, and its rate is a difference over half a step:
+    with 1e-5 m/N, 5 N and steps of 10 ps the error of the rate is 4e-8 m/s, below which no iteration comes. Damping
+    changes the limit of stick by it, and so the velocity at which a slider is pulled back.
+    """
+    if discretisation is None:
+        return dict(options)
+    found, half_step = dict(options), discretisation.slider_time
+    for motor in motors:
+        for name, least in zip(("vntol", "abstol"), _rounding_errors(motor, law, half_step), strict=True):
+            found[name] = f"{least:.3g}" if least > float(found[name]) else found[name]
+    return found
+
+
+@derived
+def _rounding_errors(motor: Motor, law: Law | None, half_step: float) -> tuple[float, float]:
+    """Return the rounding error of the rate of a compliance in series in m/s, and that of the slider's in m/s."""
+    contact = motor.contact
+    compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
+    velocity = _SUMS * float_info.epsilon * compressed / half_step
+    limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+    return velocity, limit * contact_law.normal_damping(contact) * velocity / half_step
+
+
+def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
+    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
+    for group, node, tones in zip(GROUPS, pins, drive.tones, strict=True):
+        active = [tone for tone in tones if tone.amplitude] or [tones[0]]
+        if drive.soft_start > 0.0:
+            shape = "+".join(
+                f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
+                f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
+                for tone in active
+            )
+            since = f"(time+{begun!r})" if begun else "time"
+            source = groups.named("drive", group)
+            circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
+            circuit.V(group, node, source, "DC 0")
+            continue
+        series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
+        nodes = [node, *series, circuit.gnd]
+        for index, tone in enumerate(active):
+            circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
+
+
+def sine(tone: Tone, begun: float = 0.0) -> str:
+    """Return the value of a voltage source for a sine that has been on for ``begun`` seconds."""
+    phase = degrees(tone.phase) + 360.0 * ((tone.frequency * begun) % 1.0)
+    return f"SIN(0 {tone.amplitude!r} {tone.frequency!r} 0 0 {phase!r})"

@@ -9,18 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import Literal
 
-from pyspice_runner.circuit.law import Law, contact_library
+import numpy as np
+from numpy.typing import NDArray
+
+from pyspice_runner.circuit.law import Law, contact_library, is_own
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Mode, Mount
 from pyspice_runner.motor.stator import Stator, carriers, discretised
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
 _STRONG = 100.0  # factor of the force by damping, if all of the preload came within half a step
+Array = NDArray[np.float64]
 Kind = Literal["mode", "contact", "stem", "mount", "rotor", "bearing", "group"]
 
 
@@ -53,6 +58,12 @@ def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tupl
     return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
 
 
+@lru_cache(maxsize=4096)
+def _written_stiffness(spring: Mode | Mount, discretisation: Discretisation | None) -> float:
+    return written(spring, discretisation)[1]
+
+
+@derived
 def written_stator(motor: Motor, discretisation: Discretisation | None, mount: Mount | None = None) -> Stator:
     """Return the stator of a motor in the netlist, on its carrier if it has a mount."""
     stator = motor.stator.with_carrier(mount)
@@ -99,11 +110,13 @@ def first_guess(
     return {"xcontact.delta": contact_law.penetration(contact, force) / MICRO, "xcontact.factor": 1.0}
 
 
+@derived
 def carrier(motor: Motor, law: Law | None) -> Mount | None:
     """Return the mount of a motor in the netlist: a free tip, without a law, has one only if its modes shake it."""
     return motor.mount if law or motor.stator.recoil[:, : len(carriers(motor.mount))].any() else None
 
 
+@derived
 def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
     """Return the sideways displacement in m of the tip under the preload, above which the rotor's crown stands."""
     if law is None:
@@ -158,11 +171,11 @@ class State:
 
     def scale(self, discretisation: Discretisation | None) -> float:
         """Return the SI value of 1 V or 1 A of the vector."""
-        return 1.0 / written(self.spring, discretisation)[1] if self.spring else self.unit
+        return 1.0 / _written_stiffness(self.spring, discretisation) if self.spring else self.unit
 
     def at_rest(self, discretisation: Discretisation | None) -> float:
         """Return the SI value at preloaded rest."""
-        return self.rest / written(self.spring, discretisation)[1] if self.spring else 0.0
+        return self.rest / _written_stiffness(self.spring, discretisation) if self.spring else 0.0
 
     def start_value(self, value: float, discretisation: Discretisation | None) -> float:
         """Return the parameter or the initial voltage for an SI value at the start."""
@@ -176,8 +189,18 @@ class State:
         return float(found[self.index]) if found else 0.0
 
 
-def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = None) -> tuple[State, ...]:
+def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> tuple[State, ...]:
     """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
+    # the file of a user's own law may change
+    return _states_now(motor, law, kinds) if law and is_own(law.name) else _states(motor, law, kinds)
+
+
+@derived
+def _states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None) -> tuple[State, ...]:
+    return _states_now(motor, law, kinds)
+
+
+def _states_now(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None) -> tuple[State, ...]:
     modes = list(enumerate(motor.modes))
     preload = motor.contact.preload_n if law else 0.0
     states = [
@@ -221,14 +244,27 @@ def motor_states(motor: Motor, law: Law | None, kinds: Sequence[Kind] | None = N
     return tuple(state for state in states if kinds is None or state.kind in kinds)
 
 
-def plate_nodes(group: str) -> list[str]:
+@cache
+def plate_nodes(group: str) -> tuple[str, ...]:
     """Return the nodes of the capacitances of group ``"a"`` or ``"b"`` inside the motor, in the order of PLATES."""
-    return [f"{groups.named('xgroup', group)}.{plate}" for plate in PLATES]
+    return tuple(f"{groups.named('xgroup', group)}.{plate}" for plate in PLATES)
 
 
-def state_vectors(motor: Motor, law: Law | None, instance: str = "xmotor") -> list[str]:
-    """Return the vectors that hold the state of a motor."""
-    return [state.within(instance) for state in motor_states(motor, law)]
+def state_vectors(
+    motor: Motor, law: Law | None, instance: str = "xmotor", kinds: tuple[Kind, ...] | None = None
+) -> list[str]:
+    """Return the vectors that hold the state of a motor, of some kinds or of all."""
+    return [state.within(instance) for state in motor_states(motor, law, kinds)]
+
+
+def recorded_states(
+    values: Mapping[str, Array], motor: Motor, law: Law | None, discretisation: Discretisation, kind: Kind
+) -> list[tuple[float, float, Array]]:
+    """Return each state of a kind in a run: its value at preloaded rest, the SI value of 1 V or 1 A, and its vector."""
+    return [
+        (state.at_rest(discretisation), state.scale(discretisation), values[state.within("xmotor")])
+        for state in motor_states(motor, law, (kind,))
+    ]
 
 
 def motion(

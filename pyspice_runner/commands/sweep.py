@@ -107,13 +107,14 @@ def sweep(
     of_motor, of_parts = changes_of(changes, part) if driven else (changes, part)
     loaded = common.load_changed(motor, of_motor)
     stated = drive.stated(loaded)
-    excitation = (
+    behind = (
         spec_of(driver or "linear", stated, of_parts, mosfet, rail=rail).built(
             loaded, contact=contact, speed=speed, load_torque=load_torque or 0.0
         )
         if driven
-        else stated
+        else None
     )
+    excitation = behind or stated
     limits = _limits(limit)
     axes: dict[str, Any] = {**common.axes_of(over)}
     common.refuse_covered(context, axes)
@@ -121,9 +122,9 @@ def sweep(
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
         name = path.removeprefix("drive.")
-        if isinstance(excitation, pr.Driver) and name != path and "." in name and excitation.left_out(name):
+        if behind and name != path and "." in name and behind.left_out(name):
             raise pr.ParameterError(
-                f"{path} has no tolerance: at {excitation.setting(name):g} {excitation.unit(name)}, an end of its "
+                f"{path} has no tolerance: at {behind.setting(name):g} {behind.unit(name)}, an end of its "
                 "range, there is no such part in this driver. Leave it out."
             )
         axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), distribution)
@@ -131,7 +132,7 @@ def sweep(
     run = {name: value for name, value in settings.items() if value is not None}
     if law.contact != PAPER_LAW.name:  # which is the default of the run
         run["contact"] = contact
-    usual = _question(analysis, excitation, quantity)
+    usual = _question(analysis, quantity)
     if loaded.slider and not quantity:
         usual["quantities"] = [linear_name(name) or name for name in usual["quantities"]]
     how = {name: value for name, value in usual.items() if f"run.{name}" not in axes} | run
@@ -171,20 +172,18 @@ def sweep(
     return 3 if result.failures else 0
 
 
-def _question(
-    analysis: str, excitation: pr.TwoPhaseDrive | pr.TwoToneDrive | pr.Driver, quantity: list[str] | None
-) -> dict[str, Any]:
+def _question(analysis: str, quantity: list[str] | None) -> dict[str, Any]:
     """Return the analysis of a point, what is kept of it, and the settings that are not given."""
     if analysis == "operating-point":
         from pyspice_runner.steady.speed_torque import held_point
 
         return {"analysis": held_point, "quantities": quantity or ["torque_n_m", "efficiency", "settled"]}
-    if isinstance(excitation, pr.Driver) and analysis == "driver-state":
+    if analysis == "driver-state":
         from pyspice_runner.drivers.design import driver_state
 
         kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
         return {"quantities": quantity or kept, "analysis": driver_state}
-    if isinstance(excitation, pr.Driver):
+    if analysis == "drive":
         settings = {"analysis": pr.drive_report, "duration": 3e-3}
         kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
         return {"quantities": quantity or kept, **settings}

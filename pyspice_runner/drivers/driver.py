@@ -14,17 +14,17 @@ from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, pairwise
 from math import asin, inf, pi, radians, sqrt
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PrivateAttr
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.fixtures import UNIFORM_POINTS, transient_options
+from pyspice_runner.circuit.evaluated import Power, powers_of
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import instantiate
-from pyspice_runner.circuit.powers import Power, powers_of
-from pyspice_runner.circuit.source import GROUPS, Pins, Source
+from pyspice_runner.circuit.source import GROUPS, UNIFORM_POINTS, Pins, Source, transient_options
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
 from pyspice_runner.errors import ParameterError, did_you_mean
@@ -476,6 +476,27 @@ class Driver(Stated, Source):
     def given(self) -> Self:
         """The driver itself."""
         return self
+
+    @property
+    def unsteady(self) -> str:
+        """Why shooting cannot find a steady state behind the driver; empty if it can.
+
+        A winding that rings with the inductance of a cable after each edge of a bridge, at some ten megahertz, takes a
+        thousand steps of ngspice; what they miss is 1e-3 of the states, and Newton's method does not get nearer.
+        """
+        if self.own:
+            return f"The driver {self.name} is a subcircuit of your own, whose states are not known."
+        chains = [self.parts(group) for group in GROUPS] if self.switched else []
+        for before, last in chain.from_iterable(map(pairwise, chains)):
+            if last.label == CABLE and (winding := before.values.get("winding_capacitance")):
+                inductance = last.values["inductance"]
+                hertz = 1.0 / (2.0 * pi * sqrt(inductance * winding))
+                return (
+                    f"{before.label}.winding_capacitance = {winding:g} F rings with cable.inductance = {inductance:g} "
+                    f"H of group {last.group.upper()} at {1e-6 * hertz:.4g} MHz after each edge of the bridge, too "
+                    "fast for a steady state by shooting. Set winding_capacitance = 0, or leave the cable out."
+                )
+        return ""
 
     def of_part(self, path: str) -> tuple[float, str] | None:
         """Return value and unit of a part's parameter, by PART.PARAMETER; ``None`` for a name without a part."""

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from PySpice.Spice.Netlist import Circuit
 
+from pyspice_runner.circuit.evaluated import Power
 from pyspice_runner.circuit.law import Law
-from pyspice_runner.circuit.powers import Power
 from pyspice_runner.circuit.source import GROUPS, Pins, Source
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
 from pyspice_runner.drivers.parts import (

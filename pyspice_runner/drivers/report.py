@@ -38,10 +38,10 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.result import Audit, Result, contact_row
-from pyspice_runner.run.accuracy import JUDGED, CoarserRuns
-from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power
-from pyspice_runner.run.ceramic import ceramic, modal_vectors
+from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power, ceramic, modal_vectors
 from pyspice_runner.run.point import MOST_POINTS, Point
+from pyspice_runner.run.recording import Recording
+from pyspice_runner.run.simulate import JUDGED, CoarserRuns
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
@@ -367,7 +367,7 @@ def drive_report(
     if duration is None:
         duration = _DURATION if design is None else _start_time(motor, design, load_torque)
     _check_duration(setup, duration)
-    recording, judged, vectors = setup.recording(), _judged(setup), _vectors(setup, driver)
+    recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
     with coarser or nullcontext():
         outcome = setup.run(duration, vectors)
@@ -440,7 +440,7 @@ def drive_report(
 def _vectors(setup: Point, driver: Driver) -> list[str]:
     """Return the vectors of a run from which a report is made."""
     names = [*_saved(driver, contact=setup.law is not None), *modal_vectors(setup.motor), *load_vectors(driver)]
-    names += setup.recording().vectors(_judged(setup))
+    names += Recording(setup, setup.discretisation).vectors(_judged(setup))
     return list(dict.fromkeys([*names, *switching_vectors(driver)]))
 
 

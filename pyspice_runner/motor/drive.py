@@ -7,14 +7,16 @@ from cmath import exp
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 from math import hypot, pi, radians, sin, sqrt
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.contact import static_penetration
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated
 
@@ -72,7 +74,7 @@ class Drive(Stated):
     @property
     def frequencies(self) -> tuple[float, ...]:
         """Frequencies present, in Hz."""
-        return tuple(sorted({tone.frequency for tones in self.tones for tone in tones}))
+        return tuple(sorted(set(map(attrgetter("frequency"), chain(*self.tones)))))
 
     @property
     def period(self) -> float:
@@ -89,8 +91,11 @@ class Drive(Stated):
         """Return U_A and U_B just after t = 0, in V."""
         if self.soft_start > 0.0:
             return 0.0, 0.0
-        a, b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in self.tones)
-        return a, b
+        volts = [0.0, 0.0]
+        for place, tones in enumerate(self.tones):
+            for tone in tones:
+                volts[place] += tone.amplitude * sin(tone.phase)
+        return volts[0], volts[1]
 
 
 class TwoPhaseDrive(Drive):
@@ -182,6 +187,7 @@ def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
     return velocity, swing
 
 
+@derived
 def check_together(motor: Motor, drive: Drive) -> None:
     """Check that a drive suits a motor.
 

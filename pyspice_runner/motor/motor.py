@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import wraps
 from math import pi, sqrt
-from typing import Any, Self
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from weakref import ref
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
@@ -39,6 +41,39 @@ from pyspice_runner.motor.save import motor_toml
 from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, carriers, unknown_recoil
 from pyspice_runner.units import engineering
+
+_Arguments = ParamSpec("_Arguments")
+_Owner = TypeVar("_Owner")
+_Found = TypeVar("_Found")
+_MOST_KEPT = 256  # facts of one motor
+_kept: dict[int, tuple[ref[Any], dict[Any, Any]]] = {}  # by the identity of a motor
+
+
+def derived(
+    function: Callable[Concatenate[_Owner, _Arguments], _Found],
+) -> Callable[Concatenate[_Owner, _Arguments], _Found]:
+    """Keep what a function derives from a motor and from further hashable values, while the motor is in use.
+
+    A motor does not change; the caller must not change the result.
+    """
+
+    @wraps(function)
+    def call(motor: _Owner, /, *values: _Arguments.args, **named: _Arguments.kwargs) -> _Found:
+        key = id(motor)
+        entry = _kept.get(key)
+        if entry is None or entry[0]() is not motor:
+            entry = _kept[key] = ref(motor, lambda _: _kept.pop(key, None)), {}
+        facts, name = entry[1], (function, values, *named.items())
+        if name in facts:
+            return facts[name]  # type: ignore[no-any-return]
+        found = function(motor, *values, **named)
+        if len(facts) >= _MOST_KEPT:
+            facts.clear()
+        facts[name] = found
+        return found
+
+    return call
+
 
 # Relations between the values of a motor.
 LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 10.0, 1e7  # Hz, of a mode: from large quasi-static stages to MEMS
@@ -165,6 +200,11 @@ class Motor(Shown, Parameters):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        self._check_relations()
+        return self
+
+    @derived
+    def _check_relations(self) -> None:
         names = [mode.name for mode in self.modes]
         if len(set(names)) != len(names):
             raise ValueError(f"two modes share a name in {names}; give each its own")
@@ -203,7 +243,6 @@ class Motor(Shown, Parameters):
                 "and tip_y, contact.normal_stiffness_n_per_m15, "
                 f"{'slider.mass_kg' if self.slider else 'rotor.inertia_kg_m2'} or mount.mass_kg"
             )
-        return self
 
     def _check_groups(self) -> None:
         stator = self.stator
@@ -216,19 +255,31 @@ class Motor(Shown, Parameters):
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
 
-    @cached_property
+    @property
+    @derived
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
         return Stator.of_modes(self.modes, self.piezo, self.contact)
 
     @property
+    @derived
+    def carried_stator(self) -> Stator:
+        """The matrices of the stator on its carrier."""
+        return self.stator.with_carrier(self.mount)
+
+    @property
+    @derived
     def pressed_stator(self) -> Stator:
         """The matrices of stator, carrier and rotor, which the contact couples at its operating point, where it sticks.
 
         The last coordinate is the surface of the rotor. Along the normal the contact has the damping of impacts.
         """
-        contact, rotor = self.contact, self.rotor
-        return self.stator.with_carrier(self.mount).pressed(
+        return self.pressed_by(self.contact.preload_n)
+
+    def pressed_by(self, force_n: float) -> Stator:
+        """Return :attr:`pressed_stator` under another normal force in N."""
+        contact, rotor = self.contact.model_copy(update={"preload_n": force_n}), self.rotor
+        return self.carried_stator.pressed(
             contact_law.stiffnesses_at_preload(contact),
             (0.0, contact_law.normal_damping(contact) * contact.preload_n),
             rotor.inertia_kg_m2 / rotor.radius_m**2,
@@ -236,11 +287,13 @@ class Motor(Shown, Parameters):
         )
 
     @property
+    @derived
     def deflection_m(self) -> float:
         """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
         return float(self.contact.preload_n * self.stator.flexibility[1, 1])
 
     @property
+    @derived
     def sway_m(self) -> float:
         """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 
@@ -283,11 +336,13 @@ class Motor(Shown, Parameters):
         return "rotor.bearing_friction_n_m", self.rotor.bearing_friction_n_m, "N·m"
 
     @property
+    @derived
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
-        return self.stator.with_carrier(self.mount).decay_s
+        return self.carried_stator.decay_s
 
     @property
+    @derived
     def cautions(self) -> tuple[str, ...]:
         """What is not known of the motor, and where the theory of its beam ends; every result repeats it."""
         of_beam: tuple[str, ...] = ()
@@ -336,6 +391,10 @@ class Motor(Shown, Parameters):
 
         An effect that is off, such as a coefficient of restitution of 1, is left out.
         """
+        return deepcopy(self._document())
+
+    @derived
+    def _document(self) -> dict[str, Any]:
         document = self.model_dump()
         for (section, name, off), companions in _EFFECTS.items():
             if document.get(section) and document[section][name] == off:

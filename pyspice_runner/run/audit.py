@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Physical audit of a result, independent of the simulator's own messages.
+"""Physical audit of a result, independent of the simulator's own messages; load on ceramic and contact.
 
 A clean log and finite numbers are not sufficient: a step that is too coarse for the contact gives plausible curves.
 The audit reports each violation of a physical law with its likely cause.
@@ -7,15 +7,22 @@ The audit reports each violation of a physical law with its likely cause.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from math import nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
+from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, GROUPS, Source
+from pyspice_runner.circuit.state import Discretisation, recorded_states, state_vectors
 from pyspice_runner.motor.contact import elastic_energy, penetration
+from pyspice_runner.motor.drive import too_fast
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.run.waveforms import ENERGY_BOUND, Array, EnergyBalance
+from pyspice_runner.motor.strength import exceeded, of_contact, peak_of_motion, slip_velocity, temperature_rise
+from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance
+from pyspice_runner.run.window import Array, Window
 
 # The wattmeters integrate over the simulator's own steps: settled points balance to 1e-4. The change of the energy
 # stored in the contact from block to block is not metered.
@@ -114,8 +121,7 @@ def pressed_j(motor: Motor, force_n: float) -> float:
 
 
 def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[str, ...]:
-    loaded = motor.contact.model_copy(update={"preload_n": max(force, motor.contact.preload_n)})
-    fastest = float(motor.model_copy(update={"contact": loaded}).pressed_stator.resonances()[-1])
+    fastest = float(motor.pressed_by(max(force, motor.contact.preload_n)).resonances()[-1])
     if step * fastest * FEWEST_POINTS_PER_PERIOD <= 1.0 + 1e-9:
         return ()
     allowed = 0.995 / (FEWEST_POINTS_PER_PERIOD * fastest)  # rounded down to three digits
@@ -137,3 +143,82 @@ def audit_two_port(frequency_hz: Array, y: NDArray[np.complex128]) -> tuple[str,
         )
         return (f"{where} Rounding removed a loss: check the damping and the loss tangent.",)
     return ()
+
+
+def modal_vectors(motor: Motor) -> list[str]:
+    """Return the vectors of velocity and elastic force of every mode."""
+    return state_vectors(motor, None, kinds=("mode",))
+
+
+def ceramic(
+    motor: Motor,
+    law: Law | None,
+    discretisation: Discretisation,
+    samples: Mapping[str, Array],
+    source: Source,
+    window: Window,
+) -> dict[str, Any]:
+    """Return the load on ceramic and contact over the last periods of a run, and ``cautions``; None if not known.
+
+    They are strain, stress and temperature rise of the ceramic, pressure, tension and wear of the contact. The vectors
+    of the run include those of :func:`modal_vectors`, and the voltages and currents of the pins; for the contact its
+    forces, for the wear also the slider of the law ``spring-slider``.
+    """
+    states = recorded_states(samples, motor, None, discretisation, "mode")
+    courses = [scale * values for _, scale, values in states]
+    moved, velocities = courses[: len(motor.modes)], courses[len(motor.modes) :]
+    displacement = np.array([course[window.points] for course in moved])
+    heat = 0.0
+    for group in GROUPS:
+        name, sign = source.current(group)
+        heat += window.mean(sign * samples[name] * samples[f"v({group})"])
+    stator, volts = motor.stator, np.array([samples[f"v({group})"] for group in GROUPS])
+    for damping, coupling, velocity in zip(stator.damping, stator.coupling, velocities, strict=True):
+        heat += window.mean((damping * velocity - coupling @ volts) * velocity)
+    found = {
+        **peak_of_motion(motor, displacement),
+        "temperature_rise_k": temperature_rise(motor, heat),
+        **_of_contact(motor, law, discretisation, samples, window),
+    }
+    return stated(motor, found, samples["v(shaft)"])
+
+
+def _of_contact(
+    motor: Motor, law: Law | None, discretisation: Discretisation, samples: Mapping[str, Array], window: Window
+) -> dict[str, float]:
+    normal, slider, depth = map(samples.get, ("v(xmotor.normal)", "v(xmotor.slider)", "v(xmotor.xcontact.delta)"))
+    greatest = nan if normal is None else float(normal[window.points].max())
+    rubbing = nan
+    if law and "averaged" in law.forms and normal is not None and slider is not None and depth is not None:
+        velocity = slip_velocity(motor.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
+        rubbing = window.mean(normal * velocity)
+    return of_contact(motor.contact, greatest, rubbing)
+
+
+def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict[str, Any]:
+    """Return quantities JSON-ready, with ``cautions``, also of the course of the speed."""
+    known = {name: value if np.isfinite(value) else None for name, value in found.items()}
+    limits = exceeded(motor, found)
+    fastest = float(speed_rad_s[np.abs(speed_rad_s).argmax()])
+    return {**known, "cautions": [*limits, *too_fast(motor.to_dict(), fastest)]}
+
+
+GAIN = 1e-3  # share of the power put in: a loss below minus this is told
+_GAINS = {
+    "friction_loss_w": "Friction delivers {:.2g} % of the power put in: the spring of the contact stiffens while it is "
+    "strained. Compare with a row of sliders, the contact brush.",
+    "normal_loss_w": "The normal contact delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
+    "damping_loss_w": "The damping delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
+    "dielectric_loss_w": "The dielectric delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
+}
+
+
+def delivering(outcomes: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
+    """Return a sentence for each loss that is negative at one of several points, with its largest share."""
+    largest = dict.fromkeys(_GAINS, GAIN)
+    for outcome in outcomes:
+        put_in = max(outcome["power_a_w"] + outcome["power_b_w"], 0.0) + max(-outcome["shaft_power_w"], 0.0)
+        for name in _GAINS:
+            if -outcome[name] > largest[name] * put_in > 0.0:
+                largest[name] = -outcome[name] / put_in
+    return tuple(_GAINS[name].format(100.0 * share) for name, share in largest.items() if share > GAIN)

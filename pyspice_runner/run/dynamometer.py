@@ -19,7 +19,7 @@ from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
 from pyspice_runner.circuit.source import Source
 from pyspice_runner.circuit.state import PLATES, Motion, motion_of, motor_states
-from pyspice_runner.motor import groups, strength, wear
+from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.kernel import Outcome, transient
@@ -86,27 +86,6 @@ STUCK = (
 def stuck(outcome: Mapping[str, Any]) -> bool:
     """Whether a contact neither slips nor opens, for an outcome by names of quantities."""
     return bool(outcome["slip"] == 0.0 and outcome["separated"] == 0.0)
-
-
-GAIN = 1e-3  # share of the power put in: a loss below minus this is told
-_GAINS = {
-    "friction_loss_w": "Friction delivers {:.2g} % of the power put in: the spring of the contact stiffens while it is "
-    "strained. Compare with a row of sliders, the contact brush.",
-    "normal_loss_w": "The normal contact delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
-    "damping_loss_w": "The damping delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
-    "dielectric_loss_w": "The dielectric delivers {:.2g} % of the power put in: the step is too coarse. Halve it.",
-}
-
-
-def delivering(outcomes: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
-    """Return a sentence for each loss that is negative at one of several points, with its largest share."""
-    largest = dict.fromkeys(_GAINS, GAIN)
-    for outcome in outcomes:
-        put_in = max(outcome["power_a_w"] + outcome["power_b_w"], 0.0) + max(-outcome["shaft_power_w"], 0.0)
-        for name in _GAINS:
-            if -outcome[name] > largest[name] * put_in > 0.0:
-                largest[name] = -outcome[name] / put_in
-    return tuple(_GAINS[name].format(100.0 * share) for name, share in largest.items() if share > GAIN)
 
 
 UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}
@@ -375,7 +354,7 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
         "ceramic_strain": mean["ceramic_strain"],
         "ceramic_stress_pa": mean["ceramic_stress_pa"],
         "temperature_rise_k": strength.temperature_rise(motor, mean["dielectric_loss"] + mean["damping_loss"]),
-        **wear.of_contact(motor.contact, mean.get("greatest", nan), mean.get("rubbing", nan)),
+        **strength.of_contact(motor.contact, mean.get("greatest", nan), mean.get("rubbing", nan)),
         "balance_residual": (electrical - shaft - sum(losses.values())) / put_in if put_in > 0.0 else 0.0,
     }
     for group in "ab":

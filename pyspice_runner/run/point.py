@@ -17,11 +17,10 @@ from pyspice_runner.circuit.source import Excitation, Source, source_of
 from pyspice_runner.circuit.state import Discretisation, Motion, motion, state_vectors
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import Drive, Load
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, unknown
-from pyspice_runner.run.recording import Recording
 
 MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
 _ROUNDED_DOWN = 0.995  # a limit that is printed with three digits is not above itself
@@ -176,12 +175,7 @@ class Point:
     @cached_property
     def shortest_period(self) -> float:
         """Period in s of the fastest motion: drive tones and modes, free and under preload."""
-        motor = self.motor
-        frequencies = [*self.source.frequencies, *(mode.frequency_hz for mode in motor.modes)]
-        if self.law:
-            loaded = motor.pressed_stator.resonances()
-            frequencies += loaded.tolist()
-        return 1.0 / max(frequencies)
+        return 1.0 / max(*self.source.frequencies, _fastest_hz(self.motor, pressed=self.law is not None))
 
     @cached_property
     def step(self) -> float:
@@ -221,10 +215,6 @@ class Point:
         """Return the same with a time step in s."""
         return replace(self, solver=replace(self.solver, step=step))
 
-    def recording(self, *, started: bool = True) -> Recording:
-        """Return the meaning of a run's vectors, recorded from its start or from later on."""
-        return Recording(self.motor, self.source, self.law, self.load, self.discretisation, started, self.thermal)
-
     def bench(self, *, start: Motion | None = None, begun: float = 0.0, title: str = "") -> Bench:
         """Return the bench, from rest or from a motion that the source has driven for ``begun`` seconds."""
         return motor_bench(
@@ -258,3 +248,10 @@ class Point:
             "exact_resonance": self.discretisation.exact_resonance,
             "engine": "spice",
         }
+
+
+@derived
+def _fastest_hz(motor: Motor, *, pressed: bool) -> float:
+    """Return the frequency in Hz of a motor's fastest motion, free or also under preload."""
+    loaded = motor.pressed_stator.resonances().tolist() if pressed else []
+    return float(max([*(mode.frequency_hz for mode in motor.modes), *loaded]))

@@ -5,23 +5,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_branches
-from pyspice_runner.circuit.source import Source
-from pyspice_runner.circuit.state import Discretisation, Kind, motor_states, static_sway, written_stator
+from pyspice_runner.circuit.state import (
+    Discretisation,
+    Kind,
+    recorded_states,
+    state_vectors,
+    static_sway,
+    written_stator,
+)
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.groups import GROUPS, column
-from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import square
-from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.audit import NEWTON, pressed_j
-from pyspice_runner.run.sequences import recursion
+from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
+from pyspice_runner.run.window import plate_voltage
 
 VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents, which the source knows
     "time_s": (),
@@ -37,21 +40,19 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
     "temperature_k": ("v(temperature)",),
 }
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
-_MOTOR = "xmotor"  # the instance of the motor
 _CURRENTS = {column("current", group, "a"): group for group in GROUPS}
+
+
+_VOLTAGES = tuple(column("voltage", group, "v") for group in GROUPS)
 
 
 @dataclass(frozen=True)
 class Recording:
     """Conversion of the vectors of a run into columns and energies."""
 
-    motor: Motor  # the motor
-    source: Source  # what drives the pins
-    law: Law | None  # law of the contact; ``None`` for a free tip
-    load: Load  # on the shaft
+    point: Point  # motor, source, load and law
     discretisation: Discretisation  # of the modes
-    started: bool  # whether it begins with the start, of which ngspice writes no point; the known state is put in front
-    thermal: Thermal | None = None  # drift of a motor that its losses heat; ``None`` for one that does not drift
+    started: bool = True  # whether it has the start, of which ngspice writes no point: the known state is put in front
 
     def vectors(self, signals: Sequence[str] | None) -> list[str]:
         """Return the vectors to record: those of some columns, or of all, and then the states of the modes too."""
@@ -59,31 +60,30 @@ class Recording:
         for name in self.all_columns if signals is None else signals:
             names += self._current(name)[:1] if name in _CURRENTS else VECTORS[name]
         if signals is None:
-            states = motor_states(self.motor, self.law, ("mode", "mount", "bearing"))
-            names += [state.within(_MOTOR) for state in states]
-        return [name for name in dict.fromkeys(names) if self.law or name[2:-1] not in _OF_CONTACT]
+            names += state_vectors(self.point.motor, self.point.law, kinds=("mode", "mount", "bearing"))
+        return [name for name in dict.fromkeys(names) if self.point.law or name[2:-1] not in _OF_CONTACT]
 
     @property
     def all_columns(self) -> list[str]:
         """The columns that a run with these settings has."""
-        return [*COLUMNS, *(HEATED if self.thermal else ())]
+        return [*COLUMNS, *(HEATED if self.point.thermal else ())]
 
     def _current(self, column: str) -> tuple[str, float]:
-        return self.source.current(_CURRENTS[column])
+        return self.point.source.current(_CURRENTS[column])
 
     def columns(self, samples: Mapping[str, Array], names: Iterable[str]) -> dict[str, Array]:
         """Return time and columns in SI units; each is the one copy that is made of the raw file's vector."""
-        voltage_a, voltage_b = self.source.initial_voltages()
-        deflection = self._preload * float(written_stator(self.motor, self.discretisation).flexibility[1, 1])
+        voltage_a, voltage_b = self.point.source.initial_voltages()
+        deflection = self._preload * float(written_stator(self.point.motor, self.discretisation).flexibility[1, 1])
         first = {
             "voltage_a_v": voltage_a,
             "voltage_b_v": voltage_b,
             "tip_x_m": self.sway,
             "tip_y_m": -deflection,
             "normal_force_n": self._preload,
-            "contact_state": 1.0 if self.law else 0.0,
-            "rotor_speed_rad_s": self.load.speed or 0.0,
-            "temperature_k": self.thermal.ambient_k if self.thermal else 0.0,
+            "contact_state": 1.0 if self.point.law else 0.0,
+            "rotor_speed_rad_s": self.point.load.speed or 0.0,
+            "temperature_k": self.point.thermal.ambient_k if self.point.thermal else 0.0,
         }
         scale = dict.fromkeys(("tip_x_m", "tip_y_m", "contact_displacement_m"), 1e-6)
         columns = {"time_s": self._after(0.0, samples["time"])}
@@ -99,10 +99,10 @@ class Recording:
                 continue
             start = first.get(name, scale[name] * vector[0] if name in _CURRENTS else 0.0)
             columns[name] = self._after(start, vector, scale.get(name, 1.0))
-            if name == "contact_displacement_m" and self.law and "averaged" in self.law.forms:
+            if name == "contact_displacement_m" and self.point.law and "averaged" in self.point.law.forms:
                 # while it slips, the slider's node stands above its limit by the slip velocity times half a step
                 normal = self._after(self._preload, samples["v(xmotor.normal)"])
-                limit = contact_law.stick_limit(self.motor.contact, self._penetration(samples), normal)
+                limit = contact_law.stick_limit(self.point.motor.contact, self._penetration(samples), normal)
                 np.clip(columns[name], -limit, limit, out=columns[name])
         return columns
 
@@ -113,11 +113,11 @@ class Recording:
     @property
     def sway(self) -> float:
         """Sideways displacement in m of the tip under the preload, where the rotor's crown stands."""
-        return static_sway(self.motor, self.law, self.discretisation)
+        return static_sway(self.point.motor, self.point.law, self.discretisation)
 
     @property
     def _preload(self) -> float:
-        return self.motor.contact.preload_n if self.law else 0.0
+        return self.point.motor.contact.preload_n if self.point.law else 0.0
 
     def _after(self, start: float, values: Array, scale: float = 1.0) -> Array:
         """Return a vector, scaled, behind its value at the start if that is recorded."""
@@ -128,46 +128,30 @@ class Recording:
 
     def _penetration(self, samples: Mapping[str, Array]) -> Array:
         """Return the penetration in m, 0 where the contact is open."""
-        if not self.law:
+        if not self.point.law:
             return np.zeros(len(samples["time"]) + self.started)
-        start = contact_law.static_penetration(self.motor.contact)
+        start = contact_law.static_penetration(self.point.motor.contact)
         depth = self._after(start, samples["v(xmotor.xcontact.delta)"], 1e-6)
         return np.maximum(depth, 0.0, out=depth)
 
     def _courses(self, samples: Mapping[str, Array], kind: Kind) -> Array:
         """Return the states of a part of the motor in SI units, shape (states, points)."""
-        given, states = self.discretisation, motor_states(self.motor, self.law, (kind,))
-        return np.array(
-            [self._after(one.at_rest(given), samples[one.within(_MOTOR)], one.scale(given)) for one in states]
-        )
-
-
-def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
-    """Return the voltage of a capacitance behind a resistance, which starts charged; ``lag_s`` is their time constant.
-
-    Exact for a voltage that is linear within each step.
-    """
-    if not lag_s > 0.0:
-        return voltage_v
-    h = np.diff(time_s)
-    kept = np.exp(-h / lag_s)
-    lag = (1.0 - kept) * lag_s / np.where(h > 0.0, h, 1.0)
-    driven = (1.0 - kept) * voltage_v[:-1] + (1.0 - lag) * np.diff(voltage_v)
-    return recursion(kept, driven, float(voltage_v[0]))
+        found = recorded_states(samples, self.point.motor, self.point.law, self.discretisation, kind)
+        return np.array([self._after(rest, values, scale) for rest, scale, values in found])
 
 
 class _Terms:
     """The terms of the energy balance of a run, in J."""
 
     def __init__(self, recording: Recording, waves: Mapping[str, Array], samples: Mapping[str, Array]) -> None:
-        motor = recording.motor
+        motor = recording.point.motor
         self.recording, self.motor, self.waves = recording, motor, waves
         self.time = waves["time_s"]
         self.displacement, self.velocity = np.split(recording._courses(samples, "mode"), 2)
         self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
         self.share = recording._courses(samples, "bearing")
         self.penetration = recording._penetration(samples)
-        self.temperature = samples.get("v(temperature)") if recording.thermal else None
+        self.temperature = samples.get("v(temperature)") if recording.point.thermal else None
         self.stator = motor.stator
         self.softening = np.array([[mode.softening_per_m2] for mode in motor.modes])
         self.growth = np.array([[mode.damping_growth_per_m2] for mode in motor.modes])
@@ -178,7 +162,7 @@ class _Terms:
 
     def balance(self) -> EnergyBalance:
         """Return all terms."""
-        waves, motor, load = self.waves, self.motor, self.recording.load
+        waves, motor, load = self.waves, self.motor, self.recording.point.load
         squared = self.displacement**2
         normal, rotor_speed = waves["normal_force_n"], waves["rotor_speed_rad_s"]
         electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
@@ -202,13 +186,13 @@ class _Terms:
             load=to_load,
             drift=self.drift(),
             passed=float(np.abs(passed).max()) + max(-to_load, 0.0),
-            rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if self.recording.law else 0.0,
+            rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if self.recording.point.law else 0.0,
         )
 
     @cached_property
     def warm(self) -> Array | None:
         """Temperature above that at which the parameters hold, K; ``None`` for a motor that does not drift."""
-        thermal = self.recording.thermal
+        thermal = self.recording.point.thermal
         if thermal is None or self.temperature is None:
             return None
         return np.concatenate((np.full(len(self.time) - len(self.temperature), thermal.ambient_k), self.temperature))
@@ -227,7 +211,7 @@ class _Terms:
 
     def dielectric(self) -> float:
         """Return the energy in the clamped capacitances and their loss."""
-        thermal, warm = self.recording.thermal, self.warm
+        thermal, warm = self.recording.point.thermal, self.warm
         energy = 0.0
         if not self.recording.started or thermal is not None:
             # of a run that continues another, or whose capacitances drift, only what the pins take is known
@@ -236,11 +220,12 @@ class _Terms:
                 own = self.waves[column("current", group, "a")] - drifting * (coupling @ self.velocity)
                 energy += self.work(self.waves[column("voltage", group, "v")] * own)
             return energy
-        u, v = (self.waves[column("voltage", group, "v")] for group in GROUPS)
+        u, v = map(self.waves.__getitem__, _VOLTAGES)
         share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
-        for a, b in zip(*(dielectric_branches(self.motor, group) for group in GROUPS), strict=True):
+        branches = map(partial(dielectric_branches, self.motor), GROUPS)
+        for a, b in zip(*branches, strict=True):
             lag = a.resistance_ohm * a.capacitance_f
-            at_a, at_b = (plate_voltage(self.time, voltage, lag) for voltage in (u, v))
+            at_a, at_b = plate_voltage(self.time, u, lag), plate_voltage(self.time, v, lag)
             energy += _change(0.5 * (a.capacitance_f * at_a * (at_a - 2.0 * share * at_b) + b.capacitance_f * at_b**2))
             if a.resistance_ohm > 0.0:
                 energy += self.work((u - at_a) * (u - at_a - 2.0 * share * (v - at_b))) / a.resistance_ohm
@@ -249,7 +234,7 @@ class _Terms:
 
     def drift(self) -> float:
         """Return the work of the drift of a heated motor on the springs of its modes."""
-        thermal, warm = self.recording.thermal, self.warm
+        thermal, warm = self.recording.point.thermal, self.warm
         if thermal is None or warm is None:
             return 0.0
         softer = thermal.frequency_drift_per_k * warm
@@ -261,7 +246,7 @@ class _Terms:
         if not len(self.carrier):
             return 0.0, 0.0
         change, loss = -_change(self.recording._preload * self.carrier[0]), 0.0
-        carried = self.stator.with_carrier(self.motor.mount)
+        carried = self.motor.carried_stator
         mass, damping, stiffness = map(square, (carried.mass, carried.damping, carried.stiffness))
         for at, (lift, rise) in enumerate(zip(self.carrier[::2], self.carrier[1::2], strict=True), len(self.velocity)):
             momentum = mass[at, : len(self.velocity)] @ self.velocity
@@ -291,7 +276,7 @@ class _Terms:
 
     def load(self) -> float:
         """Return the energy that the load takes."""
-        load, speed = self.recording.load, self.waves["rotor_speed_rad_s"]
+        load, speed = self.recording.point.load, self.waves["rotor_speed_rad_s"]
         if load.speed is None:
             return self.work(load.torque * speed)
         return self.work((self.motor.rotor.radius_m * self.waves["friction_force_n"] - self.bearing) * speed)

@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import partial
 from math import isfinite, sqrt
+from threading import Event
 from typing import Any, Unpack
 
-from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS
-from pyspice_runner.circuit.source import Excitation
+import numpy as np
+
+from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, Excitation
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.drive import Drive
@@ -17,14 +22,12 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit
-from pyspice_runner.run.accuracy import COST, TIP, CoarserRuns
-from pyspice_runner.run.audit import audit_run
-from pyspice_runner.run.ceramic import ceramic
-from pyspice_runner.run.dynamometer import delivering
+from pyspice_runner.run.audit import audit_run, ceramic, delivering
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point, Settings
+from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
-from pyspice_runner.run.window import Window
+from pyspice_runner.run.window import Array, Window, interpolated
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
 _MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to some 20 %
@@ -142,7 +145,7 @@ def _run(
     The signals are recorded from the start in s on, at every n-th step.
     """
     motor = setup.motor
-    recording = setup.recording(started=start == 0.0)
+    recording = Recording(setup, setup.discretisation, start == 0.0)
     balanced = signals is None and every == 1
 
     def waveforms(outcome: Outcome, *, complete: bool, coarser: CoarserRuns | None = None) -> Waveforms:
@@ -155,7 +158,7 @@ def _run(
             energy = recording.energy(waves, samples)
             inexact = list(_delivering(energy))
             findings = audit_run(motor, waves, energy, step=setup.step, contact=setup.law is not None)
-            if setup.solver.audit and complete:
+            if findings and setup.solver.audit and complete:
                 Audit(findings).withhold("run")
         errors, interrupted = None, False
         if coarser is not None:
@@ -271,3 +274,132 @@ def _check_recording(
             f"duration = {duration:g} s records {points:.3g} points; at most {MOST_POINTS:.0e} fit in memory. Shorten "
             "it, or record less: record_from for its end, record_every for fewer points."
         )
+
+
+TIP = ("tip_x_m", "tip_y_m")
+JUDGED = (*TIP, "rotor_speed_rad_s", "friction_force_n")
+COST = 0.75  # of the run whose error is estimated: half of its steps and a quarter
+_ROUNDING = 1e-9  # of the tip's place; less is no motion, but the rounding of a solver
+_SECOND_ORDER = 2.5  # ratio of the distances from twice to four times the step; 4 where the error is of second order
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Estimated errors of a run."""
+
+    tip: float  # of the tip's trajectory, RMS relative to its motion
+    speed_rad_s: float | None  # of the mean rotor speed; ``None`` if it was not recorded
+    torque_n_m: float | None  # of the mean torque; ``None`` if it was not recorded
+    seconds: float  # wall time in s that ngspice took for the estimate
+
+
+class CoarserRuns:
+    """The runs with twice and four times the step, in a thread beside the run whose error they estimate.
+
+    They end with the block of a ``with`` statement, whether they are complete or not.
+    """
+
+    def __init__(
+        self,
+        setup: Point,
+        names: Collection[str],
+        duration: float,
+        *,
+        record_from: float = 0.0,
+    ) -> None:
+        """Prepare the runs.
+
+        Args:
+            setup: the operating point of the run, with its step.
+            names: columns that the run records.
+            duration: simulated time in s.
+            record_from: begin of the record, s.
+        """
+        self._setup, self._names = setup, [name for name in JUDGED if name in names]
+        self._duration, self._record_from = duration, record_from
+        self.reached_s = 0.0  # COST times the duration at the end
+        self._pool = ThreadPoolExecutor(1)
+        self._ended = Event()
+
+    def __enter__(self) -> CoarserRuns:
+        self._found = self._pool.submit(self._run)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._pool.shutdown()
+
+    def _run(self) -> tuple[list[Mapping[str, Array]], float] | None:
+        """Return the columns of both runs and the wall time in s of ngspice; ``None`` if a run fails."""
+        setup, seconds = self._setup, 0.0
+        coarser: list[Mapping[str, Array]] = []
+        for factor, before in ((2.0, 0.0), (4.0, 0.5 * self._duration)):
+            if factor * setup.step > setup.coarsest_step:
+                break
+            trial = setup.with_step(factor * setup.step)
+            recording = Recording(trial, trial.discretisation, self._record_from == 0.0)
+            vectors = [*recording.vectors(self._names), *setup.source.vectors]
+            tell = partial(self._tell, factor, before)
+            try:
+                outcome = trial.run(self._duration, vectors, record_from=self._record_from, progress=tell)
+            except (SimulationError, _Ended):
+                return None
+            seconds += outcome.seconds
+            coarser.append(recording.columns(outcome.vectors(), self._names))
+        return coarser, seconds
+
+    def _tell(self, factor: float, before: float, reached: float) -> None:
+        if self._ended.is_set():
+            raise _Ended
+        self.reached_s = before + reached / factor
+
+    def errors(self, waves: Mapping[str, Array]) -> Errors | None:
+        """Return the errors of a run with these columns; ``None`` if a coarser run fails, or its step is too long."""
+        found = self._found.result()
+        if found is None or not found[0]:
+            return None
+        coarser, seconds = found
+        setup, rested = self._setup, self._record_from == 0.0
+        first = _distance(waves, coarser[0], rested)
+        opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())
+        second_order = (
+            len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
+        )
+        speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
+        return Errors(
+            first / 3.0 if second_order else first,
+            speed,
+            None if force is None else setup.motor.rotor.radius_m * force,
+            seconds,
+        )
+
+
+class _Ended(Exception):
+    """The errors are no longer wanted."""
+
+
+def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float | None:
+    """Return the estimated error of the mean of a signal."""
+    if name not in runs[0]:
+        return None
+    means = [Window(run["time_s"], period).mean(run[name]) for run in runs]
+    weights = (1.0, 0.5)
+    return float(sum(weight * abs(a - b) for weight, a, b in zip(weights, means[:-1], means[1:], strict=False)))
+
+
+def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool) -> float:
+    """Return the RMS distance of two tips over the RMS of the motion; 0 for a tip that does not move.
+
+    The place of rest under the preload depends a little on the step. Where the runs began at ``rested``, motions are
+    counted from there; they are otherwise a multiple of themselves apart where the drive is weak.
+    """
+    time = fine["time_s"]
+    time = time[(time >= coarse["time_s"][0]) & (time <= coarse["time_s"][-1])]
+    first = int(np.searchsorted(fine["time_s"], time[0])) if len(time) else 0
+    away, motion = 0.0, 0.0
+    for name in TIP:
+        ours = fine[name][first : first + len(time)]
+        difference = ours - interpolated(coarse["time_s"], coarse[name], time)
+        away += float(np.mean((difference - (difference[0] if rested else 0.0)) ** 2))
+        motion += float(np.var(ours)) if np.std(ours) > _ROUNDING * abs(np.mean(ours)) else 0.0
+    return sqrt(away / motion) if motion > 0.0 else 0.0

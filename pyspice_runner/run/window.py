@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The window over which every analysis averages: the last whole drive periods of a run.
+"""The window over which every analysis averages, interpolation, and a recursion over the points of a run.
 
 Means are taken by the trapezoidal rule on the simulator's own points, so that powers add up as the simulator's do.
 Harmonics are Fourier coefficients of the waveform: by the same rule for uniform steps, where it is exact, and of the
@@ -9,7 +9,7 @@ piecewise linear waveform for nonuniform steps.
 from __future__ import annotations
 
 from functools import cached_property
-from math import exp, pi, sqrt
+from math import ceil, exp, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,3 +114,56 @@ def averaged_to_come(time: Array, values: Array, begin: float = 0.0) -> float:
     """Return :func:`change_to_come` of an averaged signal from a time in s on; its points are not uniform."""
     grid = np.linspace(begin, time[-1], POINTS_TO_COME)
     return change_to_come(grid, np.interp(grid, time, values), float(grid[1] - grid[0]))
+
+
+NODES = 6  # of the interpolating polynomial: the error is of the order of a cubic spline's at 12 points a period
+
+
+def interpolated(time: Array, values: Array, at: Array | float) -> Array:
+    """Return values, along their last axis, at other times, by Lagrange's polynomial through the points around each.
+
+    ``time`` rises; before and after it the polynomial through its first or last points counts.
+    """
+    nodes, places = min(NODES, len(time)), np.asarray(at, dtype=float)
+    first = np.clip(np.searchsorted(time, places) - nodes // 2, 0, len(time) - nodes)
+    found = np.zeros((*values.shape[:-1], *places.shape))
+    for one in range(nodes):
+        weight = np.ones_like(places)
+        for other in range(nodes):
+            if other != one:
+                weight *= (places - time[first + other]) / (time[first + one] - time[first + other])
+        found += weight * values[..., first + one]
+    return found
+
+
+def recursion(factors: Array, terms: Array, start: float) -> Array:
+    """Return y₀ = start and yₙ₊₁ = factorₙ yₙ + termₙ, in blocks, each from 0 at first."""
+    count = len(terms)
+    size = max(ceil(sqrt(count)), 1)
+    blocks = ceil(count / size)
+    padded = np.zeros((2, blocks * size))
+    padded[0, :count], padded[1, :count] = factors, terms
+    factor, own = padded.reshape(2, blocks, size).swapaxes(1, 2).copy()
+    for place in range(1, size):
+        own[place] += factor[place] * own[place - 1]
+        factor[place] *= factor[place - 1]
+    begins = np.empty(blocks)  # y before each block
+    before = start
+    for block in range(blocks):
+        begins[block] = before
+        before = own[-1, block] + factor[-1, block] * before
+    return np.concatenate(([start], (own + factor * begins).T.ravel()[:count]))
+
+
+def plate_voltage(time_s: Array, voltage_v: Array, lag_s: float) -> Array:
+    """Return the voltage of a capacitance behind a resistance, which starts charged; ``lag_s`` is their time constant.
+
+    Exact for a voltage that is linear within each step.
+    """
+    if not lag_s > 0.0:
+        return voltage_v
+    h = np.diff(time_s)
+    kept = np.exp(-h / lag_s)
+    lag = (1.0 - kept) * lag_s / np.where(h > 0.0, h, 1.0)
+    driven = (1.0 - kept) * voltage_v[:-1] + (1.0 - lag) * np.diff(voltage_v)
+    return recursion(kept, driven, float(voltage_v[0]))

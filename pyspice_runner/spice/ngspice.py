@@ -198,7 +198,7 @@ def _interrupted(path: Path, vectors: Sequence[str], seconds: float, version: st
         raw = read_rawfile(path, partial=True)
     except RawFileError:
         return KeyboardInterrupt()
-    if any(raw.find(name) is None for name in vectors) or raw.beyond(LARGEST, vectors):
+    if raw.missing(vectors) or raw.beyond(LARGEST, vectors):
         return KeyboardInterrupt()
     return Interrupted("The run was interrupted.", SpiceRun(raw, seconds, "", version))
 
@@ -241,9 +241,9 @@ def _verified(
         raw = read_rawfile(path)
     except RawFileError as error:
         raise SimulationError(f"ngspice gave no usable result: {error}.", log=log) from None
-    for name in vectors:
-        if raw.find(name) is None:
-            raise SimulationError(f"ngspice left out the vector {name}; check that the netlist has it.", log=log)
+    absent = raw.missing(vectors)
+    if absent:
+        raise SimulationError(f"ngspice left out the vector {absent}; check that the netlist has it.", log=log)
     spoiled = raw.beyond(LARGEST, vectors)
     if spoiled:
         raise SimulationError(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log=log)

@@ -41,6 +41,10 @@ class RawFile:
                 return self.vectors[candidate]
         return None
 
+    def missing(self, names: Sequence[str]) -> str | None:
+        """Return the first of these vectors that the file does not have."""
+        return next((name for name in names if self.find(name) is None), None)
+
     def beyond(self, largest: float, names: Sequence[str]) -> str | None:
         """Return the first of these vectors with a value that is not finite or larger in magnitude than a limit."""
         with np.errstate(over="ignore", invalid="ignore"):  # in the magnitude of a complex value

@@ -20,9 +20,9 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.circuit.bench import Bench, Derived
 from pyspice_runner.circuit.evaluated import plotted_nodes
-from pyspice_runner.circuit.fixtures import not_below_rounding, sine, transient_options
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
+from pyspice_runner.circuit.source import not_below_rounding, sine, transient_options
 from pyspice_runner.circuit.state import (
     Discretisation,
     Kind,

@@ -13,7 +13,6 @@ import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import chain, pairwise
 from math import ceil, pi, sqrt
 
 import numpy as np
@@ -24,7 +23,6 @@ from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.drivers.parts import CABLE
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
@@ -37,6 +35,7 @@ from pyspice_runner.steady.driven_copies import (
     LEAD,
     PRIMARY,
     DrivenPlant,
+    driven,
     driven_bench,
     driven_states,
     driven_vectors,
@@ -90,8 +89,7 @@ class DrivenMap(PeriodMap):
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         instance = copy_name(number)
-        assert isinstance(plant, DrivenPlant)
-        names = driven_vectors(plant, instance)
+        names = driven_vectors(driven(plant), instance)
         names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
         return names + [name for name in pin_vectors(instance).values() if whole]
 
@@ -108,15 +106,14 @@ class DrivenMap(PeriodMap):
         even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
         traces: list[Trace | None] = []
         for number, copy in enumerate(copies):
-            assert isinstance(copy.plant, DrivenPlant)
-            states = driven_states(copy.plant, raw, copy_name(number), self.discretisation)
+            states = driven_states(driven(copy.plant), raw, copy_name(number), self.discretisation)
             contact = (
                 [raw[f"v({copy_name(number)}.xmotor.{name})"] for name in CONTACT] if whole else [time] * len(CONTACT)
             )
             rows = [np.interp(even, time, row) for row in (*states, *contact)]
             named = pin_vectors(copy_name(number)).items() if whole else ()
             pins = {name: np.interp(even, time, raw[vector]) for name, vector in named}
-            begun = even + copy.plant.begins * self.period  # since the control of group A had the phase 0
+            begun = even + driven(copy.plant).begins * self.period  # since the control of group A had the phase 0
             trace = Trace(begun, np.array(rows[: len(states)]), *rows[len(states) :])
             traces.append(replace(trace, pins=pins))
         return traces
@@ -205,14 +202,13 @@ class DrivenPoint(Orbit):
 
         A slider that is not free goes to where it is a period later.
         """
-        assert isinstance(self.plant, DrivenPlant)
         assert self.trace is not None
         free = self.free
         begun, back, monodromy = self._lasting()
         left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
         kept = np.arange(len(sizes)) < len(sizes) - self._still
         moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
-        step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
+        step = np.asarray((self.trace.later(driven(self.plant).begins * self.plant.period) - self.state) / self.scale)
         step[free] = back @ moved
         return step
 
@@ -224,18 +220,16 @@ class DrivenPoint(Orbit):
         """
         assert self.at_start is not None
         assert self.at_end is not None
-        assert isinstance(self.plant, DrivenPlant)
         free = np.ix_(self.free, self.free)
         left, sizes, right = np.linalg.svd(self.at_start[free])
-        kept = sizes > (FADED if self.plant.driver.uniform else FADED_SWITCHED) * sizes[0]
+        kept = sizes > (FADED if driven(self.plant).driver.uniform else FADED_SWITCHED) * sizes[0]
         begun, back = left[:, kept], right[kept].T / sizes[kept]
         return begun, back, begun.T @ self.at_end[free] @ back
 
     @property
     def _still(self) -> int:
         """Number of directions in which the state stays where it is."""
-        assert isinstance(self.plant, DrivenPlant)
-        return self.sticks + self.plant.isolated
+        return self.sticks + driven(self.plant).isolated
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -267,38 +261,21 @@ def check_driven(setup: Point) -> None:
     """Raise a ParameterError for a source that shooting cannot handle."""
     source = setup.source
     settle = "Take mode = 'settle', or simulate it until it settles."
-    if not isinstance(source, Driver):
-        raise ParameterError(f"A tracker ({source.label}) has feedback: its voltages have no fixed period. {settle}")
-    if source.own:
-        raise ParameterError(
-            f"The driver {source.name} is a subcircuit of your own, whose states are not known. {settle}"
-        )
+    if source.unsteady:
+        raise ParameterError(f"{source.unsteady} {settle}")
     if setup.law is None:
         raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
         raise ParameterError(
             f"The steady state of a free shaft on a bearing with dry friction is not found by shooting. {settle}"
         )
-    _check_ringing(source, settle)
     require_linear(setup.motor, "A steady state behind a driver")
 
 
-def _check_ringing(driver: Driver, settle: str) -> None:
-    """Raise a ParameterError for a bridge whose edges let a winding ring with the inductance of the cable after it.
-
-    At some ten megahertz the ring takes some thousand steps of ngspice; what they miss is 1e-3 of the states, and
-    Newton's method does not get nearer.
-    """
-    chains = [driver.parts(group) for group in GROUPS] if driver.switched else []
-    for before, last in chain.from_iterable(map(pairwise, chains)):
-        if last.label == CABLE and (winding := before.values.get("winding_capacitance")):
-            inductance = last.values["inductance"]
-            hertz = 1.0 / (2.0 * pi * sqrt(inductance * winding))
-            raise ParameterError(
-                f"{before.label}.winding_capacitance = {winding:g} F rings with cable.inductance = {inductance:g} H of "
-                f"group {last.group.upper()} at {1e-6 * hertz:.4g} MHz after each edge of the bridge, too fast for a "
-                f"steady state by shooting. Set winding_capacitance = 0, or leave the cable out. {settle}"
-            )
+def driver_of(setup: Point) -> Driver:
+    """Return the driver of an operating point that :func:`check_driven` has seen."""
+    assert isinstance(setup.source, Driver)
+    return setup.source
 
 
 def driven_answers(
@@ -320,8 +297,7 @@ def driven_answers(
     """
     points: list[DrivenPoint] = []
     for setup, start, moving in zip(setups, starts, near, strict=True):
-        driver = setup.source
-        assert isinstance(driver, Driver)
+        driver = driver_of(setup)
         stage = TwoPhaseDrive(**two_phases(driver))
         plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
@@ -365,9 +341,8 @@ def _answer(
     """Return the answer for the quantities at a step and at one twice as long; both are empty without a solution."""
     if not (fine and coarse):
         return Answer(point, period_map)
-    assert isinstance(point.plant, DrivenPlant)
     assert point.trace is not None
-    speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
+    speed = float(point.trace.states[driven(point.plant).inner - 1].mean()) if point.plant.turns else None
     return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
 
 

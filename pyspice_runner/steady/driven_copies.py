@@ -19,15 +19,8 @@ from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
 from pyspice_runner.circuit.bench import Bench, Derived
-from pyspice_runner.circuit.evaluated import plotted_nodes
-from pyspice_runner.circuit.fixtures import (
-    METERED,
-    add_meters,
-    add_set_speed,
-    brake_parts,
-    connect_brake,
-)
-from pyspice_runner.circuit.powers import LINE
+from pyspice_runner.circuit.evaluated import LINE, plotted_nodes
+from pyspice_runner.circuit.fixtures import METERED, add_meters, add_set_speed, brake_parts, connect_brake
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Discretisation, State, motor_states
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
@@ -248,6 +241,12 @@ def driven_states(plant: DrivenPlant, samples: Mapping[str, Array], copy: str, d
     return np.array([*rows, *(store.value(samples, copy) for store in plant.stores)])
 
 
+def driven(plant: Plant) -> DrivenPlant:
+    """Return the plant of a copy behind a driver, for the type checker."""
+    assert isinstance(plant, DrivenPlant)
+    return plant
+
+
 def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, meters: bool = False) -> Bench:
     """Return the bench of copies of motors behind their drivers: instances ``Xc0``, ``Xc1``, ….
 
@@ -256,14 +255,12 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
     """
     lines, subcircuits, start = [], dict[str, str](), dict[str, float]()
     signals: dict[str, Derived] = {}
-    first = copies[0].plant
-    assert isinstance(first, DrivenPlant)
+    first = driven(copies[0].plant)
     if not first.driver.uniform:
         lines.append(f"Vmark mark 0 PULSE(0 1 {LEAD * first.driver.period!r} 1n 1n 1 2)")
     lines.append("Rmark mark 0 1")
     for number, copy in enumerate(copies):
-        plant, instance = copy.plant, copy_name(number)
-        assert isinstance(plant, DrivenPlant)
+        plant, instance = driven(copy.plant), copy_name(number)
         if plant.bench_name not in subcircuits:
             subcircuits |= plant.bench_texts(discretisation, meters=meters)
         motor, stores = np.split(copy.state, [len(plant.states)])

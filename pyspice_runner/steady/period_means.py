@@ -13,7 +13,7 @@ from math import atan2, degrees, nan
 import numpy as np
 
 from pyspice_runner.circuit.state import Discretisation, static_sway
-from pyspice_runner.motor import groups, strength, wear
+from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
@@ -152,7 +152,7 @@ def loads(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: fl
     greatest, rubbing = float(trace.normal.max()), _rubbing(plant, trace, discretisation, loss_w)
     return {
         **strength.peak_of_motion(plant.motor, modal(plant, trace)[0]),
-        **wear.of_contact(plant.motor.contact, greatest, rubbing),
+        **strength.of_contact(plant.motor.contact, greatest, rubbing),
     }
 
 
@@ -165,7 +165,7 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
         return nan
     if "averaged" not in plant.law.forms:
         return loss_w / plant.motor.contact.friction
-    velocity = wear.slip_velocity(
+    velocity = strength.slip_velocity(
         plant.motor.contact, 1e-6 * trace.slider_um, 1e-6 * trace.penetration_um, trace.normal,
         discretisation.slider_time,
     )  # fmt: skip

@@ -25,7 +25,8 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
 from pyspice_runner.motor.strength import COMPARED, exceeded
 from pyspice_runner.result import Audit
-from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, delivering, off_beat, stuck
+from pyspice_runner.run.audit import delivering
+from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, off_beat, stuck
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings
 from pyspice_runner.run.waveforms import Array

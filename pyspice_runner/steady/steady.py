@@ -17,8 +17,7 @@ from typing import Any, Generic, TypeVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.fixtures import FEWEST_POINTS_PER_PERIOD
-from pyspice_runner.circuit.source import DriveSource
+from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
@@ -28,8 +27,8 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import exceeded
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
-from pyspice_runner.run.audit import audit_point
-from pyspice_runner.run.dynamometer import STUCK, Quantities, delivering, stuck
+from pyspice_runner.run.audit import audit_point, delivering
+from pyspice_runner.run.dynamometer import STUCK, Quantities, stuck
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
@@ -575,7 +574,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         name, sign = setup.source.current(group)
         samples[f"v({group})"] = drive_voltage(groups.of(plant.drive.tones, group), trace.time)
         samples[name] = sign * current(plant, group, trace)
-    recording = Recording(setup.motor, setup.source, setup.law, setup.load, period_map.discretisation, started=False)
+    recording = Recording(setup, period_map.discretisation, started=False)
     waves = recording.columns(samples, COLUMNS)
     arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
     return Waveforms(

@@ -22,7 +22,8 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
-from pyspice_runner.run.dynamometer import STUCK, UNITS, delivering
+from pyspice_runner.run.audit import delivering
+from pyspice_runner.run.dynamometer import STUCK, UNITS
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.waveforms import Array

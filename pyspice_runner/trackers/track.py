@@ -29,8 +29,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit, Result, contact_row
-from pyspice_runner.run.audit import audit_contact
-from pyspice_runner.run.ceramic import ceramic, modal_vectors
+from pyspice_runner.run.audit import audit_contact, ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.point import MOST_POINTS, Point, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array

@@ -471,6 +471,11 @@ class TrackedSource(Source):
         add_disturbance(circuit, motor, disturbance)
 
     @property
+    def unsteady(self) -> str:
+        """Why shooting cannot find a steady state behind a tracker."""
+        return f"A tracker ({self.label}) has feedback: its voltages have no fixed period."
+
+    @property
     def pins(self) -> tuple[str, ...]:
         """Pins of the motor that the disturbance drives."""
         kind = self.disturbance.kind if self.disturbance else ""

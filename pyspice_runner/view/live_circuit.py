@@ -19,10 +19,10 @@ from math import pi, sqrt
 from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
 from pyspice_runner.circuit.bench import motor_bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS, transient_options
+from pyspice_runner.circuit.fixtures import AC_OPTIONS
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW, Law
 from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
-from pyspice_runner.circuit.source import DriveSource
+from pyspice_runner.circuit.source import DriveSource, transient_options
 from pyspice_runner.circuit.state import Discretisation, motor_states
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law

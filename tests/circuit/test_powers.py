@@ -10,7 +10,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import motor_bench
-from pyspice_runner.circuit.powers import LINE, powers_of
+from pyspice_runner.circuit.evaluated import LINE, powers_of
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.spice.library import library_names, read_library

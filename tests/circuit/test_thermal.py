@@ -14,9 +14,9 @@ from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import motor_bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS, TRANSIENT_OPTIONS
+from pyspice_runner.circuit.fixtures import AC_OPTIONS
 from pyspice_runner.circuit.motor import add_motor
-from pyspice_runner.circuit.source import DriveSource
+from pyspice_runner.circuit.source import TRANSIENT_OPTIONS, DriveSource
 from pyspice_runner.motor.dielectric import lossy_capacitance
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal, heat_capacity

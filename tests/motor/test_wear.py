@@ -11,7 +11,8 @@ import pytest
 from scipy.integrate import quad
 
 import pyspice_runner as pr
-from pyspice_runner.motor import strength, wear
+from pyspice_runner.motor import strength
+from pyspice_runner.motor.contact import contact_radius
 from pyspice_runner.motor.load import Materials
 from pyspice_runner.motor.parameters import Contact
 
@@ -73,7 +74,7 @@ def test_the_tension_behind_a_sliding_contact_is_that_of_its_point_forces(poisso
     of_pressure = (1.0 - 2.0 * poisson) / 3.0 / edge**2 * (1.0 - w**3) - w  # Johnson eq. 3.42
     assert stress == pytest.approx(of_friction + of_pressure, abs=2e-3)  # differences over h
     contact = NEW.model_copy(update={"poisson": poisson, "friction": friction})
-    at_edge = wear.tensile_stress(contact, 10.0) / wear.peak_pressure(contact, 10.0)
+    at_edge = strength.tensile_stress(contact, 10.0) / strength.peak_pressure(contact, 10.0)
     assert at_edge == pytest.approx((of_friction / -edge) + (1.0 - 2.0 * poisson) / 3.0, rel=1e-12)
 
 
@@ -84,22 +85,22 @@ def test_the_peak_pressure_is_one_and_a_half_times_the_mean() -> None:
         rotor_youngs_modulus_pa=210e9, rotor_poisson=0.3,
     )  # fmt: skip
     contact = Contact(**steel.constants(1e9), friction=0.2, preload_n=100.0)
-    assert wear.contact_radius(contact, 100.0) == pytest.approx(0.1866e-3, rel=1e-3)
-    assert wear.peak_pressure(contact, 100.0) == pytest.approx(1.5 * 100.0 / (pi * 0.1866e-3**2), rel=2e-3)
-    assert wear.peak_pressure(contact, 0.0) == 0.0
+    assert contact_radius(contact, 100.0) == pytest.approx(0.1866e-3, rel=1e-3)
+    assert strength.peak_pressure(contact, 100.0) == pytest.approx(1.5 * 100.0 / (pi * 0.1866e-3**2), rel=2e-3)
+    assert strength.peak_pressure(contact, 0.0) == 0.0
 
 
 def test_a_flat_takes_the_volume_between_two_paraboloids() -> None:
-    radius = wear.contact_radius(NEW, 6.5)
+    radius = contact_radius(NEW, 6.5)
     volume, _ = quad(lambda r: (radius**2 - r**2) / (2.0 * 0.00375) * 2.0 * pi * r, 0.0, radius)
-    assert wear.time_to_flat(NEW, 1e-15) == pytest.approx(volume / 1e-15, rel=1e-9)
+    assert strength.time_to_flat(NEW, 1e-15) == pytest.approx(volume / 1e-15, rel=1e-9)
 
 
 def test_what_is_not_known_is_not_stated() -> None:
     bare = NEW.model_copy(update={"effective_radius_m": None, "poisson": None, "specific_wear_rate_m3_per_n_m": None})
-    assert all(np.isnan(value) for value in wear.of_contact(bare, 10.0, 1.0).values())
-    assert np.isnan(wear.time_to_flat(bare, 1e-15))
-    assert all(np.isfinite(value) for value in wear.of_contact(NEW, 10.0, 1.0).values())
+    assert all(np.isnan(value) for value in strength.of_contact(bare, 10.0, 1.0).values())
+    assert np.isnan(strength.time_to_flat(bare, 1e-15))
+    assert all(np.isfinite(value) for value in strength.of_contact(NEW, 10.0, 1.0).values())
 
 
 def test_a_steady_state_wears_by_the_slip_of_its_own_motion() -> None:
@@ -114,8 +115,8 @@ def test_a_steady_state_wears_by_the_slip_of_its_own_motion() -> None:
     # the slope of the rotor's surface, some 1e-3 of the motion, and half a step at each change of state
     assert state.wear_volume_m3_per_s == pytest.approx(1e-15 * rubbed, rel=0.02)
     greatest = waves.normal_force_n.max()
-    assert state.peak_pressure_pa == pytest.approx(wear.peak_pressure(FLAGSHIP.contact, greatest), rel=1e-3)
-    assert state.tensile_stress_pa == pytest.approx(wear.tensile_stress(FLAGSHIP.contact, greatest), rel=1e-3)
+    assert state.peak_pressure_pa == pytest.approx(strength.peak_pressure(FLAGSHIP.contact, greatest), rel=1e-3)
+    assert state.tensile_stress_pa == pytest.approx(strength.tensile_stress(FLAGSHIP.contact, greatest), rel=1e-3)
     tension, flat = spoken(state.cautions)
     assert tension.startswith("Friction puts the trailing edge of the contact under a tension of 1.415 GPa;")
     assert flat.startswith("The results are those of a new tip: after 1.3")
@@ -136,13 +137,13 @@ def test_each_limit_of_the_contact_has_its_sentence() -> None:
     weak = FLAGSHIP.updated({"limits.contact_pressure_pa": 1e9})
     assert told(weak, **found)[0].startswith("The peak pressure of the contact is 2 GPa; the limit is 1 GPa")
     assert told(FLAGSHIP.updated({"limits.contact_tension_pa": None}), **found) == []
-    volume = 1e-16 * wear.time_to_flat(FLAGSHIP.contact, 1e-16)  # of a flat of 45 µm
+    volume = 1e-16 * strength.time_to_flat(FLAGSHIP.contact, 1e-16)  # of a flat of 45 µm
     assert told(FLAGSHIP, wear_volume_m3_per_s=volume / 3601.0) == []
     (flat,) = told(FLAGSHIP, wear_volume_m3_per_s=volume / 3599.0)
     assert "after 3.599 ks" in flat
     assert "45.47 µm in radius" in flat
     worn = FLAGSHIP.updated({"contact.worn_flat_radius_m": 1e-4})
-    volume = 1e-16 * wear.time_to_flat(worn.contact, 1e-16)
+    volume = 1e-16 * strength.time_to_flat(worn.contact, 1e-16)
     assert volume == pytest.approx(3.0 * pi * 1e-4**4 / (4.0 * 0.00375))
     (wider,) = told(worn, wear_volume_m3_per_s=volume / 60.0)
     assert wider.endswith("a flat of 100 µm in radius: after 60 s its radius is 141.4 µm.")

@@ -8,8 +8,8 @@ from time import monotonic
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.run.accuracy import TIP, CoarserRuns
 from pyspice_runner.run.point import Point as OperatingPoint
+from pyspice_runner.run.simulate import TIP, CoarserRuns
 from pyspice_runner.run.waveforms import Waveforms
 from tests.run.test_reference import DURATION, POINTS, Point, trajectory_error, two_phase
 from tests.selection import mostly

@@ -20,7 +20,7 @@ from pyspice_runner.motor.contact import (
     static_penetration,
     tangential_stiffness_at_preload,
 )
-from pyspice_runner.run.dynamometer import delivering
+from pyspice_runner.run.audit import delivering
 from pyspice_runner.run.simulate import _delivering
 from pyspice_runner.run.waveforms import EnergyBalance, Waveforms
 from tests.reference.damped import integrate_damped

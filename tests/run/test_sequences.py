@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from pyspice_runner.run.sequences import interpolated, recursion
+from pyspice_runner.run.window import interpolated, recursion
 
 
 @pytest.mark.parametrize("points", [12, 24])

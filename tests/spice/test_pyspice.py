@@ -193,12 +193,13 @@ from pyspice_runner.motor.drive import Load
 from pyspice_runner.circuit.source import source_of
 from pyspice_runner.run.kernel import simulator as ready
 from pyspice_runner.run.point import Point
+from pyspice_runner.run.recording import Recording
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.circuit.fixtures import admittance_bench
 motor = pr.load_motor("andersen2002")
 drive = pr.TwoToneDrive(voltage_1=1, frequency_1=2e4, voltage_2=2, frequency_2=4e4, phase_deg=30)
 setup = Point(motor, source_of(drive, motor, None), Load(torque=1e-3))
-simulator = ready(setup.bench(), setup.recording().vectors(None))
+simulator = ready(setup.bench(), Recording(setup, setup.discretisation).vectors(None))
 print(simulator.prepare("transient", step_time=1e-7, end_time=1e-3), motor_library(motor))
 print(admittance_bench(motor, preloaded=True))
 """

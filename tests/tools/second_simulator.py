@@ -129,7 +129,7 @@ def simulate(
         f'analysis run tran step={setup.step!r} stop={duration!r} maxstep={setup.step!r} icmode="uic" ic={{{first}}}',
     )
     raw, seconds = vacask(motor, law, lines, commands, setup.discretisation)
-    recording = setup.recording()
+    recording = Recording(setup, setup.discretisation)
     samples = _as_ngspice({name: np.asarray(values[1:].real) for name, values in raw.vectors.items()}, setup)
     waves = recording.columns(samples, COLUMNS)
     return _waveforms(setup, recording, waves, samples, seconds)

@@ -18,7 +18,8 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS, TRANSIENT_OPTIONS
+from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.source import TRANSIENT_OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.run.kernel import ac, transient
 from pyspice_runner.run.point import Point
