@@ -80,6 +80,11 @@ class Source(Excitation):
         return None
 
     @property
+    def own(self) -> bool:
+        """Whether it is a subcircuit of the user's own, whose states are not known."""
+        return False
+
+    @property
     def unsteady(self) -> str:
         """Why shooting cannot find a steady state behind the source, as a sentence; empty if it can."""
         return f"The source ({self.label}) does not repeat after a fixed period, or has states that are not known."

@@ -13,7 +13,6 @@ from math import nan, sqrt
 
 import numpy as np
 
-from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.motor import groups
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Plant
@@ -36,7 +35,7 @@ class BalancedState:
 
 def balances(setup: Point) -> bool:
     """Return whether harmonic balance describes a point: paper's contact, linear modes, few harmonics of the drive."""
-    if not isinstance(setup.source, DriveSource) or not setup.law or "averaged" not in setup.law.forms:
+    if setup.source.ideal is None or not setup.law or "averaged" not in setup.law.forms:
         return False
     plant = _plant(setup)
     return differentiable(plant) and tones(plant) > 0
@@ -75,5 +74,6 @@ def _state(balance: Balance) -> BalancedState:
 
 
 def _plant(setup: Point) -> Plant:
-    assert isinstance(setup.source, DriveSource)
-    return Plant(setup.motor, setup.source.drive, setup.load, setup.law)
+    drive = setup.source.ideal
+    assert drive is not None
+    return Plant(setup.motor, drive, setup.load, setup.law)

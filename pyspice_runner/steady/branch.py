@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
@@ -130,9 +129,10 @@ class _Family:
     def at(self, value: float) -> tuple[Plant, PeriodMap]:
         """Return plant and map at a value of the parameter."""
         setup = self.setup(value)
-        assert isinstance(setup.source, DriveSource)
-        period = setup.source.drive.period
-        plant = Plant(setup.motor, setup.source.drive, setup.load, setup.law)
+        drive = setup.source.ideal
+        assert drive is not None
+        period = drive.period
+        plant = Plant(setup.motor, drive, setup.load, setup.law)
         return plant, PeriodMap(period, ceil(period / setup.step - 1e-9), self.base.solver.timeout)
 
 

@@ -163,7 +163,7 @@ def curve(
 
 def _way(mode: Method, base: Point) -> Method:
     """Return how the points are measured: a driver whose states are not known settles."""
-    return "settle" if isinstance(base.source, Driver) and base.source.own else mode
+    return "settle" if base.source.own else mode
 
 
 @checked

@@ -34,7 +34,7 @@ from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
-from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
+from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers, driver_of
 from pyspice_runner.steady.period_map import PeriodMap, cores
 from pyspice_runner.steady.period_means import current, extrapolated, means, phases, quantities, speed, tip
 from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
@@ -282,8 +282,7 @@ def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> lis
     free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
     ideal = []
     for place in free:
-        driver = setups[place].source
-        assert isinstance(driver, Driver)
+        driver = driver_of(setups[place])
         ideal.append(replace(setups[place], source=DriveSource(TwoPhaseDrive(**two_phases(driver)))))
     found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
     return [found.get(place) for place in range(len(setups))]
@@ -536,7 +535,7 @@ def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap
         "audit": audit.to_dict(),
     }
     return SteadyState(
-        **found, motor=setup.motor, drive=setup.source if isinstance(setup.source, Driver) else _drive(setup),
+        **found, motor=setup.motor, drive=setup.drive,
         speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,

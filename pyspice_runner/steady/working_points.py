@@ -17,7 +17,6 @@ from pydantic import SkipValidation
 
 from pyspice_runner.circuit.bench import FREE
 from pyspice_runner.circuit.law import touching_law
-from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
@@ -253,7 +252,7 @@ def _plain(value: Any) -> Any:
 
 def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
     """Return the quantities of a point."""
-    assert not isinstance(state.drive, Driver)
+    assert isinstance(state.drive, Drive)
     row: dict[str, Any] = {
         "speed_rad_s": state.speed_rad_s,
         **state.quantities,
