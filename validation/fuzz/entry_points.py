@@ -42,10 +42,10 @@ from pyspice_runner.spice.rawfile import RawFileError, read_rawfile
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.sweeps.store import Store
 from tests.data.spectra import make
-from tests.impedance.readers.mutate import MUTATIONS
 from tests.motor.toml_text import toml
 from validation.fuzz import mutate
 from validation.fuzz.nasty import EDGES, MARKER, NUMBERS
+from validation.fuzz.spectra import MUTATIONS
 from validation.fuzz.watch import watched
 
 OURS = (pr.ParameterError, pr.SpectrumError, pr.SimulationError, RawFileError)

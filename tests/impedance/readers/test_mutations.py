@@ -15,7 +15,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.impedance.readers.text import MOST_BYTES
 from tests.data.spectra import make
-from tests.impedance.readers.mutate import MUTATIONS, Mutation
+from validation.fuzz.spectra import MUTATIONS, Mutation
 
 COUNT = 300
 _ALL = list(product(make.FILES, MUTATIONS))

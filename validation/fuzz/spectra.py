@@ -28,10 +28,12 @@ def _marks(data: bytes) -> bytes:
 
 
 def truncated(data: bytes, rng: random.Random) -> bytes:
+    """End the file anywhere."""
     return data[: rng.randrange(len(data))]
 
 
 def truncated_between_lines(data: bytes, rng: random.Random) -> bytes:
+    """End the file after some line."""
     lines, end = _lines(data)
     return end.join([*lines[: rng.randrange(len(lines))], b""])
 
@@ -43,7 +45,7 @@ def _neighbours(cells: int, rng: random.Random) -> tuple[int, int]:
 
 
 def columns_swapped(data: bytes, rng: random.Random) -> bytes:
-    """Two columns change places in the points, not in the header."""
+    """Exchange two columns in the points, not in the header."""
     lines, end = _lines(data)
     mark, rows = _marks(data), _rows(lines)
     count = len(lines[rows[-1]].split(mark))
@@ -57,7 +59,7 @@ def columns_swapped(data: bytes, rng: random.Random) -> bytes:
 
 
 def columns_moved(data: bytes, rng: random.Random) -> bytes:
-    """Two columns change places together with their headings."""
+    """Exchange two columns together with their headings."""
     lines, end = _lines(data)
     mark, rows = _marks(data), _rows(lines)
     first, second = _neighbours(len(lines[rows[-1]].split(mark)), rng)
@@ -71,7 +73,7 @@ def columns_moved(data: bytes, rng: random.Random) -> bytes:
 
 
 def wrong_unit(data: bytes, rng: random.Random) -> bytes:
-    """A unit in the text above the points becomes one that does not fit, or degrees become radians."""
+    """Replace a unit in the text above the points by one that does not fit, or degrees by radians."""
     lines, end = _lines(data)
     head = end.join(lines[: _rows(lines)[0]])
     swaps = [
@@ -91,7 +93,7 @@ def wrong_unit(data: bytes, rng: random.Random) -> bytes:
 
 
 def not_a_number(data: bytes, rng: random.Random) -> bytes:
-    """Some numbers become something else."""
+    """Replace some numbers by something else."""
     word = rng.choice(
         [b"nan", b"NaN", b"", b"inf", b"-inf", b"---", b"1e999", b"abc", b"0x1F", b"1_000", b"=1+1", "٣".encode()]
     )
@@ -101,22 +103,25 @@ def not_a_number(data: bytes, rng: random.Random) -> bytes:
 
 
 def binary(data: bytes, rng: random.Random) -> bytes:
+    """Replace the file by bytes, or put bytes into it."""
     noise = bytes(rng.randrange(256) for _ in range(rng.choice([200, 5000])))
     place = rng.randrange(len(data))
     return rng.choice([noise, b"\x89PNG\r\n\x1a\n" + noise, b"PK\x03\x04" + noise, data[:place] + noise + data[place:]])
 
 
 def empty(_: bytes, rng: random.Random) -> bytes:
+    """Return nothing but blanks or a byte-order mark."""
     return rng.choice([b"", b"\n", b" \r\n\t\r\n", b"\xef\xbb\xbf", b"\xff\xfe", b"\x1a"])
 
 
 def header_alone(data: bytes, rng: random.Random) -> bytes:
+    """Leave out all points but one at most."""
     lines, end = _lines(data)
     return end.join([*lines[: _rows(lines)[0] + rng.randrange(2)], b""])
 
 
 def letters(data: bytes, rng: random.Random) -> bytes:
-    """Single bytes that are no part of a number turn up."""
+    """Put in single bytes that are no part of a number."""
     changed = bytearray(data)
     for _ in range(rng.choice([1, 1, 1, 10])):
         changed[rng.randrange(len(changed))] = rng.choice(_NOT_DIGITS)
@@ -124,18 +129,21 @@ def letters(data: bytes, rng: random.Random) -> bytes:
 
 
 def lines_repeated(data: bytes, rng: random.Random) -> bytes:
+    """Repeat a point."""
     lines, end = _lines(data)
     place = rng.choice(_rows(lines))
     return end.join(lines[:place] + [lines[place]] * rng.choice([2, 3]) + lines[place + 1 :])
 
 
 def lines_lost(data: bytes, rng: random.Random) -> bytes:
+    """Leave some lines out."""
     lines, end = _lines(data)
     lost = set(rng.sample(range(len(lines)), rng.choice([1, 3, 10])))
     return end.join(line for place, line in enumerate(lines) if place not in lost)
 
 
 def lines_shuffled(data: bytes, rng: random.Random) -> bytes:
+    """Reverse the points, or put them in any order."""
     lines, end = _lines(data)
     rows = _rows(lines)
     order = rows[::-1] if rng.random() < 0.5 else rng.sample(rows, len(rows))
@@ -144,6 +152,7 @@ def lines_shuffled(data: bytes, rng: random.Random) -> bytes:
 
 
 def encoded(data: bytes, rng: random.Random) -> bytes:
+    """Write another encoding and other line ends."""
     text = data.decode("utf-8-sig").replace("Ω", "Ohm")
     ends = rng.choice(["\n", "\r\n", "\r"])
     return ends.join([*text.splitlines(), ""]).encode(
