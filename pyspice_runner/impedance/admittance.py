@@ -288,25 +288,16 @@ def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> Swept:
     return two_port(sweep(low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS))
 
 
-def _peak(frequency: NDArray[np.float64], values: NDArray[np.float64]) -> float:
-    """Return the frequency of the maximum, refined by a parabola through its neighbours."""
-    index = int(np.argmax(values))
-    if index in (0, len(values) - 1):
-        return float(frequency[index])
-    left, middle, right = values[index - 1 : index + 2]
-    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
-    return float(frequency[index] + shift * (frequency[1] - frequency[0]))
-
-
 def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], expected: float) -> float | None:
-    """Return the frequency of the local maximum nearest to the expected one; ``None`` without a maximum."""
+    """Return the local maximum nearest to a frequency, refined by a parabola; ``None`` without a maximum."""
     inner = slice(1, -1)
     peaks = np.flatnonzero((values[inner] > values[:-2]) & (values[inner] >= values[2:])) + 1
     if not len(peaks):
         return None
     index = int(peaks[np.argmin(np.abs(frequency[peaks] - expected))])
-    near = slice(index - 1, index + 2)
-    return _peak(frequency[near], values[near])
+    left, middle, right = values[index - 1 : index + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(frequency[index] + shift * (frequency[index] - frequency[index - 1]))
 
 
 def _motional_arm(

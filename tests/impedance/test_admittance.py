@@ -193,7 +193,7 @@ def test_a_mode_that_its_neighbours_bury_is_left_out(monkeypatch: pytest.MonkeyP
     assert pr.admittance(motor, start=10e3, stop=60e3, points=51).resonances == dict.fromkeys(found.resonances, ())
 
 
-def test_modes_a_hundredth_apart_are_told_apart() -> None:
+def test_modes_a_hundredth_apart_are_distinguished() -> None:
     """Each has the arm of its mode, and its antiresonance lies below the next resonance (Foster's theorem)."""
     spread = {"modes.3.coupling_b_n_per_v": -0.02, "modes.1.coupling_a_n_per_v": 0.02}
     for motor in (pr.load_motor("bimodal40"), pr.load_motor("bimodal40").updated(spread)):

@@ -50,7 +50,7 @@ def test_what_was_changed_is_what_deviates() -> None:
     assert one(REFERENCE).rms_deviation < 1e-9
 
 
-def test_tolerances_tell_what_is_outside() -> None:
+def test_tolerances_show_what_is_outside() -> None:
     found = one(measured("part", frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0]))
     assert found.outside({"frequency": 0.02, "quality_factor": 0.25}) == ()
     (told,) = found.outside({"frequency": 0.005})
@@ -59,7 +59,7 @@ def test_tolerances_tell_what_is_outside() -> None:
     assert found.outside({}) == ()
 
 
-def test_a_tolerance_and_a_plot_tell_the_error_of_a_deviation() -> None:
+def test_a_tolerance_and_a_plot_show_the_error_of_a_deviation() -> None:
     found = one(measured("part", noise=0.02, frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0]))
     deviation, error = (table["frequency", 1] for table in (found.deviations(), found.errors()))
     assert error is not None
@@ -75,7 +75,7 @@ def test_a_tolerance_and_a_plot_tell_the_error_of_a_deviation() -> None:
     assert widths[place] == pytest.approx(200.0 * error)
 
 
-def test_a_missing_mode_is_told_and_one_too_many() -> None:
+def test_a_missing_mode_and_one_too_many_are_reported() -> None:
     single = measured("single", frequencies=[33e3], qualities=[300.0], ratios=[0.02])
     missing = one(single)
     assert [mode.measured is None for mode in missing.modes] == [True, False]
@@ -219,7 +219,7 @@ def test_refused(words: list[str], says: str, capsys: pytest.CaptureFixture[str]
     assert says in capsys.readouterr().err
 
 
-def test_spectra_without_a_common_resonance_are_told_with_those_of_both() -> None:
+def test_spectra_without_a_common_resonance_have_a_caution_with_the_resonances_of_both() -> None:
     other = measured("other", frequencies=[26e3, 41.5e3])
     found = one(other)
     assert found.extra_hz == pytest.approx((26e3, 41.5e3), rel=1e-6)

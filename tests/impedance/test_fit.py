@@ -58,7 +58,7 @@ def test_the_number_of_arms_is_found_in_noise_and_the_runners_up_are_shown() -> 
     assert fit.rms_relative_error == pytest.approx(0.01, rel=0.05)
 
 
-def test_two_modes_within_one_bandwidth_are_told_apart() -> None:
+def test_two_modes_within_one_bandwidth_are_distinguished() -> None:
     circuit = resonator([20e3, 20.1e3], [100.0, 100.0], [0.03, 0.02], reference=np.sqrt(18e3 * 23e3))
     fit = fitted(spectrum(circuit, np.linspace(18e3, 23e3, 801), noise=0.001))
     assert len(fit.arms) == 2
@@ -137,7 +137,7 @@ def test_correlations_are_those_of_the_estimates() -> None:
     assert matrix[names.index("arms.0.inductance_h"), names.index("arms.0.capacitance_f")] < -0.9
 
 
-def test_a_device_that_no_circuit_follows_has_wider_errors_and_is_told() -> None:
+def test_a_device_that_no_circuit_follows_has_wider_errors_and_a_caution() -> None:
     """Two modes seen as one: residuals are no noise, and what they leave uncertain is not what noise would."""
     circuit = resonator([20e3, 20.6e3], [100.0, 100.0], [0.03, 0.004], reference=20e3)
     frequency = np.linspace(17e3, 24e3, 801)
@@ -229,7 +229,7 @@ def test_leads_are_not_part_of_the_device() -> None:
     assert plain.characteristics() == behind.characteristics()
 
 
-def test_errors_hold_though_the_data_do_not_tell_the_loss_from_the_leads() -> None:
+def test_errors_hold_though_the_data_do_not_distinguish_loss_and_leads() -> None:
     # 1.2 µF with 2 % loss behind 50 mΩ and 80 nH: over a narrow band leads cancel the dispersion of a loss
     frequency, rng = np.linspace(36e3, 44.8e3, 401), np.random.default_rng(1)
     jw, clamped, motional, quality = 2j * np.pi * frequency, 1.2e-6, 0.12e-6, 500.0
@@ -391,7 +391,7 @@ def test_thinning_keeps_both_ends_and_is_densest_at_a_resonance() -> None:
     assert np.count_nonzero(np.abs(frequency[places] - 20e3) < 100.0) > 5 * 2000 * 200.0 / 10e3  # evenly: 40
 
 
-def test_progress_tells_the_number_of_arms_that_is_tried() -> None:
+def test_progress_shows_the_number_of_arms_that_is_tried() -> None:
     told: list[tuple[int, int]] = []
     fit = pr.fit_spectrum(spectrum(TWO_MODES, BAND), progress=lambda *numbers: told.append(numbers))  # type: ignore[arg-type]
     assert told[:2] == [(1, 8), (2, 8)]
@@ -421,7 +421,7 @@ def test_a_spectrum_without_loss_is_fitted_without_a_warning_of_numpy() -> None:
     assert pr.fit_spectrum(lossless, 1).main_arm.series_resonance_hz == pytest.approx(make.ARMS[0][0], rel=1e-2)
 
 
-def test_an_arm_outside_the_band_and_one_between_the_points_are_told() -> None:
+def test_an_arm_outside_the_band_and_one_between_the_points_have_cautions() -> None:
     circuit = resonator([20e3, 33e3], [300.0, 300.0], [0.03, 0.05], reference=22e3)
     fit = fitted(spectrum(circuit, np.linspace(18e3, 30e3, 801), noise=0.002), 2)
     assert [arm.in_band for arm in fit.arms] == [True, False]
@@ -482,7 +482,7 @@ def test_thickness_mode_against_the_instruments_own_circuit() -> None:
 
 @needs_measured
 @pytest.mark.soak  # a further instrument
-def test_the_turned_phase_is_told_with_the_fit() -> None:
+def test_the_turned_phase_is_a_caution_of_the_fit() -> None:
     fit = fitted(pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt"))
     assert fit.leads is None
     assert fit.circuit.damping_matrix is not None

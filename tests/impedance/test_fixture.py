@@ -50,7 +50,7 @@ def test_open_short_and_load_remove_any_two_port() -> None:
     assert np.abs(partly.impedance_ohm / DEVICE - 1.0).max() > 1e-5  # without the load the line is not removed
 
 
-def test_what_cannot_be_compensated_is_said() -> None:
+def test_what_cannot_be_compensated_is_an_error() -> None:
     measured = spectrum(seen(DEVICE))
     with pytest.raises(pr.ParameterError, match="only together with its open and its short"):
         without_fixture(measured, load=measured)

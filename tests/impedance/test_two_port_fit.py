@@ -128,14 +128,14 @@ def test_one_calibration_stands_for_all_modes_and_says_so(fitted: TwoPortFit) ->
     assert made.provenance["modes.1.tip_x"].kind == "assumed"
 
 
-def test_a_transfer_that_is_not_reciprocal_is_told(two_port: pr.Spectrum) -> None:
+def test_a_transfer_that_is_not_reciprocal_has_a_caution(two_port: pr.Spectrum) -> None:
     matrix = two_port.matrix_s.copy()
     matrix[:, 0, 1] *= 1.2
     fit = pr.fit_spectrum(pr.Spectrum.from_admittance(two_port.frequency_hz, matrix))
     assert any("Y_AB and Y_BA differ by" in text for text in fit.cautions)
 
 
-def test_what_does_not_tell_the_couplings_is_refused(two_port: pr.Spectrum) -> None:
+def test_connections_that_leave_the_couplings_open_are_refused(two_port: pr.Spectrum) -> None:
     one = two_port.driven("A")
     for spectra in ({}, {"A": one, "B": one}, {"A": one, "A+B": one}):
         with pytest.raises(pr.SpectrumError, match="give A, B, and A\\+B or A-B"):

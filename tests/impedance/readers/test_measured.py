@@ -28,7 +28,7 @@ def test_keysight_e4990a() -> None:
     assert spectrum.frequency_hz[np.argmax(spectrum.admittance_s.real)] == pytest.approx(994.2e3, rel=0.01)
 
 
-def test_the_phase_trap_of_the_hp_4294a_is_found_and_told() -> None:
+def test_the_phase_trap_of_the_hp_4294a_is_found_with_a_caution() -> None:
     spectrum = pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt")
     assert (spectrum.format, len(spectrum)) == ("4294A ASCII", 801)
     assert [text for text in ("wraps by 360°", "off by 180°") if any(text in told for told in spectrum.cautions)] == [

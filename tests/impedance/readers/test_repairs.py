@@ -86,7 +86,7 @@ def test_a_capacitor_with_a_slightly_negative_loss_is_not_turned(table) -> None:
     assert "negative throughout, but small" in spectrum.cautions[0]
 
 
-def test_a_noisy_real_part_is_told_and_kept(table) -> None:
+def test_a_noisy_real_part_is_kept_with_a_caution(table) -> None:
     frequency = np.linspace(1e3, 1e4, 200)
     y = 2j * np.pi * frequency * 1e-9 * (1.0 - 1e-4j) + 1e-8 * np.random.default_rng(1).normal(size=200)
     spectrum = table(RECTANGULAR, frequency, y.real, y.imag)
@@ -123,7 +123,7 @@ def test_a_frequency_with_two_values_is_refused(table) -> None:
         table(RECTANGULAR, frequency, Y.real, Y.imag)
 
 
-def test_missing_values_are_left_out_and_told(table) -> None:
+def test_missing_values_are_left_out_with_a_caution(table) -> None:
     real = Y.real.copy()
     real[[4, 9]] = np.nan
     spectrum = table(RECTANGULAR, make.FREQUENCY, real, Y.imag)

@@ -49,7 +49,7 @@ def write(folder: Path, s: Complexes, option: str = "# Hz S RI R 50") -> Path:
 
 
 @pytest.mark.parametrize("device", ["series", "shunt"])
-def test_one_device_between_the_ports_is_told_from_the_parameters(device: str, tmp_path: Path) -> None:
+def test_one_device_between_the_ports_is_recognised_by_the_parameters(device: str, tmp_path: Path) -> None:
     path = write(tmp_path, scattering(device))
     found, stated = pr.read_spectrum(path), pr.read_spectrum(path, through=device)  # type: ignore[arg-type]
     (caution,) = found.cautions
@@ -60,7 +60,7 @@ def test_one_device_between_the_ports_is_told_from_the_parameters(device: str, t
 
 
 @pytest.mark.parametrize("device", ["series", "shunt"])
-def test_a_fixture_that_is_not_perfect_is_told_too(device: str, tmp_path: Path) -> None:
+def test_a_fixture_that_is_not_perfect_is_recognised_too(device: str, tmp_path: Path) -> None:
     """With errors of 0.003 (0.03 dB); this device passes 0.05 in series, so that greater ones would hide the rule."""
     rng = np.random.default_rng(5)
     s = scattering(device)
