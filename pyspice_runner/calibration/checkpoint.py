@@ -98,7 +98,7 @@ def _content(predictor: Predictor) -> dict[str, Any]:
         "law": {**base.law.to_dict(), **law_document(base.law.name)} if base.law else None,
         "free": [vars(unknown) for unknown in predictor.unknowns],
         "conditions": [points.conditions, points.rows, points.quantities] if points else [],
-        "curves": [vars(curve) | {"at": curve.at, "spectrum": None} for curve in predictor.curves],
+        "curves": [vars(curve) | {"spectrum": None} for curve in predictor.curves],
         "reference_c": predictor.reference_c,
         "measured": predictor.measured,
         "errors": predictor.errors,

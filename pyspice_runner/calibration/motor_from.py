@@ -38,6 +38,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 
 from pyspice_runner.calibration import motor_class
 from pyspice_runner.calibration.data_sheet import DataSheet
+from pyspice_runner.calibration.points import Curve
 from pyspice_runner.calibration.prediction import DIFFERENCE, Prediction, Predictor
 from pyspice_runner.calibration.provenance import Annotated, Origin, of_class, of_spectra
 from pyspice_runner.calibration.similar import as_stage
@@ -219,36 +220,11 @@ def motor_from(
     return MotorFrom(motor, found.errors, family.measured, computed, origins, family.fit, cautions)
 
 
-@dataclass(frozen=True)
-class _Resonances:
-    """Measured resonances of a stator under preload: a curve of a calibration, in logarithms."""
+class _Resonances(Curve):
+    """Measured resonances of a stator under preload, in logarithms."""
 
     along: ClassVar[str] = "number"
     quantities: ClassVar[tuple[str, ...]] = ("frequency_hz",)
-    smooth: ClassVar[bool] = True
-
-    source: str
-    measured: Array
-    errors: Array  # relative
-
-    @property
-    def file(self) -> str:
-        """Name of the file."""
-        return self.source
-
-    @property
-    def at(self) -> Array:
-        """Numbers of the resonances."""
-        return np.arange(1.0, len(self.measured) + 1.0)
-
-    @property
-    def conditions(self) -> dict[str, float | None]:
-        """None that are measured."""
-        return {}
-
-    def errors_at(self, _: Array | None) -> Array:
-        """Return the relative standard errors."""
-        return self.errors
 
     def predicted(self, point: Point, *, fine: bool) -> Array:  # noqa: ARG002 # one model is both
         """Return the resonances of a motor with a linear contact, each the closest to a measured one."""
@@ -495,4 +471,4 @@ def _resonances(preloaded: Spectrum | None, connection: Connection) -> _Resonanc
         raise ParameterError(f"{preloaded.source or 'The preloaded spectrum'} shows no resonance in its band.")
     errors = [(arm.standard_errors["series_resonance_hz"] or 0.0) / arm.series_resonance_hz for arm in found]
     measured = np.log([arm.series_resonance_hz for arm in found])
-    return _Resonances(preloaded.source, measured, np.maximum(errors, _LINEAR))
+    return _Resonances(preloaded.source, {}, np.arange(1.0, len(found) + 1.0), measured, np.maximum(errors, _LINEAR))

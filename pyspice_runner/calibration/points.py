@@ -15,11 +15,12 @@ from __future__ import annotations
 
 import csv
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, pi, remainder, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -125,6 +126,34 @@ class Points:
                         f"{where} is {value:g} Hz; the modes of the motor allow {low:.4g} to {high:.4g} Hz. Give it in "
                         "Hz, or state the unit in the heading: Resonance (kHz)."
                     )
+
+
+@dataclass(frozen=True)
+class Curve(ABC):
+    """Measured data beside the points: a spectrum, a run-up."""
+
+    along: ClassVar[str]  # name of the axis
+    quantities: ClassVar[tuple[str, ...]]  # names of what was measured
+    smooth: ClassVar[bool] = True  # whether the prediction varies smoothly with the parameters
+
+    file: str  # name of the file
+    conditions: dict[str, float | None]  # path → value
+    at: Array  # values of the axis
+    measured: Array  # those of each quantity, one after another
+    errors: Array  # standard errors
+
+    @property
+    def source(self) -> str:
+        """Name of the data."""
+        return self.file
+
+    def errors_at(self, predicted: Array | None) -> Array:  # noqa: ARG002 # spectra follow it
+        """Return the standard errors of the measured values, by predicted ones if there are any."""
+        return self.errors
+
+    @abstractmethod
+    def predicted(self, point: Point, *, fine: bool) -> Array:
+        """Return the values of a motor at the conditions, by ngspice with ``fine``. NaN, or an error, if unknown."""
 
 
 def read_points(

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from pyspice_runner.calibration.points import (
     RESONANCE,
     SPEED,
     TEMPERATURE,
+    Curve,
     Points,
     measured_of,
     span,
@@ -52,48 +53,6 @@ STEP = 0.9  # of the default: the steps stay those of the first motor while its 
 
 State = SteadyState | BalancedState | None
 Solution = shooting.Orbit | Balance | None
-
-
-class Curve(Protocol):
-    """Measured data beside the points: a spectrum, a run-up."""
-
-    @property
-    def source(self) -> str:
-        """Name of the data."""
-
-    @property
-    def file(self) -> str:
-        """Name of the file."""
-
-    @property
-    def conditions(self) -> Mapping[str, float | None]:
-        """Path → value."""
-
-    @property
-    def measured(self) -> Array:
-        """Measured values: those of each quantity, one after another."""
-
-    @property
-    def along(self) -> str:
-        """Name of the axis."""
-
-    @property
-    def at(self) -> Array:
-        """Its values."""
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Names of what was measured."""
-
-    @property
-    def smooth(self) -> bool:
-        """Whether the prediction varies smoothly with the parameters."""
-
-    def errors_at(self, predicted: Array | None) -> Array:
-        """Return the standard errors of the measured values, by predicted ones if there are any."""
-
-    def predicted(self, point: Point, *, fine: bool) -> Array:
-        """Return the values of a motor at the conditions, by ngspice with ``fine``."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, model_validator
 
+from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.points import MEASURED
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError
@@ -30,16 +31,6 @@ class RecordedValue(BaseModel):
     identifiable: bool
     start: FiniteFloat
     unit: str
-
-
-class RecordedFit(BaseModel):
-    """How the motor fits one set of data, as in :class:`~.misfit.SetFit`."""
-
-    data: str
-    values: int
-    squares: FiniteFloat
-    expected: FiniteFloat
-    probability: FiniteFloat
 
 
 def _measured(name: str) -> str:
@@ -112,7 +103,7 @@ class Record(BaseModel):
     parameters: dict[str, RecordedValue]
     rms_residual: FiniteFloat
     warnings: list[str]
-    fits: list[RecordedFit]
+    fits: list[SetFit]
     points: list[RecordedPoint]
     curves: list[RecordedCurve]
     rivals: list[RecordedRival]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.calibration.misfit import SetFit
-from pyspice_runner.calibration.points import TEMPERATURE, Points, read_points
-from pyspice_runner.calibration.prediction import Curve, Predictor
+from pyspice_runner.calibration.points import TEMPERATURE, Curve, Points, read_points
+from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.spectra import Band, temperatures_of
 from pyspice_runner.calibration.unknowns import THERMAL

@@ -26,7 +26,7 @@ from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.library import check_averaged, require_averaged
 from pyspice_runner.averaged.run import AveragedRun, model_cautions
 from pyspice_runner.averaged.simulate import FEWEST_PERIODS, simulate_averaged
-from pyspice_runner.calibration.points import ERROR, MEASURED, SPEED, conditions_of_row, read_columns
+from pyspice_runner.calibration.points import ERROR, MEASURED, SPEED, Curve, conditions_of_row, read_columns
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.refusal import quoted
 from pyspice_runner.run.point import Point
@@ -44,32 +44,12 @@ HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed
 
 
 @dataclass(frozen=True)
-class RunUp:
-    """A measured run-up: what is compared of it."""
+class RunUp(Curve):
+    """A measured run-up: what is compared of it, speeds in rad/s at times in s."""
 
     along: ClassVar[str] = "time_s"
     quantities: ClassVar[tuple[str, ...]] = (SPEED,)
     smooth: ClassVar[bool] = False  # its integration selects its steps
-
-    source: str
-    conditions: dict[str, float | None]  # path → value
-    time_s: Array
-    measured: Array  # rad/s
-    errors: Array  # standard errors, rad/s
-
-    @property
-    def file(self) -> str:
-        """Name of the file."""
-        return self.source
-
-    @property
-    def at(self) -> Array:
-        """Times in s."""
-        return self.time_s
-
-    def errors_at(self, _: Array | None) -> Array:
-        """Return the standard errors in rad/s."""
-        return self.errors
 
     @classmethod
     def read(cls, data: Any, number: int, linear: bool = False) -> RunUp:
@@ -129,9 +109,9 @@ class RunUp:
         require_averaged(base.motor)
         stage = AveragedDrive.of(base.drive).stage
         least = FEWEST_PERIODS * stage.period
-        if self.time_s[-1] < least:
+        if self.at[-1] < least:
             raise ParameterError(
-                f"{self.source} ends at {self.time_s[-1]:g} s: it must last at least {FEWEST_PERIODS} periods of the "
+                f"{self.source} ends at {self.at[-1]:g} s: it must last at least {FEWEST_PERIODS} periods of the "
                 f"drive, {least:.3g} s. Times are in s."
             )
 
@@ -146,7 +126,7 @@ class RunUp:
         torques = _torques(motor, speed) if fine else None
         if torques is not None:
             speed = speed + _correction(motor, time, speed, *torques)
-        return np.interp(self.time_s, time, speed)
+        return np.interp(self.at, time, speed)
 
     def cautions(self, motor: Point) -> list[str]:
         """Return where the averaged motor fails its own check and steady states do not help, a sentence each."""
@@ -161,7 +141,7 @@ class RunUp:
 
     def _run(self, motor: Point) -> AveragedRun:
         return simulate_averaged(
-            motor.motor, motor.drive, float(self.time_s[-1]), load_torque=motor.load.torque,
+            motor.motor, motor.drive, float(self.at[-1]), load_torque=motor.load.torque,
             timeout=motor.solver.timeout,
         )  # fmt: skip
 

@@ -23,7 +23,7 @@ from typing import Any, ClassVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.calibration.points import TEMPERATURE
+from pyspice_runner.calibration.points import TEMPERATURE, Curve
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.impedance.joint_fit import amplitude_squared
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State, connect
@@ -43,40 +43,21 @@ _BANDWIDTHS = 8.0 / 3.0  # γ a² Q of a resonance that leans by its own bandwid
 
 
 @dataclass(frozen=True)
-class Band:
-    """A measured spectrum: what is compared of it."""
+class Band(Curve):
+    """A measured spectrum: what is compared of it. Its conditions are the temperature of the stator in °C."""
 
     along: ClassVar[str] = "frequency_hz"
     quantities: ClassVar[tuple[str, ...]] = ("admittance_real_s", "admittance_imaginary_s")
-    smooth: ClassVar[bool] = True
 
     spectrum: Spectrum
     state: State
     connection: Connection
-    error: float  # standard error, relative to |Y|
-    measured: Array  # real and imaginary parts
-    temperature: float | None = None  # of the stator, °C; ``None``: that of the motor's parameters
     level_v: float = 0.0  # amplitude at the terminals; 0 where it is small or not stated
-
-    @property
-    def file(self) -> str:
-        """Name of the file."""
-        return self.spectrum.source or f"a spectrum ({self.state})"
 
     @property
     def source(self) -> str:
         """Name of the data."""
         return f"{self.spectrum.source or 'the spectrum'} ({self.state})"
-
-    @property
-    def at(self) -> Array:
-        """Frequencies in Hz."""
-        return self.spectrum.frequency_hz
-
-    @property
-    def conditions(self) -> dict[str, float | None]:
-        """Path → value."""
-        return {TEMPERATURE: self.temperature}
 
     def errors_at(self, predicted: Array | None) -> Array:
         """Return the standard errors of the measured parts: a share of the predicted magnitude, or of the measured one.
@@ -84,12 +65,11 @@ class Band:
         Shares of measured magnitudes would make values that are low by chance count more. A prediction that is more
         than :data:`_LARGEST_RATIO` off is given the nearest magnitude within it.
         """
-        half = len(self.measured) // 2
-        magnitude = np.hypot(self.measured[:half], self.measured[half:])
-        if predicted is not None and np.isfinite(predicted).all():
-            own = np.hypot(predicted[:half], predicted[half:])
-            magnitude = np.clip(own, magnitude / _LARGEST_RATIO, magnitude * _LARGEST_RATIO)
-        return self.error * np.concatenate([magnitude, magnitude])
+        if predicted is None or not np.isfinite(predicted).all():
+            return self.errors
+        magnitude, own = (np.hypot(*np.split(values, 2)) for values in (self.measured, predicted))
+        ratio = np.clip(own / magnitude, 1.0 / _LARGEST_RATIO, _LARGEST_RATIO)
+        return self.errors * np.tile(ratio, 2)
 
     def predicted(self, point: Point, *, fine: bool) -> Array:
         """Return the parts of a motor's admittance at the measured frequencies: in closed form, or by ngspice."""
@@ -156,8 +136,11 @@ def bands_of(spectra: Sequence[Any], connection: Connection, error: float) -> tu
         places = np.unique(np.linspace(0, len(spectrum.frequency_hz) - 1, SPECTRUM_POINTS).round().astype(int))
         few = Spectrum(spectrum.frequency_hz[places], spectrum.matrix_s[places], spectrum.source, spectrum.format)
         own = (few.driven(connection) if few.ports == 2 else few).matrix_s[:, 0, 0]
-        measured = np.concatenate([own.real, own.imag])
-        found.append(Band(few, state, connection, error, measured, values.get(TEMPERATURE), values.get("level", 0.0)))
+        found.append(Band(
+            few.source or f"a spectrum ({state})", {TEMPERATURE: values.get(TEMPERATURE)}, few.frequency_hz,
+            np.concatenate([own.real, own.imag]), error * np.tile(np.abs(own), 2), few, state, connection,
+            values.get("level", 0.0),
+        ))  # fmt: skip
     return tuple(found)
 
 

@@ -31,14 +31,14 @@ def calibration(result: Calibration) -> Sheet:
         panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[own])
         half = np.split((result.predicted[own] - result.measured[own]) / result.errors[own], 2)
         parts = dict(zip(("real part", "imaginary part"), half, strict=True))
-        axis = LABELS["frequency_hz"], band.spectrum.frequency_hz
+        axis = LABELS["frequency_hz"], band.at
         panels[f"residuals {number}"] = partial(_residuals_along, *axis, parts, band.state)
         start = own.stop
     for number, run_up in enumerate(result.run_ups, start=1):
         own = slice(start, start + len(run_up.measured))
         panels[f"run-up {number}"] = partial(_run_up, run_up, result.predicted[own], result.start.slider is not None)
         parts = {"speed": (result.predicted[own] - result.measured[own]) / result.errors[own]}
-        axis = time_label(float(run_up.time_s[-1])), run_up.time_s
+        axis = time_label(float(run_up.at[-1])), run_up.at
         panels[f"residuals of run-up {number}"] = partial(_residuals_along, *axis, parts, run_up.source)
         start = own.stop
     return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
@@ -109,8 +109,8 @@ def _torques(result: Calibration, ax: Axes) -> None:
 
 def _run_up(run_up: RunUp, predicted: np.ndarray, linear: bool, ax: Axes) -> None:
     """Draw the speed over time as measured, with its errors, and as predicted."""
-    time, speed = time_label(float(run_up.time_s[-1])), label_of("rotor_speed_rad_s", linear)
-    at = time.scale * run_up.time_s
+    time, speed = time_label(float(run_up.at[-1])), label_of("rotor_speed_rad_s", linear)
+    at = time.scale * run_up.at
     ax.errorbar(at, speed.scale * run_up.measured, speed.scale * run_up.errors, fmt=".", color=BLUE, ms=3, lw=0.6,
                 label="measured")  # fmt: skip
     ax.plot(at, speed.scale * predicted, "-", color=VERMILION, label="calibrated", zorder=3)
@@ -121,7 +121,7 @@ def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
     """Draw |Y| as measured and as predicted."""
     half = len(band.measured) // 2
     frequency, magnitude = LABELS["frequency_hz"], LABELS["magnitude_s"]
-    at = frequency.scale * band.spectrum.frequency_hz
+    at = frequency.scale * band.at
     ax.semilogy(at, magnitude.scale * np.hypot(band.measured[:half], band.measured[half:]), ".", color=BLUE, ms=3,
                 label="measured")  # fmt: skip
     ax.semilogy(at, magnitude.scale * np.hypot(predicted[:half], predicted[half:]), "-", color=VERMILION,

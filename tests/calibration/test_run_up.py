@@ -204,7 +204,7 @@ def test_a_long_table_is_compared_at_200_points() -> None:
     time = np.linspace(0.0, 1.0, 5000)
     found = RunUp.read({"time_s": time, "speed_rad_s": time}, 1)
     assert len(found.measured) == 200
-    assert found.time_s[[0, -1]] == pytest.approx([0.0, 1.0])
+    assert found.at[[0, -1]] == pytest.approx([0.0, 1.0])
     assert found.errors == pytest.approx(RUN_UP_ERROR)  # of the greatest speed, 1 rad/s
 
 

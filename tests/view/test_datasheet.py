@@ -17,10 +17,10 @@ import xarray
 from playwright.sync_api import Browser, Page
 
 import pyspice_runner as pr
+from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.record import (
     Record,
     RecordedCurve,
-    RecordedFit,
     RecordedPoint,
     RecordedRival,
     RecordedValue,
@@ -386,7 +386,7 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
     record = Record(
         motor="andersen2002", data="points.csv <b>", contact="brush", parameters={"contact.friction": value},
         rms_residual=1.1, warnings=["The data do not decide contact.friction <img src=x onerror=alert(1)>"],
-        fits=[RecordedFit(data="points.csv", values=3, squares=5.0, expected=2.0, probability=0.08)],
+        fits=[SetFit(data="points.csv", values=3, squares=5.0, expected=2.0, probability=0.08)],
         points=[RecordedPoint(point=number, quantity="torque_n_m", measured=measured, predicted=predicted, error=1e-4)
                 for number, measured, predicted in torques],
         curves=[
