@@ -103,7 +103,7 @@ def calibrate(
     temperatures = temperatures_of(conditions + [(one.source, one.conditions) for one in moving])
     if any(one.path.startswith(THERMAL) for one in unknowns) and len(set(temperatures)) < 2:
         raise ParameterError(
-            "A drift takes spectra, points or run-ups at temperatures that differ; state that of each of them."
+            "A drift takes spectra, points or run-ups at temperatures that differ; give that of each of them."
         )
     predictors = []
     for law in laws:
@@ -118,8 +118,8 @@ def calibrate(
         for one in moving:
             one.check(predictor.point(predictor.base, one.conditions))
         predictors.append(predictor)
-    with Checkpoint(checkpoint, predictors) as kept:
-        searches = [Search(one, kept.place(law), partial(kept.keep, law)) for law, one in enumerate(predictors)]
+    with Checkpoint(checkpoint, predictors) as file:
+        searches = [Search(one, file.place(law), partial(file.keep, law)) for law, one in enumerate(predictors)]
         found = Judgement(searches[0], searches[0].solved(starts)).calibration()
         return replace(found, rivals=tuple(_rival(search, starts) for search in searches[1:]))
 

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from pyspice_runner.run.waveforms import Array
 
-SIGNIFICANCE = 1e-3  # probability of the least likely of all sets below which the model does not explain the data
+SIGNIFICANCE = 1e-3  # probability of the least probable set, below which the model does not explain the data
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 WRONG_READING = 4.0  # standard errors: one normal residual in 16,000 is beyond
 FEW = 10  # values, of which one may be a wrong reading
@@ -61,10 +61,10 @@ def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope
     found = []
     for name, own in zip(names, sets, strict=True):
         far = np.abs(residuals[own]) > WRONG_READING
-        judged = own[~far] if far.sum() == 1 and len(own) >= FEW else own
-        left = np.eye(len(judged)) - hat[np.ix_(judged, judged)]
+        used = own[~far] if far.sum() == 1 and len(own) >= FEW else own
+        left = np.eye(len(used)) - hat[np.ix_(used, used)]
         mean, variance = float(np.trace(left)), 2.0 * float(np.sum(left**2))
-        squares = float(huber(residuals[judged]).sum())
+        squares = float(huber(residuals[used]).sum())
         ratio = 2.0 * mean / variance if variance > 0.0 else 0.0
         # parameters that take up all values of a set leave nothing to judge
         probability = float(chi2.sf(squares * ratio, mean * ratio)) if mean > 0.5 else 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a class of motors has in common, and how far its members differ: values that no measurement of a motor states.
+"""What a class of motors has in common, and how far its members differ: values that no measurement of a motor shows.
 
 A motor of a class is similar to another one (:mod:`~pyspice_runner.calibration.similar`): its force, speed, frequency
 and voltage are those of a data sheet, and the rest follows with the same dimensionless numbers.
@@ -21,7 +21,7 @@ FORCE, SPEED = "force", "speed"
 # Standard deviation of the logarithm of a value over those of a class, after scaling. Friction: handbooks give 0.2 to
 # 0.5 for dry ceramics, taken as four standard deviations. The others: over andersen2002-unintended-mode, beam40 and
 # bimodal40 as linear stages, at their recommended drives and in the modes within 15 % of these; of a group of values
-# the greatest. Three motors do not make a statistic: the widths are orders of magnitude.
+# the maximum. Three motors do not make a statistic: the widths are orders of magnitude.
 WIDTHS = {
     "friction": 0.23, "preload_n": 0.3, "damping_n_s_per_m": 1.1, "mass_kg": 2.0, "stiffness_n_per_m": 2.0,
     "coupling_a_n_per_v": 1.1, "coupling_b_n_per_v": 1.1, "capacitance_a_f": 1.6, "capacitance_b_f": 1.6,

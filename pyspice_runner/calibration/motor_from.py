@@ -9,7 +9,7 @@ are measured points with relative errors, as in :func:`~pyspice_runner.calibrate
 measured                            fitted
 ==================================  ==============================================
 stall torque                        ``contact.friction``
-no-load speed                       the modal mass, one for all modes, unless stated
+no-load speed                       the modal mass, one for all modes, unless given
 resonances under preload            ``contact.normal_stiffness_n_per_m15``, and the
                                     tangential compliances of tip and rotor together
 ==================================  ==============================================
@@ -75,7 +75,7 @@ class MotorFrom(Result):
     """A motor fitted to measurements.
 
     Attributes:
-        motor: the motor; its provenance states the origin and the standard error of each value.
+        motor: the motor; its provenance has the origin and the standard error of each value.
         standard_errors: path of a value → its standard error, in the value's unit.
         measured: name of each mechanical measurement → value.
         computed: the same quantities of the motor.
@@ -178,7 +178,7 @@ def motor_from(
         base: motor whose contact and rotor are the start, ``andersen2002`` by default; what is not fitted keeps its
             value. Without spectra the motor that represents the class, by default ``bimodal40``.
         name: name of the new motor.
-        progress: called with the number of the step and the greatest.
+        progress: called with the number of the step and the maximum.
 
     Raises:
         ParameterError: for invalid values, numbers that contradict each other, or if nothing determines the modal mass.

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measured operating points: a table with a row for each point, checked.
 
-Columns state the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`` and further values of the drive, any
+Columns have the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`` and further values of the drive, any
 path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.spectra`), and the load:
 ``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held. The other columns are measured: quantities of
 :func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, the phase ``current_a_phase_deg`` of a group's current
 ahead of its voltage at the drive frequency, the ``resonance_hz`` (:mod:`.resonance`), and the ``speed_rad_s`` of a row
 with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
 without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
-``Torque [mN·m]`` states its unit.
+``Torque [mN·m]`` has its unit.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ _OF_PHASES = (
 RESONANCE = "resonance_hz"
 MEASURED = (SPEED, POWER, *(name for name in UNITS if name != LOAD), *PHASES, RESONANCE)
 _OF_DRIVE = (*dict.fromkeys([*TwoPhaseDrive.model_fields, *TwoToneDrive.model_fields]),)
-# A class of instruments: a torque cell, a current probe. Measured points without errors get this one, of the greatest
+# A class of instruments: a torque cell, a current probe. Measured points without errors get this one, of the maximum
 # value of their column; then only ratios of the errors count, because the scatter about the fit sets their size.
 DEFAULT_ERROR = 0.02
 _RESONANCE_SPAN = 0.05
 _FAR = 2.0  # of the motor's modes: farther, a resonance has another unit
 
 _HEADING = re.compile(r"\s*([A-Za-z][A-Za-z .]*?)\s*(?:\[([^\]]+)\]|\(([^)]+)\)|/\s*(\S.*?))\s*")
-_G = 9.80665  # m/s², standard gravity: weights are stated in grams
+_G = 9.80665  # m/s², standard gravity: weights are given in grams
 _LINEAR = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6}
 _PER_MINUTE, _DEGREES = pi / 30.0, pi / 180.0
 _ROTARY = {
@@ -181,7 +181,7 @@ def read_columns(
         linear: whether the columns may be those of a slider.
         name: of a table that is not a file.
         further: columns that it may have beside those of points.
-        most: greatest number of rows.
+        most: maximum number of rows.
 
     Raises:
         ParameterError: as :func:`read_points`.
@@ -209,7 +209,7 @@ def read_columns(
 
 
 def _scaled(columns: Mapping[str, list[float]], source: str) -> dict[str, list[float]]:
-    """Return the columns in SI units under the names of this module, where their headings state a unit."""
+    """Return the columns in SI units under the names of this module, where their headings have a unit."""
     found: dict[str, list[float]] = {}
     for name, values in columns.items():
         own, factor = _column_of(name) or (name, 1.0)
@@ -335,7 +335,7 @@ def conditions_of_row(row: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def span(quantity: str, values: Sequence[float] | Array) -> float:
-    """Return the size of which :data:`DEFAULT_ERROR` is the error of a class of instruments: the greatest value.
+    """Return the size of which :data:`DEFAULT_ERROR` is the error of a class of instruments: the maximum.
 
     An error of a phasor turns it by as many radians. A resonance is read to a tenth of the bandwidth of Q = 100.
     """

@@ -284,8 +284,8 @@ class Predictor:
             except (ParameterError, SimulationError):  # no such motor at the temperature, or no such run
                 parts.append(np.full(len(one.measured), np.nan))
         solutions = tuple(state.solution if state and _sound(state) else None for state in states)
-        kept = tuple(replace(state, solution=None) for state in states if isinstance(state, SteadyState))
-        return Prediction(np.concatenate(parts), solutions, trial.peaks, kept)
+        plain = tuple(replace(state, solution=None) for state in states if isinstance(state, SteadyState))
+        return Prediction(np.concatenate(parts), solutions, trial.peaks, plain)
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.

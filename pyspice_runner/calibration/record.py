@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A calibration as its JSON file tells it, for the report of the calibrated motor."""
+"""A calibration as read from its JSON file, for the report of the calibrated motor."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""The resonance of a running motor: the drive frequency at which its electrical power is greatest.
+r"""The resonance of a running motor: the drive frequency of maximum electrical power.
 
 A bench finds it by a sweep of the drive frequency at constant voltages, with the load or the speed of the point. Here
 three frequencies are solved at a time. The reciprocal of the power at a resonance is a parabola over the frequency,

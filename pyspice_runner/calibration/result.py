@@ -82,7 +82,7 @@ class PredictedCurve:
 def factor_of_all(covariance: Array) -> float:
     """Return the number of standard errors that contains all of several normal values together in 95 % of cases.
 
-    The quantile of the greatest of them, by a fixed sample: 1.96 if all go together, 2.5 if five are independent.
+    The quantile of their maximum, by a fixed sample: 1.96 if all go together, 2.5 if five are independent.
     J. L. Montiel Olea, M. Plagborg-Møller, J. Applied Econometrics 34, 1 (2019).
     """
     deviations = np.sqrt(np.diag(covariance))
@@ -92,8 +92,8 @@ def factor_of_all(covariance: Array) -> float:
     correlation = (covariance / np.outer(deviations, deviations).clip(np.finfo(float).tiny))[np.ix_(moving, moving)]
     squares, along = np.linalg.eigh(correlation)
     normal = np.random.default_rng(0).standard_normal((_SAMPLE, len(squares)))
-    greatest = np.abs((normal * np.sqrt(squares.clip(0.0))) @ along.T).max(axis=1)
-    return float(np.quantile(greatest, 0.95))
+    maxima = np.abs((normal * np.sqrt(squares.clip(0.0))) @ along.T).max(axis=1)
+    return float(np.quantile(maxima, 0.95))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,8 +112,8 @@ class Calibration(Result):
         rms_residual: root mean square of (predicted − measured)/error.
         squares: sum of squares, with Huber's loss.
         freedom: number of values less that of parameters.
-        fits: how the motor fits each set of data; empty if the errors of the points are not stated.
-        scale: by which the standard errors of the data were multiplied; 1 if they were stated.
+        fits: how the motor fits each set of data; empty if the errors of the points are not given.
+        scale: by which the standard errors of the data were multiplied; 1 if they were given.
         warnings: what the data do not decide and what does not fit, one sentence each.
         steady_states: number of steady states that were computed.
         rivals: how other laws of the contact fit.
@@ -210,7 +210,7 @@ class Calibration(Result):
 
     @property
     def aicc(self) -> float:
-        """Akaike's information criterion for small samples: the least of several contact laws fits best.
+        """Akaike's information criterion for small samples: the minimum of several contact laws fits best.
 
         K. P. Burnham, D. R. Anderson, "Model Selection and Multimodel Inference", Springer 2002, sec. 2.4.
         """

@@ -37,7 +37,7 @@ TIME = "time_s"
 FEWEST = 3  # points: two are a line, which any time constant explains
 MOST = 100_000  # rows of a table
 COMPARED = 200  # points of a run-up that are compared, as of a spectrum
-RUN_UP_ERROR = 0.01  # of the greatest speed: an encoder over a short window; above the error of the model
+RUN_UP_ERROR = 0.01  # of the maximum speed: an encoder over a short window; above the error of the model
 HELD = 9  # speeds at which the torque of steady states is computed, from rest to beyond the greatest by a share of it:
 BEYOND = 0.1  # the full motor may be faster than the averaged one, and the slope of the torque limits by how much
 HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed is settled
@@ -85,8 +85,8 @@ class RunUp(Curve):
                 f"{source}: {TIME} of point {row + 1} is {time[row]:g}; the times must rise from 0, when the drive "
                 "comes on. Sort the rows, and subtract the time at which it comes on."
             )
-        greatest = float(np.abs(speed[there]).max())
-        errors = np.array(columns.get(SPEED + ERROR, np.full(len(time), RUN_UP_ERROR * greatest)))
+        maximum = float(np.abs(speed[there]).max())
+        errors = np.array(columns.get(SPEED + ERROR, np.full(len(time), RUN_UP_ERROR * maximum)))
         if not np.all(errors[there] > 0.0):
             row = int(np.flatnonzero(there & ~(errors > 0.0))[0])
             raise ParameterError(
@@ -108,11 +108,11 @@ class RunUp(Curve):
         check_averaged(base.law)
         require_averaged(base.motor)
         stage = AveragedDrive.of(base.drive).stage
-        least = FEWEST_PERIODS * stage.period
-        if self.at[-1] < least:
+        shortest = FEWEST_PERIODS * stage.period
+        if self.at[-1] < shortest:
             raise ParameterError(
                 f"{self.source} ends at {self.at[-1]:g} s: it must last at least {FEWEST_PERIODS} periods of the "
-                f"drive, {least:.3g} s. Times are in s."
+                f"drive, {shortest:.3g} s. Times are in s."
             )
 
     def predicted(self, motor: Point, *, fine: bool = False) -> Array:

@@ -52,7 +52,7 @@ class Band(Curve):
     spectrum: Spectrum
     state: State
     connection: Connection
-    level_v: float = 0.0  # amplitude at the terminals; 0 where it is small or not stated
+    level_v: float = 0.0  # amplitude at the terminals; 0 where it is small or not known
 
     @property
     def source(self) -> str:

@@ -61,8 +61,7 @@ class Judgement:
         sets = [(name, np.arange(count)[places]) for name, places in predictor.sets]
         sets += [("the priors", priors)] if len(priors) else []
         names, places = [name for name, _ in sets], [own[self.known[own]] for _, own in sets]
-        judged = self.errors_given and self.freedom > 0
-        self.fits = fits_of(names, places, self.residuals, weighted) if judged else ()
+        self.fits = fits_of(names, places, self.residuals, weighted) if self.errors_given and self.freedom > 0 else ()
 
     def calibration(self) -> Calibration:
         """Return the result."""

@@ -40,8 +40,8 @@ class Unknown:
 
     path: str
     start: float
-    low: float  # least value allowed
-    high: float  # greatest value allowed
+    low: float  # minimum
+    high: float  # maximum
     unit: str
     prior: float | None = None  # standard deviation of x about 0 that was known before; ``None``: nothing
     size: float = 1.0  # scale of a linear coordinate whose start is 0
@@ -68,7 +68,7 @@ class Unknown:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and greatest coordinate."""
+        """Minimum and maximum coordinate."""
         found = sorted(self.coordinate(value) for value in (self.low, self.high))
         return found[0], found[1]
 

@@ -18,7 +18,7 @@ from pyspice_runner.sweeps.workers import outcomes
 Quantity = str | Callable[[Any], float]
 
 BATCH = 64  # operating points that are solved together, and stored
-FLAGS = {  # kept of every point beside the quantities, where the analysis states them; 1 is yes, 0 is no
+FLAGS = {  # kept of every point beside the quantities, where the analysis has them; 1 is yes, 0 is no
     "settled": "whether the means are settled",
     "accurate": "whether the estimated error is allowed",
 }

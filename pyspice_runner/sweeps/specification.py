@@ -25,7 +25,7 @@ def met(dataset: xarray.Dataset, limits: Mapping[str, tuple[float, float]]) -> d
 
     Args:
         dataset: the result of ``sweep``.
-        limits: name of a quantity → least and greatest value.
+        limits: name of a quantity → minimum and maximum.
 
     Raises:
         ParameterError: for a name that is no quantity of the sweep.
@@ -37,7 +37,7 @@ def met(dataset: xarray.Dataset, limits: Mapping[str, tuple[float, float]]) -> d
         if name not in known:
             raise ParameterError(f"{name} is no quantity of the sweep; it has {', '.join(known)}.")
     within = {
-        name: (dataset[name].values >= least) & (dataset[name].values <= most) for name, (least, most) in limits.items()
+        name: (dataset[name].values >= low) & (dataset[name].values <= high) for name, (low, high) in limits.items()
     }
     count, good = int(np.prod(list(dataset.sizes.values()))), int(np.all([*within.values()], axis=0).sum())
     share, spread = good / count, _DEVIATIONS**2 / count

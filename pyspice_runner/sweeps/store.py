@@ -35,10 +35,10 @@ class Store:
         self.folder = Path(folder) if folder is not None else cache_folder("points", no_home)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            for begun in self.folder.glob("*/.*.part"):
+            for part in self.folder.glob("*/.*.part"):
                 with suppress(FileNotFoundError):  # it was just finished
-                    if begun.stat().st_mtime < time.time() - _ABANDONED:
-                        begun.unlink()
+                    if part.stat().st_mtime < time.time() - _ABANDONED:
+                        part.unlink()
         except (OSError, ValueError) as error:  # a name with a null character raises ValueError
             raise self._refusal(getattr(error, "strerror", None) or str(error)) from error
         if not os.access(self.folder, os.W_OK | os.X_OK):
@@ -65,17 +65,17 @@ class Store:
         """Store a result; it is on the disk when this returns. Raise ParameterError if it cannot be written."""
         path = self._path(content)
         text = _canonical({"content": content, "result": result, "seal": fingerprint([content, result])})
-        begun = path.with_name(f".{uuid.uuid4().hex}.part")
+        part = path.with_name(f".{uuid.uuid4().hex}.part")
         try:
             path.parent.mkdir(exist_ok=True)
             try:
-                with begun.open("x", encoding="utf-8") as file:
+                with part.open("x", encoding="utf-8") as file:
                     file.write(text)
                     file.flush()
                     os.fsync(file.fileno())
-                begun.replace(path)
+                part.replace(path)
             finally:
-                begun.unlink(missing_ok=True)
+                part.unlink(missing_ok=True)
         except OSError as error:
             raise self._refusal(error.strerror) from error
 

@@ -128,7 +128,7 @@ def sweep(
     return dataset
 
 
-def _check_settings(given: set[str], stated: set[str], analysis: Analysis) -> None:
+def _check_settings(given: set[str], arguments: set[str], analysis: Analysis) -> None:
     """Check that the analysis has the settings that are given, some of them as arguments, and all that it needs."""
     _, _, *settings = inspect.signature(analysis).parameters.values()
     named = {setting.name: setting for setting in settings if setting.kind is not setting.VAR_KEYWORD}
@@ -136,7 +136,7 @@ def _check_settings(given: set[str], stated: set[str], analysis: Analysis) -> No
         if name not in named and len(named) == len(settings):
             own = [argument for argument in inspect.signature(sweep).parameters if argument != "run"]
             known = [f"run.{setting}" for setting in named]
-            raise unknown(name, [*own, *named], "argument") if name in stated else unknown(f"run.{name}", known)
+            raise unknown(name, [*own, *named], "argument") if name in arguments else unknown(f"run.{name}", known)
     for name, setting in named.items():
         if setting.default is setting.empty and name not in given:
             raise ParameterError(f"The setting {name} is missing. State it, or sweep over run.{name}.")
