@@ -342,33 +342,11 @@ def test_a_tolerance_that_is_no_share_is_rejected(relative: Any) -> None:
         pr.Tolerance(relative)
 
 
-@pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube"])
-def test_more_samples_than_points_are_rejected_before_they_are_drawn(quick: dict[str, Any], sampling: Any) -> None:
-    over = {"contact.preload_n": pr.Tolerance(0.1)}
-    with pytest.raises(pr.ParameterError, match=r"samples = 1099511627776 is not valid: it must be a whole number > 0"):
-        pr.sweep(MOTOR, DRIVE, over=over, samples=2**40, sampling=sampling, **quick)
-
-
-def test_a_seed_below_zero_is_rejected(quick: dict[str, Any]) -> None:
-    with pytest.raises(pr.ParameterError, match=r"seed = -1 is not valid: it must be a whole number ≥ 0"):
-        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": pr.Tolerance(0.1)}, samples=4, seed=-1, **quick)
-
-
-def test_a_setting_that_cannot_be_stored_is_rejected(quick: dict[str, Any]) -> None:
-    with pytest.raises(pr.ParameterError, match=r"run.speed = 1j is not valid: it must be numbers, texts, and lists"):
-        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0]}, speed=1j, **quick)
-
-
 @pytest.mark.parametrize("path", ["load.speed", "run.speed", "speed"])
 def test_a_setting_that_an_axis_replaces_is_rejected(path: str, quick: dict[str, Any]) -> None:
     with pytest.raises(pr.ParameterError, match=r"load.speed is given twice, by speed and as an axis. Give it once."):
         pr.sweep(MOTOR, DRIVE, over={path: [1.0, 2.0]}, speed=3.0, **quick)
     assert pr.sweep(MOTOR, DRIVE, over={"run.duration": pr.Tolerance(0.1)}, samples=2, **quick).sizes == {"sample": 2}
-
-
-def test_a_sweep_of_nothing_but_refused_points_is_rejected(quick: dict[str, Any]) -> None:
-    with pytest.raises(pr.ParameterError, match="duration = 1 s is not valid"):
-        pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": [5.0, 9.0]}, **quick | {"analysis": points.refuses})
 
 
 def test_a_worker_with_other_versions_refuses_to_work(threads: Executor) -> None:
@@ -764,15 +742,17 @@ def test_a_message_says_what_is_wrong_and_what_to_do(
     [
         ({"quantities": {"x": lambda _: 1.0}}, "with a name in a module"),
         ({"analysis": lambda *_: {}}, "with a name in a module"),
+        ({"analysis": points.refuses}, "duration = 1 s is not valid"),
         ({"sampling": "dice"}, "it must be 'sobol' or 'latin-hypercube'"),
-        ({"duration": None}, ""),
+        ({"samples": 2**40}, "samples = 1099511627776 is not valid: it must be a whole number > 0"),
+        ({"samples": 2**40, "sampling": "latin-hypercube"}, "samples = 1099511627776 is not valid"),
+        ({"samples": 4, "seed": -1}, "seed = -1 is not valid: it must be a whole number ≥ 0"),
+        ({"speed": 1j}, "run.speed = 1j is not valid: it must be numbers, texts, and lists"),
+        ({"duration": None}, "The setting duration is missing"),
     ],
 )
 def test_the_function_rejects_what_the_command_rejects(quick: dict[str, Any], how: dict[str, Any], says: str) -> None:
-    settings = {**quick, **how}
-    if how == {"duration": None}:
-        del settings["duration"]
-        says = "The setting duration is missing"
+    settings = {name: value for name, value in {**quick, **how}.items() if value is not None}
     with pytest.raises(pr.ParameterError, match=says):
         pr.sweep(MOTOR, DRIVE, over={"contact.friction": pr.Tolerance(0.1)}, **settings)
 
