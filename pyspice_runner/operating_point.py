@@ -19,6 +19,7 @@ from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.circuit.bench import FREE
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import Excitation, source_of
+from pyspice_runner.drivers.design import Design, DriverSpec, design_driver
 from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -121,4 +122,14 @@ class OperatingPoint(Point):
         return simulate_averaged(
             self.motor, self.drive, duration, contact=self.law, speed=self.load.speed, load_torque=self.load.torque,
             thermal=self.thermal, timeout=self.solver.timeout, **settings,
+        )  # fmt: skip
+
+    def design(self, stage: str = "full-bridge", **spec: Any) -> Design:
+        """Design a driver whose pins get the drive; ``network``, ``rail`` and ``parts`` as in :class:`.DriverSpec`.
+
+        The speed or the torque of the load is the operating point of the design; errors as in :func:`.design_driver`.
+        """
+        return design_driver(
+            self.motor, DriverSpec(self.drive, stage, **spec), speed=self.load.speed, load_torque=self.load.torque,
+            contact=self.law, timeout=self.solver.timeout,
         )  # fmt: skip

@@ -121,6 +121,9 @@ class DriverSpec:
             as the voltage requires.
         parts: further values of the driver, by their names or by PART.PARAMETER, as for :meth:`.Driver.updated`.
         match: whether the parts of a network are chosen for the motor, if none of them is given.
+
+    Raises:
+        ParameterError: by the constructor, for a drive of two tones.
     """
 
     drive: TwoPhaseDrive
@@ -129,6 +132,10 @@ class DriverSpec:
     rail: float | None = None
     parts: Mapping[str, Any] = field(default_factory=dict)
     match: bool = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.drive, TwoPhaseDrive):
+            raise ParameterError("A driver makes two phases of one tone: give a TwoPhaseDrive.")
 
     @property
     def name(self) -> str:

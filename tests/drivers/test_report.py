@@ -331,7 +331,7 @@ def test_a_field_above_the_limit_of_the_set_is_told() -> None:
 def test_a_rail_beyond_the_transistors_is_a_reason_and_no_driver() -> None:
     drive = pr.TwoPhaseDrive(voltage=150.0, frequency=FREQUENCY)
     spec = pr.DriverSpec(drive, "full-bridge", rail=500.0)
-    found = pr.design(motor(), spec)
+    found = pr.OperatingPoint(motor(), drive).design("full-bridge", rail=500.0)
     assert not found.feasible
     assert found.driver is None
     assert "its transistors IRF820 take 450 V" in found.reason
