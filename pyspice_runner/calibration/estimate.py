@@ -94,10 +94,10 @@ def calibrate(
     linear = motor.slider is not None
     points = read_points(data, linear) if data is not None else None
     moving = [RunUp.read(one, number, linear) for number, one in enumerate(transients, start=1)]
-    laws = [touching_law(one, "A free tip has no torque.") for one in (contact, *against)]
+    laws = [touching_law(one, "A free tip has no torque.", motor.law) for one in (contact, *against)]
     excitation = drive or default_drive(motor)
     bands = bands_of(spectra, connection, spectrum_error)
-    unknowns = unknowns_of(motor, excitation, free, priors, scales(motor, bands))
+    unknowns = unknowns_of(motor, excitation, free, priors, scales(motor, bands), laws[0])
     conditions = [(f"spectrum {number}", one.conditions) for number, one in enumerate(bands, start=1)]
     conditions += [(f"point {row}", one) for row, one in enumerate(points.conditions if points else (), start=1)]
     temperatures = temperatures_of(conditions + [(one.source, one.conditions) for one in moving])

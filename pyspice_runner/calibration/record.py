@@ -131,7 +131,8 @@ class Record(BaseModel):
 
 def _has(motor: Motor, drive: Stated, path: str, value: float) -> bool:
     try:
-        found = parameter(path, motor, drive, {}).nominal
+        own = path.startswith("law.")
+        found = motor.law.get(path.removeprefix("law.")) if own else parameter(path, motor, drive, {}).nominal
     except ParameterError:
         return False
     return found is not None and isclose(found, value, rel_tol=_SAME)

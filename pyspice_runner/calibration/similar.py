@@ -86,6 +86,8 @@ def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, P
         ParameterError: if a value leaves its range.
     """
     document = motor.model_dump() | {"name": name, "limits": None}
+    for parameter in motor.law:  # refused: the dimension of a law's own parameter is not known here
+        factors.of(f"law.{parameter}")
     document["contact"] |= _UNKNOWN | {"worn_flat_radius_m": 0.0}
     document["modes"] = [_grown(mode, factors) for mode in document["modes"]]
     for section in ("piezo", "contact", motor.moved, "mount"):

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, hypot, inf, log
 
+from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import (
     HIGHEST_FREQUENCY,
@@ -18,7 +19,7 @@ from pyspice_runner.motor.motor import (
 from pyspice_runner.motor.parameters import Parameters
 from pyspice_runner.motor.refusal import Stated, quoted, schema_of
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.paths import parameter
+from pyspice_runner.run.paths import law_parameter, parameter
 
 MOST = 40  # free parameters
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
@@ -27,7 +28,7 @@ _DERIVED = {
     "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
 }  # fmt: skip
 THERMAL = "thermal."  # drift of the motor, of spectra at several temperatures
-_SECTIONS = ("modes", "piezo", "contact", "rotor", "slider", "mount")
+_SECTIONS = ("modes", "piezo", "contact", "law", "rotor", "slider", "mount")
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,11 @@ def unknowns_of(
     free: Sequence[str],
     priors: Mapping[str, float] | None = None,
     sizes: Mapping[str, float] | None = None,
+    law: Law = PAPER_LAW,
 ) -> tuple[Unknown, ...]:
     """Return the free parameters; ``modes.*.NAME`` stands for that of all modes, each of its own.
 
-    ``sizes`` are scales of parameters that start from 0: path → value.
+    ``law`` has those of the section ``law``. ``sizes`` are scales of parameters that start from 0: path → value.
 
     Raises:
         ParameterError: for an unknown path, one that is given twice or is not a number of the motor, too many, or a
@@ -112,7 +114,7 @@ def unknowns_of(
             raise ParameterError(f"priors: {path} is not free. Name it in free, or leave its prior out.")
         if not 0.0 < width < inf:
             raise ParameterError(f"priors: {path} = {quoted(width)} is not valid: it must be a relative width > 0.")
-    return tuple(_unknown(motor, drive, path, widths.get(path), (sizes or {}).get(path, 1.0)) for path in paths)
+    return tuple(_unknown(motor, drive, path, widths.get(path), (sizes or {}).get(path, 1.0), law) for path in paths)
 
 
 def _expanded(motor: Motor, path: str) -> list[str]:
@@ -122,13 +124,13 @@ def _expanded(motor: Motor, path: str) -> list[str]:
     return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
 
 
-def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: float) -> Unknown:
+def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: float, law: Law) -> Unknown:
     if path.startswith(THERMAL):
         return _drift(motor, path, width)
-    found = parameter(path, motor, drive, {})
+    found = parameter(path, motor, drive, {"contact": law})
     if found.nominal is None:
         raise ParameterError(f"free: {path} has no value in {motor.name}. Set it to one to start from.")
-    low, high = _range(motor, path)
+    low, high = law_parameter(path, law)[1:] if path.startswith("law.") else _range(motor, path)
     start = found.nominal
     if low < 0.0 < high and start:  # a coupling, or a motion of the tip: its sign is that of the start
         smallest = 1e-6 * abs(start)

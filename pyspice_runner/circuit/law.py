@@ -92,12 +92,8 @@ class Law:
                 f'Law("{rows[0]}", {sliders}).'
             )
         object.__setattr__(self, "sliders", int(sliders))
-        unknown = next((name for name in self.parameters if name not in self.own), None)
-        if unknown:
-            has = f"its own are {', '.join(self.own)}" if self.own else "it has none of its own"
-            raise ParameterError(f"law.{unknown} is not a parameter of the contact law {self.name}; {has}.")
         for name, value in self.parameters.items():
-            item = self.own[name]
+            item = self.parameter(name)
             if not item.least <= value <= item.greatest:
                 unit = "" if item.unit == "1" else f" {item.unit}"
                 raise ParameterError(
@@ -113,6 +109,13 @@ class Law:
     def own(self) -> dict[str, LibraryParameter]:
         """The law's own parameters, by name: those that neither the motor nor the run sets."""
         return {item.name: item for item in self._library.parameters if item.name not in _OF_MOTOR}
+
+    def parameter(self, name: str) -> LibraryParameter:
+        """Return one of the law's own parameters. Raise ParameterError for any other."""
+        if name not in self.own:
+            has = f"its own are {', '.join(self.own)}" if self.own else "it has none of its own"
+            raise ParameterError(f"law.{name} is not a parameter of the contact law {self.name}; {has}.")
+        return self.own[name]
 
     @property
     def forms(self) -> frozenset[str]:
@@ -168,7 +171,8 @@ class Law:
 
     def updated(self, parameters: Mapping[str, float]) -> Law:
         """Return the law with other values of its own parameters. Raise ParameterError for an invalid one."""
-        return replace(self, parameters={**self.parameters, **parameters}) if parameters else self
+        changed = {**self.parameters, **parameters}
+        return self if changed == self.parameters else replace(self, parameters=changed)
 
     def to_dict(self) -> dict[str, object]:
         """Return the law as in the results, JSON-ready."""

@@ -501,7 +501,7 @@ def motor_library(
     Raises:
         ParameterError: for an invalid law or name.
     """
-    law = touching_law(contact, "The library contains the rotor.")
+    law = touching_law(contact, "The library contains the rotor.", motor.law)
     circuit = MotorSubCircuit(motor, law=law, thermal=thermal, check=True, name=check_name(name) if name else "")
     name = circuit.name
     step = coarsest_step(motor)

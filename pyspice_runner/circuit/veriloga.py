@@ -67,7 +67,7 @@ def motor_module(
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
     """
-    law = touching_law(contact, "The module contains the rotor.")
+    law = touching_law(contact, "The module contains the rotor.", motor.law)
     if not law.translated:
         raise ParameterError(
             f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "

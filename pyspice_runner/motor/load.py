@@ -206,7 +206,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
     return parse_toml(read_document(path, "a readable TOML file"), path.name), path
 
 
-_TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "drive", *SECTIONS)
+_TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", *SECTIONS)
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 

@@ -14,7 +14,14 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 from weakref import ref
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
+from pydantic import (
+    Field,
+    FiniteFloat,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
@@ -170,6 +177,9 @@ class Motor(Shown, Parameters):
     slider: Slider | None = Field(default=None, description="slider of a linear stage; null: the motor turns a rotor")
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
     limits: Limits | None = Field(default=None, description="limits of ceramic and contact; null: not known")
+    law: dict[str, FiniteFloat] = Field(
+        default_factory=dict, description="values of parameters of the contact's law; others have its defaults"
+    )
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     solid: Solid | None = Field(default=None, exclude=True)
@@ -196,6 +206,8 @@ class Motor(Shown, Parameters):
         """Return the document with the rotor or the slider, as the motor was stated."""
         document: dict[str, Any] = write(self)
         document.pop("rotor" if self.slider else "slider", None)
+        if not self.law:
+            del document["law"]
         return document
 
     @model_validator(mode="after")
@@ -482,6 +494,7 @@ def assemble(
                 for section, kind in SECTIONS.items()
                 if parts.get(section) is not None
             },
+            law=parts.get("law") or {},
             drive=parts.get("drive"),
             structure=stator if isinstance(stator, Structure) else None,
             solid=stator if isinstance(stator, Solid) else None,
@@ -533,6 +546,9 @@ def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
         target = document["modes"][index]
     elif path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value
+        return path
+    elif section == "law" and re.fullmatch(r"[a-z]\w*", rest):
+        document["law"] = {**document.get("law", {}), rest: value}
         return path
     elif section in MOVED and section not in document:
         has = next(name for name in MOVED if name in document)

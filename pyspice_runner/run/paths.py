@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
 
-``contact.*``, ``rotor.*`` or ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
+``law.*`` are the own parameters of the contact's law. ``contact.*``, ``rotor.*`` or ``slider.*``, ``mount.*``,
+``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
 :meth:`~pyspice_runner.motor.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
 ``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft;
 ``run.*`` are the settings of an analysis.
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
+from pyspice_runner.circuit.law import PAPER_LAW, Law, touching_law
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import Stated, quoted, unit_of
@@ -60,6 +62,8 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     Raise ParameterError for an unknown path, with the nearest one, or a parameter that is not a number.
     """
     section, _, key = canonical(path).partition(".")
+    if section == "law":
+        return law_parameter(path, touching_law(run.get("contact", PAPER_LAW), "It has no law.", motor.law))[0]
     if canonical(path) in LOADS:
         setting, unit, meaning = LOADS[canonical(path)]
         unit = linear_unit(unit) if motor.slider else unit
@@ -84,6 +88,16 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     if key not in fields:
         return Parameter(path, float(nominal), unit_in(key))
     return Parameter(path, float(nominal), unit_of(type(owner), key), str(fields[key].description))
+
+
+def law_parameter(path: str, law: Law) -> tuple[Parameter, float, float]:
+    """Return the parameter of a law that a path names, with its minimum and maximum.
+
+    Raise ParameterError for a parameter that is not one of the law's own.
+    """
+    item = law.parameter(path.removeprefix("law."))
+    value = law.parameters.get(item.name, item.default)
+    return Parameter(path, value, item.unit, item.meaning), item.least, item.greatest
 
 
 def changed(

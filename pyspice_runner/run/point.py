@@ -58,9 +58,9 @@ class RunSettings(TypedDict, total=False):
     contact: Annotated[
         ContactLaw | None,
         Field(
-            default="spring-slider",
-            description="law of the contact: 'spring-slider', the paper's; 'brush', which slips from the edge inwards; "
-            "'coulomb', without a spring along the tangent; the path of a law of the user's own; None for a free tip",
+            default=PAPER_LAW,
+            description="law of the contact: a built-in law, by default the paper's; the path of a law of the "
+            "user's own; None for a free tip",
         ),
     ]
     step: Annotated[
@@ -121,7 +121,7 @@ class Point:
 
         ``solver`` are settings of :class:`Solver`.
         """
-        law = law_of(contact)
+        law = law_of(contact, motor.law)
         return cls(
             motor, source_of(drive, motor, law), Load(speed, load_torque), law, replace(DEFAULT, **solver), thermal
         )
@@ -143,7 +143,7 @@ class Point:
         section, _, name = canonical(path).partition(".")
         if section == "run" and name not in settings:
             raise unknown(path, [f"run.{name}" for name in settings])
-        return parameter(path, self.motor, self.drive, settings)
+        return parameter(path, self.motor, self.drive, settings | {"contact": self.law})
 
     def updated(self, changes: Mapping[str, Any]) -> Point:
         """Return the point with changed values: path → value, such as ``{"drive.voltage": 60.0, "load.speed": 2.0}``.
@@ -167,6 +167,7 @@ class Point:
         return replace(
             self,
             motor=motor,
+            law=law_of(self.law, motor.law),
             source=source_of(drive, motor, self.law) if of_drive else self.source,
             load=Load(settings.pop("speed"), settings.pop("load_torque")),
             solver=replace(self.solver, **settings),

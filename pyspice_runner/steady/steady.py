@@ -311,8 +311,7 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     """
     groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
     for place, setup in setups.items():
-        law = setup.law.to_dict().values() if setup.law else ()
-        curves = groups.setdefault((_drive(setup).period, *law), {})
+        curves = groups.setdefault((_drive(setup).period, setup.law), {})
         curves.setdefault(_plant(setup).curve, []).append(place)
     parts: list[tuple[list[Place], tuple[int, int]]] = []
     for curves in groups.values():

@@ -444,7 +444,7 @@ def track(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    law = law_of(contact)
+    law = law_of(contact, motor.law)
     mode = len(motor.modes) - 1 if mode is None else mode
     _check_together(motor, tracker, mode, disturb, contact, speed)
     if averaged:
@@ -554,7 +554,7 @@ def measured_loop_gain(
     duration = (_settled(tracker, "load") if begin is None else begin) + window
     inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
     source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver, inject=inject)
-    setup = Point(motor, source, law=law_of(contact), solver=Solver(step, timeout=timeout))
+    setup = Point(motor, source, law=law_of(contact, motor.law), solver=Solver(step, timeout=timeout))
     _check_duration(setup, source, duration)
     vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()
     time = vectors["time"]
