@@ -7,8 +7,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from math import ceil, sqrt
@@ -240,69 +239,90 @@ def _row(library: Library, sliders: int) -> Library:
 @cache
 def unplotted(library: Library) -> Library:
     """Return the brush without what serves its pins ``slider`` and ``state`` alone, on which nothing else depends."""
-    return replace(library, subcircuit=re.sub(r"(?ms)^\* for plotting only.*(?=^\.ends)", "", library.subcircuit))
+    before, plotting, after = library.subcircuit.partition("* for plotting only")
+    return replace(library, subcircuit=before + after[after.rindex(".ends") :]) if plotting else library
+
+
+def _statements(text: str) -> dict[str, str]:
+    """Return the statements of a subcircuit by their first words; lines that begin alike are one entry."""
+    found: dict[str, str] = {}
+    for line in text.split("\n"):
+        word = line.partition(" ")[0]
+        found[word if word[0] not in "*." or word in (".subckt", ".ends") else line] = line
+    return found
+
+
+def _joined(statements: Mapping[str, str]) -> str:
+    """Return the text of statements; an empty one is left out."""
+    return "\n".join(line for line in statements.values() if line)
 
 
 @cache
 def _constant_friction(library: Library) -> Library:
     """Return the spring-slider without Stribeck's curve, whose exponential takes a sixth of the run time."""
-    text = re.sub(r"(?m)^(Bfriction .*,1m\)\))\*.*$", r"\1", library.subcircuit)
-    for name in _STRIBECK:
-        text = re.sub(rf"(?m)^(\.subckt .*) {name}=\S+", r"\1", text)
+    lines = _statements(library.subcircuit)
+    words = lines[".subckt"].split(" ")
+    lines[".subckt"] = " ".join(word for word in words if word.partition("=")[0] not in _STRIBECK)
+    if "Bfriction" in lines:
+        lines["Bfriction"] = lines["Bfriction"].partition(f"*({{{_STRIBECK[0]}}}+")[0]
     parameters = tuple(item for item in library.parameters if item.name not in _STRIBECK)
-    return replace(library, subcircuit=text, parameters=parameters)
+    return replace(library, subcircuit=_joined(lines), parameters=parameters)
 
 
 @cache
 def worn(library: Library) -> Library:
     """Return a law on the normal contact of a worn tip; its name ends in ``_worn``."""
-    name, text = f"{library.name}_worn", _row_of_worn(_spring_of_worn(library.subcircuit))
-    text = re.sub(rf"\b{library.name}\b", name, text)
-    text = re.sub(r"(?m)^(X\w+ .*) piezomotor_normal (.*)$", r"\1 piezomotor_worn \2 flat={flat}", text)
-    text = re.sub(r"(?m)^(\.subckt .*)$", r"\1 flat=1", text)
+    name, lines = f"{library.name}_worn", _statements(library.subcircuit)
+    _spring_of_worn(lines)
+    _row_of_worn(lines)
+    lines[".subckt"] = lines[".subckt"].replace(f" {library.name} ", f" {name} ", 1) + " flat=1"
+    lines[".ends"] = f".ends {name}"
+    for key, line in lines.items():
+        if key.startswith("X") and " piezomotor_normal " in line:
+            lines[key] = line.replace(" piezomotor_normal ", " piezomotor_worn ") + " flat={flat}"
     flat = next(item for item in read_library("piezomotor_worn").parameters if item.name == "flat")
-    return replace(
-        library, name=name, subcircuit=text, parameters=(*library.parameters, flat), needs=("piezomotor_worn",)
-    )
+    parameters = (*library.parameters, flat)
+    return replace(library, name=name, subcircuit=_joined(lines), parameters=parameters, needs=("piezomotor_worn",))
 
 
-def _spring_of_worn(text: str) -> str:
-    """Return the spring-slider of a worn tip; other laws are returned as they are.
+def _spring_of_worn(lines: dict[str, str]) -> None:
+    """Write the spring-slider of a worn tip; other laws stay as they are.
 
     At the displacement u the tangential force is μ f (F(δ) − F(δ − |u|/(κ f))), for any axisymmetric profile
     (Ciavarella, Jäger); f is the factor of the damping, taken as 0.1 at least within F. For Hertz's law that is the
     spring of the paper.
     """
+    if "limit_ratio" not in lines.get("Bgrip", ""):
+        return
     ahead, behind = (WORN_FORCE.format(f"V({node})") for node in ("ahead", "behind"))
-    grip = (
+    lines["Bgrip"] = (
         "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
         "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
         f"Bgrip grip 0 V={{mu*normal_stiffness*1.414213562373095e-9}}*({ahead}-{behind})"
     )
-    text = re.sub(r"(?m)^Bgrip .*limit_ratio.*$", lambda _: grip, text)
-    return text.replace("V(grip)/sqrt(max(V(factor),1m))", "V(grip)*V(factor)")
+    lines["Bfriction"] = lines["Bfriction"].replace("V(grip)/sqrt(max(V(factor),1m))", "V(grip)*V(factor)")
 
 
-def _row_of_worn(row: str) -> str:
-    """Return the brush of a worn tip; other laws are returned as they are.
+def _row_of_worn(lines: dict[str, str]) -> None:
+    """Write the brush of a worn tip; other laws stay as they are.
 
     Beyond the flat an element at x penetrates by δ − x √(x² − b²)/R*, within it by δ. The integral of that is
     δ x − (x² − b²)^(3/2)/(3 R*).
     """
-    text = re.sub(r"(?m)^(Bl(\d+) \S+ \S+) I=(V\(x\d+\))\*V\(\w+\)$", _worn_limit, row)
-    if text == row:
-        return row
-    text = re.sub(r"(?m)^([BR]f[12]|[GR]m\w+) .*\n", "", text)  # what only the limits of a new tip need
-    depth = "Bdepth 0 depth I=max(V(delta),1e-9)\nRdepth depth 0 1\n"
-    edge = r"\1 I=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
-    return re.sub(r"(?m)^(Bx0 0 x0) .*$", depth + edge, text)
-
-
-def _worn_limit(line: re.Match[str]) -> str:
-    """Return the source of the limits beyond the inner edge of a cell of a worn tip."""
-    element, inner, x = line[1], int(line[2]) - 1, line[3]
-    beyond = f"uramp(({inner}+{x})*({inner}+{x})-{{flat/cell}})**1.5-{{max(0,{inner * inner}-flat/cell)**1.5}}"
-    return f"{element} I=V(f0)*({{1.5/cell}}*V(depth)*{x}-0.5*({beyond}))"
+    if "Bl1" not in lines:
+        return
+    for key in lines:
+        if key in ("Bf1", "Rf1", "Bf2", "Rf2") or key.startswith(("Gm", "Rm")):
+            lines[key] = ""  # what only the limits of a new tip need
+        elif key.startswith("Bl"):
+            element, _, limit = lines[key].partition(" I=")
+            inner, x = int(key.removeprefix("Bl")) - 1, limit.partition("*")[0]
+            beyond = f"uramp(({inner}+{x})*({inner}+{x})-{{flat/cell}})**1.5-{{max(0,{inner * inner}-flat/cell)**1.5}}"
+            lines[key] = f"{element} I=V(f0)*({{1.5/cell}}*V(depth)*{x}-0.5*({beyond}))"
+    lines["Bx0"] = (
+        "Bdepth 0 depth I=max(V(delta),1e-9)\nRdepth depth 0 1\n"
+        "Bx0 0 x0 I=sqrt((sqrt({flat*flat}+4*V(depth)*V(depth))+{flat})*{0.5/cell})"
+    )
 
 
 def contact_values(
@@ -393,11 +413,16 @@ def row_library(library: Library, sliders: int) -> str:
         if number < sliders:
             plotted += [f"Gw{number} 0 w{number} x{inner} x{number} 1", f"Rw{number} w{number} 0 1"]
         plotted.append(f"Bslips{number} 0 state I={w if number < sliders else x}*u({y}*({rest}))")
-    text = re.sub(r"(?ms)^Bl1 .*?(?=^Rheld )", "\n".join(cells) + "\n", library.text, count=1)
-    text = re.sub(r"(?ms)^Gw1 .*?(?=^Bslider )", "\n".join(plotted) + "\n", text, count=1)
+    text = _between(library.text, "\nBl1 ", "\nRheld ", cells)
+    text = _between(text, "\nGw1 ", "\nBslider ", plotted)
     text = text.replace("V(w1)", "V(x0)") if sliders == 1 else text
     text = text.replace(f"a row of {given} ", f"a row of {sliders} ", 1)
     text = text.replace(f"the end of cell {given}:", f"the end of cell {sliders}:", 1)
     nodes = " ".join(f"q{number + 1}" for number in range(sliders))
     text = text.replace(f"* SLIDERS {' '.join(library.sliders)}", f"* SLIDERS {nodes}", 1)
     return text.replace(f"{{span/{given**2}}}", f"{{span/{sliders**2}}}", 1)
+
+
+def _between(text: str, first: str, after: str, lines: Sequence[str]) -> str:
+    """Return a text with other lines from one to before another, which are given by their beginnings."""
+    return "\n".join((text[: text.index(first)], *lines)) + text[text.index(after) :]
