@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.library import Course
+from pyspice_runner.averaged.library import Schedule
 from pyspice_runner.averaged.run import COLUMNS, Array
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.groups import GROUPS
@@ -86,7 +86,7 @@ def spice_rows(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str
     return rows, mode_amplitudes(motor, samples, harmonics)
 
 
-def averaged_columns(motor: Motor, rows: Mapping[str, Array], load_torque: Course | None) -> dict[str, Array]:
+def averaged_columns(motor: Motor, rows: Mapping[str, Array], load_torque: Schedule | None) -> dict[str, Array]:
     """Return the columns in SI units of a run, by what the motor records.
 
     ``load_torque`` is its course, or ``None`` for a held shaft, which draws the torque that the bearing leaves.

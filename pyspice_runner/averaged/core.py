@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.averaged.c_code import Front, session_texts, state_names, variables
 from pyspice_runner.averaged.c_source import NETWORK, TRACKER, Parts, circuit_parameters
-from pyspice_runner.averaged.library import HARMONICS, PHASES, Course, Terms, require_averaged
+from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
 from pyspice_runner.motor.motor import Motor
@@ -169,7 +169,7 @@ class AveragedMotor:
         """Return a value: an input, a parameter, or an output as of the last step."""
         return float(self._values[self._places[name]])
 
-    def advance(self, begin: float, end: float, courses: Mapping[str, Course] | None = None) -> None:
+    def advance(self, begin: float, end: float, courses: Mapping[str, Schedule] | None = None) -> None:
         """Advance from one time in s to another; inputs are constant but for courses, which are linear in between.
 
         Raise SimulationError if the equations have no solution.
@@ -199,7 +199,7 @@ class AveragedMotor:
 
     def record(
         self,
-        courses: Mapping[str, Course],
+        courses: Mapping[str, Schedule],
         duration: float,
         *,
         timeout: float | None = None,
@@ -222,7 +222,7 @@ class AveragedMotor:
         table = np.concatenate(found)
         return {name: table[:, place] for place, name in enumerate(("time", *self.shown))}
 
-    def _follow(self, courses: Mapping[str, Course], begin: float, end: float) -> Iterator[tuple[float, float]]:
+    def _follow(self, courses: Mapping[str, Schedule], begin: float, end: float) -> Iterator[tuple[float, float]]:
         """Yield the intervals between corners of courses, with the inputs and their slopes set to those there."""
         if not courses:
             yield begin, end

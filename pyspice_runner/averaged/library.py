@@ -492,7 +492,7 @@ SPECIAL = {  # further ones, for which not every engine has a value over time
     "preload": "N",
     "temperature": "K",
 }
-Course = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
+Schedule = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
 
 
 def add_angle(circuit: Circuit, load: ShaftLoad) -> None:
@@ -525,15 +525,15 @@ def add_angle(circuit: Circuit, load: ShaftLoad) -> None:
     circuit.raw_spice += text
 
 
-def add_surroundings(circuit: Circuit, settings: Mapping[str, Course], thermal: Thermal) -> None:
+def add_surroundings(circuit: Circuit, settings: Mapping[str, Schedule], thermal: Thermal) -> None:
     """Let the surroundings of a motor with cooling follow the course ``temperature``, if there is one."""
     if "temperature" in settings:
         flow = [(time, (value - thermal.ambient_k) / thermal.thermal_resistance_k_per_w)
                 for time, value in settings["temperature"]]  # fmt: skip
-        circuit.I("surroundings", circuit.gnd, "temperature", course_text(flow))
+        circuit.I("surroundings", circuit.gnd, "temperature", schedule_text(flow))
 
 
-def course_text(points: Course) -> str:
+def schedule_text(points: Schedule) -> str:
     """Return the value of an independent source that follows a course."""
     if len(points) == 1:
         return f"DC {float(points[0][1])!r}"

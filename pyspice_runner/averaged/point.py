@@ -18,15 +18,15 @@ from pyspice_runner.averaged.library import (
     OPTIONS,
     PHASES,
     SETTINGS,
-    Course,
+    Schedule,
     add_angle,
     add_averaged_motor,
     add_surroundings,
     check_averaged,
     check_resolution,
-    course_text,
+    schedule_text,
 )
-from pyspice_runner.averaged.schedules import CourseLike, settings_of
+from pyspice_runner.averaged.schedules import ScheduleLike, settings_of
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.fixtures import add_cooling
 from pyspice_runner.circuit.law import PAPER_LAW
@@ -50,7 +50,7 @@ class AveragedPoint:
 
     point: Point  # motor, load and drift
     front: AveragedDrive  # the stages at the start, and the networks behind them
-    settings: Mapping[str, Course]  # of all quantities that may change, over time
+    settings: Mapping[str, Schedule]  # of all quantities that may change, over time
     shaft: ShaftLoad = UNCOUPLED  # coupled to the free shaft
     phases: int = PHASES
     harmonics: int = HARMONICS
@@ -61,7 +61,7 @@ class AveragedPoint:
         point: Point,
         duration: float,
         *,
-        courses: Mapping[str, CourseLike] | None = None,
+        courses: Mapping[str, ScheduleLike] | None = None,
         shaft: ShaftLoad | None = None,
         phases: int = PHASES,
         harmonics: int = HARMONICS,
@@ -95,7 +95,7 @@ class AveragedPoint:
         return self.front.stage
 
     @property
-    def inputs(self) -> dict[str, Course]:
+    def inputs(self) -> dict[str, Schedule]:
         """The settings by the inputs of the averaged motor in C."""
         return {of_c: self.settings[name] for name, of_c in INPUT_OF.items() if name in self.settings}
 
@@ -122,7 +122,7 @@ class AveragedPoint:
                 "full motor."
             )
         circuit, load = Circuit(f"{self.motor.name}: averaged over the period of the drive"), self.point.load
-        sources = {name: course_text(self.settings[name]) for name in SETTINGS}
+        sources = {name: schedule_text(self.settings[name]) for name in SETTINGS}
         nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
         for name, node in nodes.items():
             circuit.V(node, node, circuit.gnd, sources[name])

@@ -8,19 +8,19 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pyspice_runner.averaged.library import SETTINGS, SPECIAL, Course
+from pyspice_runner.averaged.library import SETTINGS, SPECIAL, Schedule
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.run.point import Point
 
-MOST_POINTS_OF_A_COURSE = 10_000
+MOST_POINTS_OF_A_SCHEDULE = 10_000
 VALUES_OF_A_FUNCTION = 1000  # over the duration of a run
-CourseLike = ArrayLike | Callable[[float], float]
+ScheduleLike = ArrayLike | Callable[[float], float]
 
 
 def settings_of(
-    point: Point, stage: TwoPhaseDrive, courses: Mapping[str, CourseLike], duration: float
-) -> dict[str, Course]:
+    point: Point, stage: TwoPhaseDrive, courses: Mapping[str, ScheduleLike], duration: float
+) -> dict[str, Schedule]:
     """Return the courses of all settings, constant unless the user gives one, over a duration in s.
 
     ``stage`` is the drive at the start. Preload and temperature are in it only if the user gives them. Raise
@@ -32,14 +32,14 @@ def settings_of(
             raise ParameterError("courses: voltage and voltage_a or voltage_b exclude each other. Give one or the two.")
         given["voltage_a"] = given["voltage_b"] = given.pop("voltage")
     constant = (stage.frequency, stage.voltage, stage.voltage_b, stage.phase_deg, point.load.torque)
-    settings: dict[str, Course] = {name: [(0.0, value)] for name, value in zip(SETTINGS, constant, strict=True)}
+    settings: dict[str, Schedule] = {name: [(0.0, value)] for name, value in zip(SETTINGS, constant, strict=True)}
     if stage.soft_start > 0.0:
         settings["voltage_a"] = [(0.0, 0.0), (stage.soft_start, stage.voltage)]
         settings["voltage_b"] = [(0.0, 0.0), (stage.soft_start, stage.voltage_b)]
     for name, rows in given.items():
         if name == "reference":
             raise ParameterError("courses: reference has an effect on a controller only. Leave it out.")
-        settings[name] = course_of(name, rows, duration)
+        settings[name] = schedule_of(name, rows, duration)
     ambient = point.thermal.ambient_k if point.thermal else 0.0
     for name, value in (("preload", point.motor.contact.preload_n), ("temperature", ambient)):
         if name in given and settings[name][0][1] != value:
@@ -54,7 +54,7 @@ def settings_of(
     return settings
 
 
-def course_of(name: str, rows: CourseLike, duration: float) -> Course:
+def schedule_of(name: str, rows: ScheduleLike, duration: float) -> Schedule:
     """Return the course of a quantity over a duration in s, of which a function gives a thousand values.
 
     Raise ParameterError for an unknown name, or rows that are not valid.
@@ -71,9 +71,9 @@ def course_of(name: str, rows: CourseLike, duration: float) -> Course:
             table = np.array([[0.0, float(table)]]) if table.ndim == 0 else table
     except (TypeError, ValueError):
         table = np.empty(0)
-    if table.ndim != 2 or table.shape[1] != 2 or not 1 <= len(table) <= MOST_POINTS_OF_A_COURSE:
+    if table.ndim != 2 or table.shape[1] != 2 or not 1 <= len(table) <= MOST_POINTS_OF_A_SCHEDULE:
         raise ParameterError(
-            f"courses: {name} must be 1 to {MOST_POINTS_OF_A_COURSE} rows of time (s) and value ({known[name]}), a "
+            f"courses: {name} must be 1 to {MOST_POINTS_OF_A_SCHEDULE} rows of time (s) and value ({known[name]}), a "
             "number, or a function of the time."
         )
     if not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0.0).any() or table[0, 0] < 0.0:

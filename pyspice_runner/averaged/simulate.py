@@ -15,7 +15,7 @@ from pyspice_runner.averaged.columns import averaged_columns, missing_energy, sa
 from pyspice_runner.averaged.library import HARMONICS, PHASES
 from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import Array, AveragedRun
-from pyspice_runner.averaged.schedules import CourseLike
+from pyspice_runner.averaged.schedules import ScheduleLike
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -47,7 +47,7 @@ def simulate_averaged(
     speed: float | None = None,
     load_torque: float = 0.0,
     shaft: ShaftLoad | None = None,
-    courses: Mapping[str, SkipValidation[CourseLike]] | None = None,
+    courses: Mapping[str, SkipValidation[ScheduleLike]] | None = None,
     thermal: Thermal | None = None,
     phases: int = PHASES,
     harmonics: int = HARMONICS,

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.averaged.library import Course, add_angle, add_surroundings, course_text
+from pyspice_runner.averaged.library import Schedule, add_angle, add_surroundings, schedule_text
 from pyspice_runner.averaged.point import INPUT_OF, AveragedPoint
 from pyspice_runner.circuit.bench import Bench, motor_bench
 from pyspice_runner.circuit.source import Pins, UniformSource
@@ -44,7 +44,7 @@ _TURNS = f"{2.0 * pi!r}*V(turns)"
 class CommandedSource(UniformSource):
     """Two sines whose frequency, amplitudes and phase are the values of DC sources; the phase is continuous."""
 
-    settings: Mapping[str, Course]  # the commands over time, as of an averaged bench, until one of them is altered
+    settings: Mapping[str, Schedule]  # the commands over time, as of an averaged bench, until one of them is altered
     drive: TwoPhaseDrive  # the values at the start
     network: Driver | None = None  # ideal sources with a network, which is between the commands and the groups
 
@@ -61,7 +61,7 @@ class CommandedSource(UniformSource):
         """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
         for name, source in COMMANDS.items():
             node = source.removeprefix("v")
-            circuit.V(node, node, circuit.gnd, course_text(self.settings[name]))
+            circuit.V(node, node, circuit.gnd, schedule_text(self.settings[name]))
         shift, line = f"{pi / 180.0!r}*V(set_phase)", "control" if self.network else "drive"
         circuit.raw_spice += (
             "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
@@ -110,7 +110,7 @@ def controlled_bench(
             motor, CommandedSource(settings, run.drive, run.front.driver), discretisation=Discretisation(step),
             thermal=thermal, approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
         )  # fmt: skip
-        bench.circuit.I("load", "shaft", bench.circuit.gnd, course_text(settings["load_torque"]))
+        bench.circuit.I("load", "shaft", bench.circuit.gnd, schedule_text(settings["load_torque"]))
         add_angle(bench.circuit, run.shaft)
         if thermal:
             add_surroundings(bench.circuit, settings, thermal)
@@ -128,10 +128,10 @@ def controlled_bench(
     return bench
 
 
-def _approach(motor: Motor, preload: Course) -> str:
+def _approach(motor: Motor, preload: Schedule) -> str:
     """Return the value of a source that moves the stator so that its preload follows a course."""
     moved = [(time, 1e6 * motor.approach_m(value)) for time, value in preload]
-    return course_text(moved)
+    return schedule_text(moved)
 
 
 # --- running motors ---
@@ -166,7 +166,7 @@ class Plant(Protocol):
         """Set a command from now on."""
 
 
-def first(course: Course) -> float:
+def first(course: Schedule) -> float:
     """Return the value of a course at the start."""
     return float(np.interp(0.0, *np.transpose(course)))
 

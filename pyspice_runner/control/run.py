@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -137,7 +136,7 @@ class ControlledRun(RunOverTime):
     def summary(self) -> dict[str, str]:
         """Return the last sample, what has settled, the static error, and the averaged motor's own check."""
         shown = {name: unit for name, (unit, _) in SAMPLES.items() if name in self.samples and unit != "1"}
-        ends = {unit: "_" + re.sub(r"\W", "_", unit.lower()) for unit in shown.values()}
+        ends = {unit: "_" + unit.lower().translate(str.maketrans("/·", "__")) for unit in shown.values()}
         found = {
             name.removesuffix(ends[unit]).replace("_", " "): f"{self.samples[name][-1]:.4g} {unit}"
             for name, unit in shown.items()

@@ -20,9 +20,9 @@ from typing import Literal
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.averaged.library import Course
+from pyspice_runner.averaged.library import Schedule
 from pyspice_runner.averaged.point import AveragedPoint, deck_of
-from pyspice_runner.averaged.schedules import CourseLike, course_of
+from pyspice_runner.averaged.schedules import ScheduleLike, schedule_of
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
@@ -91,7 +91,7 @@ def simulate_controlled(
     load_torque: float = 0.0,
     shaft: ShaftLoad | None = None,
     electronics: Electronics | None = None,
-    courses: Mapping[str, SkipValidation[CourseLike]] | None = None,
+    courses: Mapping[str, SkipValidation[ScheduleLike]] | None = None,
     start: Literal["rest", "steady"] = "rest",
     records: int = 1,
     thermal: Thermal | None = None,
@@ -137,7 +137,7 @@ def simulate_controlled(
         SimulationError: if the engine fails, or there is no steady state to start from.
     """
     given = dict(courses or {})
-    course = course_of("reference", given.pop("reference", 0.0), duration)
+    course = schedule_of("reference", given.pop("reference", 0.0), duration)
     point = Point.of(motor, drive, load_torque=load_torque, thermal=thermal)
     run = AveragedPoint.of(point, duration, courses=given, shaft=shaft)
     count = _count(run.drive, duration, sample_time)
@@ -198,7 +198,7 @@ def simulate_controlled(
     )  # fmt: skip
 
 
-def _controlled(controller: object, course: Course) -> tuple[str | None, Callable[[float], float]]:
+def _controlled(controller: object, course: Schedule) -> tuple[str | None, Callable[[float], float]]:
     """Return the controlled quantity, ``None`` if it is not known, and the set point over the time in s."""
     quantity = getattr(controller, "quantity", None)
     if quantity is not None and quantity not in CONTROLLED:
@@ -237,7 +237,7 @@ class Loop:
     plant: Plant
     decide: Controller
     motor: Motor
-    settings: Mapping[str, Course]
+    settings: Mapping[str, Schedule]
     rounding: Rounding
     reference: Callable[[float], float]  # over the time in s
 

@@ -16,7 +16,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.averaged.columns import mode_amplitudes
 from pyspice_runner.averaged.core import AveragedMotor, Loop
 from pyspice_runner.averaged.driver import AveragedDrive
-from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Course, add_averaged_motor
+from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor
 from pyspice_runner.averaged.point import deck_of
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
@@ -221,7 +221,7 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
         motor, thermal=disturbance.drifting, speed=setup.load.speed, longest=longest,
         loop=Loop(tracker_values(motor, source), source.mode), networks=front.networks,
     )  # fmt: skip
-    courses: dict[str, Course] = {"target": target_points(tracker, disturbance)}
+    courses: dict[str, Schedule] = {"target": target_points(tracker, disturbance)}
     if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
         running.set(heat_capacity=0.0)
         courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)

@@ -48,7 +48,7 @@ def test_a_controller_that_is_neither_a_function_nor_a_path_is_an_error(motor: p
         simulate_controlled(motor, DRIVE, 3, duration=1e-3, sample_time=0.5e-3)  # type: ignore[arg-type]
 
 
-def test_a_rotor_that_bursts_is_told(motor: pr.Motor) -> None:
+def test_a_rotor_that_bursts_has_a_caution(motor: pr.Motor) -> None:
     run = simulate_controlled(motor, DRIVE, lambda _: {}, duration=2e-3, sample_time=0.5e-3, load_torque=100.0)
     assert "the limit is 1e+05 rad/s" in " ".join(run.cautions)
 
