@@ -383,12 +383,6 @@ class Motor(Shown, Parameters):
 
     __str__ = Shown.__repr__
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with some fields replaced, as of pydantic, without the matrices of this motor."""
-        copied = super().model_copy(update=update, deep=deep)
-        copied.__dict__.pop("stator", None)
-        return copied
-
     def to_toml(self, *, heading: str = "") -> str:
         """Return the motor as TOML for :func:`~pyspice_runner.load_motor`: values as set, with their origin.
 
