@@ -6,7 +6,7 @@ parameters. The search is repeated until this difference stays the same; so its 
 that of the fast model.
 
 The fast model of a spectrum is its closed form (:meth:`.Stator.admittance`), that of a run-up the averaged
-motor (:mod:`.run_up`), that of a point is harmonic balance (:mod:`~pyspice_runner.steady.balanced`). Where that has
+motor (:mod:`.run_up`), that of a point is harmonic balance (:func:`.balanced_states`). Where that has
 no solution, or is far from ngspice, it is ngspice itself at a coarse step: all points of many motors are one call of
 :func:`~pyspice_runner.steady.steady.steady_states`, and a perturbed motor starts from the solution of the unperturbed
 one, with the derivative of its period map.
@@ -40,8 +40,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady import shooting
-from pyspice_runner.steady.balanced import QUANTITIES, BalancedState, balanced_states, balances
-from pyspice_runner.steady.harmonic_balance import Balance
+from pyspice_runner.steady.harmonic_balance import QUANTITIES, Balance, BalancedState, balanced_states, balances
 from pyspice_runner.steady.steady import ACCURACY, SteadyState, steady_states
 
 # of a coordinate, for the derivative. The torque by ngspice varies from event to event of a step (2e-3 of mu F0 R), and

@@ -44,13 +44,18 @@ class Discretisation:
         """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
         if not self.exact_resonance:
             return mode.mass_kg, mode.stiffness_n_per_m
-        mass, stiffness = discretised(mode.mass_kg, mode.stiffness_n_per_m, self.step)
-        return float(mass), float(stiffness)
+        return _discretised(mode.mass_kg, mode.stiffness_n_per_m, self.step)
 
     @property
     def slider_time(self) -> float:
         """Time constant that holds the slider at its limit, in s."""
         return self.step / 2.0
+
+
+@lru_cache(maxsize=1024)
+def _discretised(mass: float, stiffness: float, step: float) -> tuple[float, float]:
+    mass_kg, stiffness_n_per_m = discretised(mass, stiffness, step)
+    return float(mass_kg), float(stiffness_n_per_m)
 
 
 def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TypeVar
 
 GROUPS = ("a", "b")
@@ -15,11 +16,13 @@ def of(values: Sequence[_Value], group: str) -> _Value:
     return values[GROUPS.index(group)]
 
 
+@cache
 def column(quantity: str, group: str, unit: str) -> str:
     """Return the name of a group's column, such as ``current_a_a``."""
     return f"{quantity}_{group}_{unit}"
 
 
+@cache
 def named(name: str, group: str) -> str:
     """Return the name of a node, an instance or a value of a group, such as ``line_a``."""
     return f"{name}_{group}"

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import atan, pi
 from typing import Self
 
@@ -249,6 +250,7 @@ def square(values: Array) -> Array:
     return np.diag(values) if values.ndim == 1 else values
 
 
+@lru_cache(maxsize=256)
 def carriers(mount: Mount | None) -> tuple[Mount, ...]:
     """Return the springs of the carrier along y and, unless it is held along the rotor, along x."""
     return tuple(along for along in (mount, mount and mount.tangential) if along)

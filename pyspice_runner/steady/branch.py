@@ -30,9 +30,8 @@ from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.copies import Copy, Plant
-from pyspice_runner.steady.period_map import PeriodMap, Trace, cores
-from pyspice_runner.steady.period_means import means, quantities
-from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Orbit, Shooting, start_point
+from pyspice_runner.steady.period_map import PeriodMap, Trace, cores, means, quantities
+from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 from pyspice_runner.units import linear_name, linear_words
 
 if TYPE_CHECKING:
@@ -129,10 +128,7 @@ class _Family:
     def at(self, value: float) -> tuple[Plant, PeriodMap]:
         """Return plant and map at a value of the parameter."""
         setup = self.setup(value)
-        drive = setup.source.ideal
-        assert drive is not None
-        period = drive.period
-        plant = Plant(setup.motor, drive, setup.load, setup.law)
+        plant, period = Plant.of(setup), setup.source.period
         return plant, PeriodMap(period, ceil(period / setup.step - 1e-9), self.base.solver.timeout)
 
 
@@ -192,7 +188,7 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
         nudge = NUDGE * family.scale / SPAN
         here, there = family.at(value), family.at(value + nudge)
         point = Orbit(here[0], state, scale)
-        states = [state, *(state + PERTURBATION * np.diag(scale))]
+        states = [state, *(state + NEWTON.perturbation * np.diag(scale))]
         with ThreadPoolExecutor(cores()) as pool:
             nudged = pool.submit(there[1].traces, [Copy(there[0], state)])
             traces = here[1].traces([Copy(here[0], one) for one in states])
@@ -278,7 +274,7 @@ def _next(
         later = np.append(trace.later(0.0), unknown[-1])
         unknown = np.where(near.free, unknown + change * scales, later)
         before = size
-        if size < TOLERANCE:
+        if size < NEWTON.residual:
             return measured(unknown[:-1], float(unknown[-1]))
     return None
 

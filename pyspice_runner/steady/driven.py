@@ -22,27 +22,24 @@ from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Discretisation
-from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import TwoPhaseDrive, two_phases
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
-from pyspice_runner.steady.copies import Copy, Plant, copy_name
-from pyspice_runner.steady.driven_copies import (
+from pyspice_runner.steady.copies import (
     LEAD,
     PRIMARY,
-    DrivenPlant,
-    driven,
+    Copy,
+    Plant,
+    copy_name,
     driven_bench,
     driven_states,
     driven_vectors,
 )
-from pyspice_runner.steady.period_map import CONTACT, COPIES_PER_DECK, PeriodMap, Trace, cores
-from pyspice_runner.steady.period_means import current, loads
-from pyspice_runner.steady.shooting import PERTURBATION, TOLERANCE, Orbit, Shooting, start_point
+from pyspice_runner.steady.period_map import CONTACT, COPIES_PER_DECK, PeriodMap, Trace, cores, current, loads
+from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 from pyspice_runner.steady.threads import in_threads
 
 Array = NDArray[np.float64]
@@ -52,7 +49,6 @@ FADED, FADED_SWITCHED = 1e-6, 1e-2
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
-SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs if Newton's method fails
 _MORE = 4.5  # steps beyond the period: ngspice 46 shortens the last two of a run
 _EVEN = 20  # a number of steps that has LEAD of a period in it
 
@@ -89,7 +85,7 @@ class DrivenMap(PeriodMap):
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         instance = copy_name(number)
-        names = driven_vectors(driven(plant), instance)
+        names = driven_vectors(plant, instance)
         names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
         return names + [name for name in pin_vectors(instance).values() if whole]
 
@@ -106,14 +102,14 @@ class DrivenMap(PeriodMap):
         even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
         traces: list[Trace | None] = []
         for number, copy in enumerate(copies):
-            states = driven_states(driven(copy.plant), raw, copy_name(number), self.discretisation)
+            states = driven_states(copy.plant, raw, copy_name(number), self.discretisation)
             contact = (
                 [raw[f"v({copy_name(number)}.xmotor.{name})"] for name in CONTACT] if whole else [time] * len(CONTACT)
             )
             rows = [np.interp(even, time, row) for row in (*states, *contact)]
             named = pin_vectors(copy_name(number)).items() if whole else ()
             pins = {name: np.interp(even, time, raw[vector]) for name, vector in named}
-            begun = even + driven(copy.plant).begins * self.period  # since the control of group A had the phase 0
+            begun = even + copy.plant.begins * self.period  # since the control of group A had the phase 0
             trace = Trace(begun, np.array(rows[: len(states)]), *rows[len(states) :])
             traces.append(replace(trace, pins=pins))
         return traces
@@ -182,7 +178,7 @@ class DrivenShooting(Shooting):
         decks = [
             [Copy(point.plant, state) for state in (point.state, *(point.state + part))]
             for point in points
-            for part in np.array_split(PERTURBATION * np.diag(point.scale), self.decks)
+            for part in np.array_split(NEWTON.perturbation * np.diag(point.scale), self.decks)
         ]
         found = iter(self.map.together(decks))
         for point in points:
@@ -193,7 +189,7 @@ class DrivenPoint(Orbit):
     """A point with states, as the plates behind a bridge, that fade between the start of the run and the period."""
 
     @property
-    def felt(self) -> NDArray[np.bool_]:
+    def influential(self) -> NDArray[np.bool_]:
         """All states: those that fade are told by their derivatives."""
         return np.ones(self.plant.order, dtype=bool)
 
@@ -204,15 +200,15 @@ class DrivenPoint(Orbit):
         """
         assert self.trace is not None
         free = self.free
-        begun, back, monodromy = self._lasting()
+        begun, back, monodromy = self._reduced()
         left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
         kept = np.arange(len(sizes)) < len(sizes) - self._still
         moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
-        step = np.asarray((self.trace.later(driven(self.plant).begins * self.plant.period) - self.state) / self.scale)
+        step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
         step[free] = back @ moved
         return step
 
-    def _lasting(self) -> tuple[Array, Array, Array]:
+    def _reduced(self) -> tuple[Array, Array, Array]:
         """Return orthogonal directions of the free state at the beginning of the period, in columns, and the rest.
 
         They are those that the start of the run reaches. The rest is the state at the start that leads to each, and the
@@ -222,14 +218,14 @@ class DrivenPoint(Orbit):
         assert self.at_end is not None
         free = np.ix_(self.free, self.free)
         left, sizes, right = np.linalg.svd(self.at_start[free])
-        kept = sizes > (FADED if driven(self.plant).driver.uniform else FADED_SWITCHED) * sizes[0]
+        kept = sizes > (FADED if self.plant.front.uniform else FADED_SWITCHED) * sizes[0]
         begun, back = left[:, kept], right[kept].T / sizes[kept]
         return begun, back, begun.T @ self.at_end[free] @ back
 
     @property
     def _still(self) -> int:
         """Number of directions in which the state stays where it is."""
-        return self.sticks + driven(self.plant).isolated
+        return self.sticks + self.plant.isolated
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -237,7 +233,7 @@ class DrivenPoint(Orbit):
 
         The charge between a capacitor in series and a group has no path away.
         """
-        values = np.linalg.eigvals(self._lasting()[2]).astype(complex)
+        values = np.linalg.eigvals(self._reduced()[2]).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self._still])
         return np.asarray(values[np.argsort(-np.abs(values))])
 
@@ -272,12 +268,6 @@ def check_driven(setup: Point) -> None:
     require_linear(setup.motor, "A steady state behind a driver")
 
 
-def driver_of(setup: Point) -> Driver:
-    """Return the driver of an operating point that :func:`check_driven` has seen."""
-    assert isinstance(setup.source, Driver)
-    return setup.source
-
-
 def driven_answers(
     setups: Sequence[Point],
     starts: Sequence[Orbit | None],
@@ -297,13 +287,11 @@ def driven_answers(
     """
     points: list[DrivenPoint] = []
     for setup, start, moving in zip(setups, starts, near, strict=True):
-        driver = driver_of(setup)
-        stage = TwoPhaseDrive(**two_phases(driver))
-        plant = DrivenPlant(setup.motor, stage, setup.load, setup.law, driver)
+        plant = Plant.of(setup)
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
         if start is None and moving is not None:
             state[: plant.inner] = moving.moved(plant.begins * plant.period).state[: plant.inner]
-        tolerance = max(TOLERANCE, SOLVED * accuracy)
+        tolerance = max(NEWTON.residual, SOLVED * accuracy)
         points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None, tolerance=tolerance))
     first = setups[0]
     rough = accuracy >= ROUGH and first.source.uniform
@@ -342,7 +330,7 @@ def _answer(
     if not (fine and coarse):
         return Answer(point, period_map)
     assert point.trace is not None
-    speed = float(point.trace.states[driven(point.plant).inner - 1].mean()) if point.plant.turns else None
+    speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
     return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
 
 
@@ -352,7 +340,7 @@ def _friction(point: Orbit) -> float:
     return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
-def _behind_network(plant: DrivenPlant, start: Orbit) -> Array:
+def _behind_network(plant: Plant, start: Orbit) -> Array:
     """Return the state with the motor as it moves with ideal voltages at its pins, and the network to suit."""
     assert start.trace is not None
     drive, time = start.plant.drive, start.trace.time
@@ -371,12 +359,12 @@ def _behind_network(plant: DrivenPlant, start: Orbit) -> Array:
     return np.array([*start.moved(begun).state[: plant.inner], *plates, *stores])  # a held shaft has no state
 
 
-def _scale(plant: DrivenPlant) -> Array:
+def _scale(plant: Plant) -> Array:
     """Return the size of each state: voltages by the stage's, currents by those of the clamped capacitance.
 
     They are those at the drive's frequency or, if larger, those of its ringing with the inductance in series.
     """
-    driver, motor = plant.driver, plant.motor
+    driver, motor = plant.front, plant.motor
     volts = max(driver.amplitude(group) for group in GROUPS)
     amperes = {}
     for group in GROUPS:
@@ -406,7 +394,7 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
     for point in points:  # a free shaft has a state more
         curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
     seeds = [curve[len(curve) // 2] for curve in curves.values()]
-    for decays in (0.0, *SETTLING):
+    for decays in (0.0, *NEWTON.settling):
         _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)
     for seed, curve in zip(seeds, curves.values(), strict=True):
         for point in curve:
@@ -416,7 +404,7 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
     shooting.solve(near)
     for point in near:
         point.method = "neighbour" if point.done else ""
-    for decays in SETTLING:
+    for decays in NEWTON.settling:
         _retry([point for point in points if not point.done], shooting, period_map, decays)
 
 

@@ -91,7 +91,6 @@ class _Group:
         self.law = self.plant.law
         self.library = unplotted(contact_library(self.law, self.plant.motor.contact))
         self.function = library_function(self.library)
-        self.stems = list(stems(self.plant.motor, self.law))
         self.row = slice(5, 5 + self.law.sliders) if self.law.row else None  # place of the sliders among the inputs
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
@@ -112,6 +111,24 @@ class _Group:
         """Places of their velocities."""
         modes, carrier = self.plant.modes, self.plant.carrier
         return [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]
+
+    @cached_property
+    def stems(self) -> dict[str, dict[str, Any]]:
+        """The parameters of the libraries of what is in series with the contact, by instance."""
+        known = {item.name: item.default for item in read_library("piezomotor_stem").parameters}
+        known |= {SLIDER_TIME: rounded(self.discretisation.slider_time)}  # a law may have no slider
+        # rounded as in the netlist: the rate is a small difference of two forces, over half a step
+        contacts = [(plant.motor.contact, stems(plant.motor, self.law)) for plant in self.plants]
+        return {
+            name: {
+                **known,
+                "preload": self._column([rounded(one.preload_n) if name == "stem" else 0.0 for one, _ in contacts])[
+                    :, 0
+                ],
+                "compliance": self._column([rounded(compliances[name]) for _, compliances in contacts])[:, 0],
+            }
+            for name in contacts[0][1]
+        }
 
     @cached_property
     def tip(self) -> Array:
@@ -199,20 +216,12 @@ class _Group:
 
         The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force.
         """
-        motors, step = [plant.motor for plant in self.plants], self.discretisation
         x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(np.broadcast_to(inputs, self._runs(inputs)), -1, 0)
         pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, []
-        stem = read_library("piezomotor_stem")
-        function, at = library_function(stem), 0
-        for name in self.stems:
+        function, at = library_function(read_library("piezomotor_stem")), 0
+        for name, parameters in self.stems.items():
             axis, force = ("x", friction) if name == "stem_x" else ("y", normal)
-            # rounded as in the netlist: the rate is a small difference of two forces, over half a step
-            preload = [rounded(motor.contact.preload_n) if axis == "y" else 0.0 for motor in motors]
-            compliance = [rounded(stems(motor, self.law)[name]) for motor in motors]
-            given: dict[str, Any] = {item.name: item.default for item in stem.parameters}
-            given |= {SLIDER_TIME: rounded(step.slider_time)}  # a law may have no slider
-            given |= {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
-            given |= {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
+            given = parameters | {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
             moved = function(given | dict(zip(function.states, lags[at : at + len(function.states)], strict=True)))
             pins |= {"vx": moved["stem_vy"]} if axis == "x" else {"y": moved["stem_y"], "vy": moved["stem_vy"]}
             rates += [moved[f"rate_{lag}"] for lag in function.states]

@@ -31,25 +31,68 @@ from pyspice_runner.steady.threads import in_threads
 
 Array = NDArray[np.float64]
 
-PERTURBATION = 3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
-TOLERANCE = 1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
-MOST_ITERATIONS = 12
 LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
 SPACING = 3  # of the points that are solved first
-LEAST_DAMPING = 1.0 / 64.0
-GROWTH, FREE_STEPS = 3.0, 3  # by which the first few steps may grow: they pass from one kind of contact to another
-CHORD = 0.7  # contraction of steps by which an old derivative may still be good enough
-LIKELY = 0.2  # of the tolerance, below which a step by an old derivative must be likely to end, to keep it
-NEAR_RATE = 0.1  # contraction by the derivative of the same orbit at other steps; 0.02 to 0.1 was measured
-NEAR = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
-NEAR_EXACT = 1e-3  # the same of a derivative along the trace, which costs less: it differs there by some 1e-3
-# of a slider's displacement at the start of a run, what must be left of it at the beginning of the period: as copies
-# tell it, and as the equations do. Some 1e-3 is left where the tip touches in the uneven steps between.
-FELT, LEFT = 0.1, 2e-4
-GROSS = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
-BEYOND = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
-SLOWEST = 50.0  # s, time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
-SETTLING = (1.0, 4.0)  # decay times of the slowest mode for which a point runs before Newton's method begins anew
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Tolerances of Newton's method on a period."""
+
+    perturbation: float = (
+        3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
+    )
+    residual: float = (
+        1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
+    )
+    iterations: int = 12  # the maximum; quadratic convergence takes 3 to 5
+    damping: float = 1.0 / 64.0  # the minimum; a shorter step seldom leads to the solution
+    growth: float = 3.0  # by which the first steps may grow: they pass from one kind of contact to another
+    free_steps: int = 3  # number of steps that may grow
+    reuse: float = 0.7  # contraction of steps by which an old derivative may still be good enough
+    expected: float = 0.2  # of the residual, which a step by an old derivative must be likely to reach, to keep it
+    neighbour_contraction: float = 0.1  # by the derivative of the same orbit at other steps; 0.02 to 0.1 was measured
+    distance: float = 0.1  # of the size of the motion, how far from the solution its derivative may have been measured
+    # the same of a derivative along the trace, which costs less: it differs there by about 1e-3
+    exact_distance: float = 1e-3
+    # of a slider's displacement at the start of a run, what must be left of it at the beginning of the period, by
+    # copies and by the equations. About 1e-3 is left where the tip touches in the uneven steps between.
+    memory: float = 0.1
+    exact_memory: float = 2e-4
+    gross_slip: float = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
+    slipped: float = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
+    slowest_s: float = 50.0  # time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
+    settling: tuple[float, float] = (
+        1.0,
+        4.0,
+    )  # decay times of the slowest mode that a point runs if Newton's method fails
+
+
+NEWTON = Tolerances()
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What the contact does in a period, by the states on which it has an effect; see :class:`Orbit`."""
+
+    trace: Trace | None
+    influential: NDArray[np.bool_]
+    persistent: NDArray[np.bool_]
+    stuck: bool
+
+    @classmethod
+    def of(cls, plant: Plant, trace: Trace | None, begun: float) -> _Seen:
+        """Return what a trace shows, of a run that began at a time in s; ``None`` before the first run."""
+        influential, persistent, stuck = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool), False
+        if trace is not None and plant.law is not None and plant.law.sliding:
+            time, sliders = trace.time, plant.where("contact")
+            later = int(np.searchsorted(time, begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0]), "right"))
+            slips = np.abs(trace.contact_state - 1.0)
+            influential[sliders] = bool(np.any(slips[later:] < NEWTON.gross_slip))
+            persistent[sliders] = bool(np.any(slips[[0, -1]] < NEWTON.gross_slip))
+            stuck = not np.any(slips > NEWTON.gross_slip)
+        influential[plant.where("stem")] = persistent[plant.where("stem")] = False
+        return cls(trace, influential, persistent, stuck)
 
 
 @dataclass(eq=False)
@@ -60,7 +103,7 @@ class Orbit:
     state: Array  # at the start of a run
     scale: Array  # size of each state
     begun: float = 0.0  # time in s at which a run begins, since the drive's phase was that of t = 0
-    tolerance: float = TOLERANCE  # of what remains to the solution
+    tolerance: float = NEWTON.residual  # of what remains to the solution
     trace: Trace | None = None  # the last period
     # derivative of the state at the beginning of the period with respect to that at the start of the run.
     at_start: Array | None = None
@@ -81,7 +124,7 @@ class Orbit:
     iterations: int = 0  # Newton steps taken
     residual: float = float("inf")
     reach: int | None = None  # number of sliders of a brush that touched something in the last run, if it is known
-    seen: tuple[Trace | None, NDArray[np.bool_]] | None = field(default=None, repr=False)  # ``felt`` of that trace
+    seen: _Seen | None = field(default=None, repr=False)  # what the contact does in the last trace
 
     @property
     def gap(self) -> Array:
@@ -102,17 +145,17 @@ class Orbit:
         # A heavy rotor is slow, and has its steady speed. A shaft that is held at a speed drags the sliders until they
         # slip, however little it does in a period.
         slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
-        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.lasting)
-        dragged = self.dragged > self.tolerance
-        kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - dragged
+        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.neutral)
+        drifting = self.drift > self.tolerance
+        kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - drifting
         assert self.trace is not None
         step = np.asarray((self.trace.later(self.begun) - self.state) / self.scale)
         step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
-        if dragged:  # in the end the sliders slip; the first step takes them back to their limit
+        if drifting:  # in the end the sliders slip; the first step takes them back to their limit
             sliders = self.plant.where("contact")
             ahead = -1.0 if (self.plant.load.speed or 0.0) > 0.0 else 1.0  # of the tip, relative to the shaft
             slipping = self.state / self.scale
-            slipping[sliders] = BEYOND * ahead
+            slipping[sliders] = NEWTON.slipped * ahead
             along = [place for place, state in enumerate(self.plant.states) if state.part == "stem_x"]
             if along:  # the friction compresses what is in series along the rotor, and its rate is 0
                 contact = self.plant.motor.contact
@@ -123,46 +166,46 @@ class Orbit:
         return step
 
     @property
-    def felt(self) -> NDArray[np.bool_]:
+    def influential(self) -> NDArray[np.bool_]:
         """Whether the period depends on each state at the start of the run.
 
         A uniform step takes a slider that slips, or touches nothing, to its limit, wherever it was before. So the
         period does not depend on where the slider starts if it slips there a period later. Of a brush all sliders slip
-        then; one that slips beside others that stick is told by its derivative.
+        then; one that slips beside others that stick shows in its derivative. The lags of the stem forget their start
+        in two steps.
         """
-        if self.seen is not None and self.seen[0] is self.trace:
-            return self.seen[1]
-        felt = np.ones(self.plant.order, dtype=bool)
-        if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
-            time = self.trace.time
-            later = int(np.searchsorted(time, self.begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0]), "right"))
-            felt[self.plant.where("contact")] = bool(np.any(np.abs(self.trace.contact_state[later:] - 1.0) < GROSS))
-        felt[self.plant.where("stem")] = False  # its lags forget their start in two steps
-        self.seen = (self.trace, felt)
-        return felt
+        return self._seen.influential
+
+    @property
+    def persistent(self) -> NDArray[np.bool_]:
+        """Whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does.
+
+        The first step of the period takes it to its limit. The lags of the stem forget their start in two steps.
+        """
+        return self._seen.persistent
+
+    @property
+    def stuck(self) -> bool:
+        """Whether a contact with sliders sticks for the whole period."""
+        return self._seen.stuck
+
+    @property
+    def _seen(self) -> _Seen:
+        """What the contact does in the period, once for each trace."""
+        if self.seen is None or self.seen.trace is not self.trace:
+            self.seen = _Seen.of(self.plant, self.trace, self.begun)
+        return self.seen
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Whether each state is one of Newton's unknowns: all but sliders whose start has no influence."""
         if self.at_start is None:
-            return self.felt
-        free, sliders = self.felt.copy(), self.plant.where("contact")
+            return self.influential
+        free, sliders = self.influential.copy(), self.plant.where("contact")
         left = self.at_start.diagonal()[sliders]
-        free[sliders] = self.carried[sliders] & (left > LEFT) if self.exact else free[sliders] & (left > FELT)
+        known, memory = (self.persistent, NEWTON.exact_memory) if self.exact else (free, NEWTON.memory)
+        free[sliders] = known[sliders] & (left > memory)
         return free
-
-    @property
-    def carried(self) -> NDArray[np.bool_]:
-        """Whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does.
-
-        The first step of the period takes it to its limit. The lags of the stem forget their start in two steps.
-        """
-        carried = np.ones(self.plant.order, dtype=bool)
-        carried[self.plant.where("stem")] = False
-        if self.trace is not None and self.plant.law is not None and self.plant.law.sliding:
-            ends = self.trace.contact_state[[0, -1]]
-            carried[self.plant.where("contact")] = bool(np.any(np.abs(ends - 1.0) < GROSS))
-        return carried
 
     @property
     def sticks(self) -> int:
@@ -175,32 +218,24 @@ class Orbit:
         if self.trace is None or not self.stuck:
             return 0
         apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
-        together = (np.ptp(apart, axis=1) < TOLERANCE) & self.free[sliders]
+        together = (np.ptp(apart, axis=1) < NEWTON.residual) & self.free[sliders]
         return int(np.count_nonzero(together)) - int(self.plant.load.speed != 0.0)
 
     @property
-    def stuck(self) -> bool:
-        """Whether a contact with sliders sticks for the whole period."""
-        law, trace = self.plant.law, self.trace
-        if law is None or not law.sliding or trace is None:
-            return False
-        return not np.any(np.abs(trace.contact_state - 1.0) > GROSS)
-
-    @property
-    def dragged(self) -> float:
+    def drift(self) -> float:
         """Distance by which a shaft that is held at a speed drags a slider in a period, scaled; 0 unless it is stuck.
 
         Such a motion repeats itself only if the tip comes back to its place, and then the slider does not.
         """
         if not (self.plant.load.speed and self.stuck):
             return 0.0
-        dragged = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
-        return abs(dragged) / float(self.scale[self.plant.where("contact")].max())
+        distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
+        return abs(distance) / float(self.scale[self.plant.where("contact")].max())
 
     @property
-    def lasting(self) -> float:
+    def neutral(self) -> float:
         """Part of a disturbance below whose loss in a period it stays, as that of a slider that sticks."""
-        return self.plant.period / SLOWEST
+        return self.plant.period / NEWTON.slowest_s
 
     def remaining(self, step: Array) -> float:
         """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
@@ -209,8 +244,8 @@ class Orbit:
         assert self.force_slope is not None
         motor = self.plant.motor
         step = np.where(self.free, step, 0.0)
-        left = np.where(self.carried, self.gap + (self.at_end - self.at_start) @ step, 0.0)
-        size = max(float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2))), self.dragged)
+        left = np.where(self.persistent, self.gap + (self.at_end - self.at_start) @ step, 0.0)
+        size = max(float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2))), self.drift)
         if self.plant.law is None:
             return size
         force = max(motor.contact.preload_n, abs(float(self.trace.forces[0])) if self.trace else 0.0)
@@ -270,13 +305,13 @@ class Orbit:
         self.trace = trace
         step, free = self.newton_step(), self.free
         after = float(np.linalg.norm(step[free]))
-        moved = bool(np.any(np.abs(self.step[~free]) > NEAR))  # the slider, which Newton's step does not know
-        allowed = GROWTH if self.iterations <= FREE_STEPS else 1.0
+        moved = bool(np.any(np.abs(self.step[~free]) > NEWTON.distance))  # the slider, unknown to Newton
+        allowed = NEWTON.growth if self.iterations <= NEWTON.free_steps else 1.0
         remaining = self.remaining(step)
         if remaining > self.tolerance and after > allowed * before and not moved:
             self.trace = old
             return False
-        self.stale = self.damping < 1.0 or after > CHORD * before
+        self.stale = self.damping < 1.0 or after > NEWTON.reuse * before
         if not (self.stale or self.exact):
             self._update(np.where(self.free, self.damping * self.step, 0.0), gap)
             step = self.newton_step()
@@ -285,7 +320,7 @@ class Orbit:
         self.damping = min(1.0, 2.0 * self.damping)
         self._judged(remaining)
         if self.exact:  # a step is as dear as some derivatives, so that another one by the old derivative must do
-            self.stale |= remaining * after > LIKELY * self.tolerance * before
+            self.stale |= remaining * after > NEWTON.expected * self.tolerance * before
         elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
             self.stale = log(self.residual / self.tolerance) > self.plant.order * log(before / after)
         return True
@@ -302,7 +337,7 @@ class Orbit:
             return True
         free = self.free
         away = float(np.abs(((self.state - self.measured_at) / self.scale)[free]).max(initial=0.0))
-        return away > (NEAR_EXACT if self.exact else NEAR)
+        return away > (NEWTON.exact_distance if self.exact else NEWTON.distance)
 
     def _update(self, step: Array, gap: Array) -> None:
         """Update the derivative from the last step and the gap before it (Broyden 1965)."""
@@ -314,7 +349,7 @@ class Orbit:
     def differentiate(self, pairs: Sequence[tuple[Trace | None, Trace | None]]) -> None:
         """Take the derivatives from the traces of the undisturbed and of each perturbed state; then the next step.
 
-        For a state that is not felt both are the same.
+        For a state that is not influential both are the same.
         """
         both = [(base, trace) for base, trace in pairs if base is not None and trace is not None]
         self.failed = len(both) < self.plant.order
@@ -322,9 +357,9 @@ class Orbit:
             return
         starts = np.array([(trace.states[:, 0] - base.states[:, 0]) / self.scale for base, trace in both]).T
         ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for base, trace in both]).T
-        self.at_start, self.at_end = starts / PERTURBATION, ends / PERTURBATION
+        self.at_start, self.at_end = starts / NEWTON.perturbation, ends / NEWTON.perturbation
         self.measured_end, self.measured_at = self.at_end, self.state
-        self.force_slope = np.array([trace.forces - base.forces for base, trace in both]).T / PERTURBATION
+        self.force_slope = np.array([trace.forces - base.forces for base, trace in both]).T / NEWTON.perturbation
         self.stale = False
         self.step = self.newton_step()
 
@@ -359,7 +394,7 @@ class Orbit:
             monodromy = self.monodromy
         values = np.linalg.eigvals(monodromy).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
-        values = values[np.abs(values - 1.0) > self.lasting]
+        values = values[np.abs(values - 1.0) > self.neutral]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
 
@@ -453,7 +488,7 @@ class Shooting:
 
     def _iterate(self, active: list[Orbit]) -> None:
         self._evaluate(active)
-        for _ in range(2 * MOST_ITERATIONS):
+        for _ in range(2 * NEWTON.iterations):
             active = [point for point in active if not (point.done or point.failed)]
             if not active:
                 break
@@ -463,7 +498,9 @@ class Shooting:
 
     def _evaluate(self, points: Sequence[Orbit]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
-        new = [(point, point.felt) for point in points if point.at_end is None and not differentiable(point.plant)]
+        new = [
+            (point, point.influential) for point in points if point.at_end is None and not differentiable(point.plant)
+        ]
         copies = [point.copy(point.state) for point in points]
         copies += [copy for point, _ in new for copy in _perturbed(point)]
         traces = self.map.traces(copies)
@@ -472,15 +509,19 @@ class Shooting:
             point.reach = trace.reach if trace else None
             point.failed = trace is None
         found = iter(traces[len(points) :])
-        for point, felt in new:
-            point.differentiate([(point.trace, next(found) if one else point.trace) for one in felt])
+        for point, influential in new:
+            point.differentiate([(point.trace, next(found) if one else point.trace) for one in influential])
         mapped = [point for point in points if not point.failed]
         kept = []
         for point in mapped:
             if point.at_end is not None:
                 point.step = point.newton_step()
                 point.judge()
-                kept += [point] if self.near and point.residual * NEAR_RATE < LIKELY * point.tolerance else []
+                kept += (
+                    [point]
+                    if self.near and point.residual * NEWTON.neighbour_contraction < NEWTON.expected * point.tolerance
+                    else []
+                )
         self._renew([point for point in mapped if point.exact and not (point.done or point in kept)])
 
     def _advance(self, points: list[Orbit]) -> None:
@@ -496,9 +537,9 @@ class Shooting:
             else:
                 point.damping *= 0.5
                 point.damped = True
-                point.failed = point.damping < LEAST_DAMPING
+                point.failed = point.damping < NEWTON.damping
         for point in points:
-            point.failed = point.failed or (point.iterations >= MOST_ITERATIONS and not point.done)
+            point.failed = point.failed or (point.iterations >= NEWTON.iterations and not point.done)
         self._renew([point for point in accepted if point.stale and not (point.done or point.failed)])
 
     def _renew(self, points: Sequence[Orbit]) -> None:
@@ -513,7 +554,9 @@ class Shooting:
         others = [point for point in points if not point.exact]
         found = iter(self.map.traces([copy for point in others for copy in _perturbed(point)]))
         for point in others:
-            point.differentiate([(point.trace, next(found) if felt else point.trace) for felt in point.felt])
+            point.differentiate(
+                [(point.trace, next(found) if influential else point.trace) for influential in point.influential]
+            )
 
     def search(self) -> None:
         """Solve all points: from a given guess or harmonic balance, then from others, then after a transient.
@@ -544,7 +587,7 @@ class Shooting:
         for point, other in near:
             point.restart(other.state)
         self._retry([point for point, _ in near], "neighbour")
-        for decays in SETTLING:
+        for decays in NEWTON.settling:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
             self._retry(lost, "settled")
@@ -615,6 +658,6 @@ def _rest(plant: Plant) -> Array:
 
 
 def _perturbed(point: Orbit) -> list[Copy]:
-    """Return copies of a point, each with one of the felt states changed by :data:`PERTURBATION` of its scale."""
-    states = point.state + PERTURBATION * np.diag(point.scale)[point.felt]
+    """Return copies of a point, each with one of the influential states changed by :class:`Tolerances` of its scale."""
+    states = point.state + NEWTON.perturbation * np.diag(point.scale)[point.influential]
     return [Copy(point.plant, state, point.begun) for state in states]

@@ -33,8 +33,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
 from pyspice_runner.run.point import DEFAULT, Point, Settings
 from pyspice_runner.steady.copies import Copy, Plant, Probe
-from pyspice_runner.steady.period_map import PeriodMap, Trace
-from pyspice_runner.steady.period_means import current, speed
+from pyspice_runner.steady.period_map import PeriodMap, Trace, current, speed
 from pyspice_runner.steady.shooting import Orbit, Shooting
 from pyspice_runner.steady.speed_torque import axis
 from pyspice_runner.steady.steady import SteadyState, settled

@@ -34,9 +34,18 @@ from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
-from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers, driver_of
-from pyspice_runner.steady.period_map import PeriodMap, cores
-from pyspice_runner.steady.period_means import current, extrapolated, means, phases, quantities, speed, tip
+from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
+from pyspice_runner.steady.period_map import (
+    PeriodMap,
+    cores,
+    current,
+    extrapolated,
+    means,
+    phases,
+    quantities,
+    speed,
+    tip,
+)
 from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
 from pyspice_runner.steady.threads import in_threads
 from pyspice_runner.units import engineering
@@ -282,7 +291,7 @@ def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> lis
     free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
     ideal = []
     for place in free:
-        driver = driver_of(setups[place])
+        driver = setups[place].drive
         ideal.append(replace(setups[place], source=DriveSource(TwoPhaseDrive(**two_phases(driver)))))
     found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
     return [found.get(place) for place in range(len(setups))]
@@ -312,7 +321,7 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
     for place, setup in setups.items():
         curves = groups.setdefault((_drive(setup).period, setup.law), {})
-        curves.setdefault(_plant(setup).curve, []).append(place)
+        curves.setdefault(Plant.of(setup).curve, []).append(place)
     parts: list[tuple[list[Place], tuple[int, int]]] = []
     for curves in groups.values():
         each, most = list(curves.values()), ceil(cores() / len(groups))
@@ -322,10 +331,6 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     parts.sort(key=lambda part: len(part[0]), reverse=True)  # so that none of the long ones is left alone at the end
     workers = max(1, cores() // max(len(parts), 1))
     return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
-
-
-def _plant(setup: Point) -> Plant:
-    return Plant(setup.motor, _drive(setup), setup.load, setup.law)
 
 
 def _drive(setup: Point) -> Drive:
@@ -377,7 +382,7 @@ def solve_part(
     setups, (steps, coarse) = list(part.setups.values()), part.steps
     solver, period = setups[0].solver, _drive(setups[0]).period
     maps = [PeriodMap(period, coarse, solver.timeout, part.workers, processes)]
-    points = [start_point(_plant(setup)) for setup in setups]
+    points = [start_point(Plant.of(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:
             point.guess(start)
@@ -548,6 +553,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
     plant, trace = point.plant, point.trace
     assert trace is not None
     assert period_map is not None
+    discretisation = period_map.discretisation
     x, y, _, _ = tip(plant, trace)
     samples = {
         "time": trace.time,
@@ -564,7 +570,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
             "v(xmotor.state)": trace.contact_state,
         }
     for state, row in zip(plant.states, trace.states, strict=False):  # behind a driver its own states follow
-        samples[state.within("xmotor")] = row / state.scale(period_map.discretisation)
+        samples[state.within("xmotor")] = row / state.scale(discretisation)
     for state in motor_states(setup.motor, plant.law, ("bearing",)):
         samples[state.within("xmotor")] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
     samples |= trace.pins
@@ -572,7 +578,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         name, sign = setup.source.current(group)
         samples[f"v({group})"] = drive_voltage(groups.of(plant.drive.tones, group), trace.time)
         samples[name] = sign * current(plant, group, trace)
-    recording = Recording(setup, period_map.discretisation, started=False)
+    recording = Recording(setup, discretisation, started=False)
     waves = recording.columns(samples, COLUMNS)
     arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
     return Waveforms(

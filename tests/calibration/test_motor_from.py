@@ -16,7 +16,7 @@ from pyspice_runner.calibration.motor_from import MotorFrom, _tips
 from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.cli import run
 from pyspice_runner.run.point import Point
-from pyspice_runner.steady.balanced import balanced_states
+from pyspice_runner.steady.harmonic_balance import balanced_states
 
 NOISE = 1e-3
 SHEET_ERROR = 0.01

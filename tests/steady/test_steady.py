@@ -23,7 +23,7 @@ from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, off_beat
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.period_map import PeriodMap, Trace
-from pyspice_runner.steady.shooting import FELT
+from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
 from tests.runs import simulated
@@ -225,7 +225,7 @@ def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str
     # 4e-3; measured 6e-4
     assert max(np.abs(found - one).min() for one in exact) < 2e-3
     assert np.abs(found) == pytest.approx(np.sort(np.abs(exact))[::-1], abs=2e-4)
-    assert np.abs(others).max(initial=0.0) < FELT  # sliders at the edge, which slip
+    assert np.abs(others).max(initial=0.0) < NEWTON.memory  # sliders at the edge, which slip
 
 
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:

@@ -18,9 +18,8 @@ from pyspice_runner.motor.drive import Load, two_phases
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
-from pyspice_runner.steady.copies import Copy
+from pyspice_runner.steady.copies import LEAD, Copy, Plant, driven_bench
 from pyspice_runner.steady.driven import DrivenMap
-from pyspice_runner.steady.driven_copies import LEAD, DrivenPlant, driven_bench
 from pyspice_runner.steady.speed_torque import held_point
 
 pytestmark = pytest.mark.xdist_group("steady states")
@@ -87,7 +86,7 @@ def test_the_ceramic_is_strained_behind_an_amplifier_as_at_ideal_voltages() -> N
 def test_a_run_begins_between_the_edges_of_a_bridge(kind: str, phase_deg: float, level: float) -> None:
     settings = {"bridge.level": level} if kind == "full-bridge" else {}
     bridge = driver(kind, phase_deg=phase_deg, **settings)
-    plant = DrivenPlant(HELD, pr.TwoPhaseDrive(**two_phases(bridge)), Load(6.0, 0.0), PAPER_LAW, bridge)
+    plant = Plant(HELD, pr.TwoPhaseDrive(**two_phases(bridge)), Load(6.0, 0.0), PAPER_LAW, bridge)
     dead = bridge.dead_time("a") * bridge.frequency
     turns = plant.begins + np.linspace(-dead, LEAD, 101)  # no gate is about to switch as it begins
     for ahead in (0.0, phase_deg / 360.0):
@@ -160,7 +159,7 @@ def test_a_leakage_that_rings_with_the_groups_does_not_stop_newtons_method() -> 
 def test_behind_a_coil_the_steps_of_many_copies_stay_uniform() -> None:
     """The rounding of 100 V, 1.4e-14 V, must not be a current above abstol, or steps fall to 1e-18 s and stay there."""
     amplifier = driver("linear", "inductor")
-    plant = DrivenPlant(HELD, pr.TwoPhaseDrive(**two_phases(amplifier)), Load(6.0, 0.0), PAPER_LAW, amplifier)
+    plant = Plant(HELD, pr.TwoPhaseDrive(**two_phases(amplifier)), Load(6.0, 0.0), PAPER_LAW, amplifier)
     with KeptProcesses() as processes:
         period_map = DrivenMap(amplifier.period, 160, None, uniform=True, processes=processes)
         (begun,) = period_map.settled([Copy(plant, np.zeros(plant.order))], 10)

@@ -7,7 +7,7 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.run.point import Point
-from pyspice_runner.steady.balanced import QUANTITIES, balanced_states, balances
+from pyspice_runner.steady.harmonic_balance import QUANTITIES, balanced_states, balances
 from pyspice_runner.steady.steady import steady_states
 from validation import calibration as study
 
