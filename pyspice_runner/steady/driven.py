@@ -255,10 +255,9 @@ class Answer:
 
 def check_driven(setup: Point) -> None:
     """Raise a ParameterError for a source that shooting cannot handle."""
-    source = setup.source
     settle = "Take mode = 'settle', or simulate it until it settles."
-    if source.unsteady:
-        raise ParameterError(f"{source.unsteady} {settle}")
+    if setup.source.unsteady:
+        raise ParameterError(f"{setup.source.unsteady} {settle}")
     if setup.law is None:
         raise ParameterError(f"contact = None is not valid behind a driver. Give a law. {settle}")
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
