@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.drivers.design import design_driver
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR)
@@ -48,11 +49,16 @@ VERBS: dict[str, tuple[Callable[[], Any], Callable[[], Any], str]] = {
         lambda: pr.simulate_averaged(MOTOR, DRIVE, 2e-3, speed=20.0, engine="spice"),
         "torque_n_m",
     ),
+    "design": (
+        lambda: POINT.design(rail=24.0),
+        lambda: design_driver(MOTOR, pr.DriverSpec(DRIVE, rail=24.0), speed=20.0),
+        "feasible",
+    ),
 }
 
 
 @pytest.mark.parametrize("verb", ["simulate", "steady", "curve", "averaged", *(
-    pytest.param(verb, marks=pytest.mark.slow) for verb in ("map", "branch", "small_signals")
+    pytest.param(verb, marks=pytest.mark.slow) for verb in ("map", "branch", "small_signals", "design")
 )])  # fmt: skip
 def test_a_verb_gives_exactly_what_its_function_gives(verb: str) -> None:
     by_point, by_function, name = VERBS[verb]
