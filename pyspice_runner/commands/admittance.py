@@ -3,37 +3,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.commands.options import TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import State
 
 
-@with_options
-def admittance(
-    motor: common.MotorArgument,
-    targets: Targets,
-    state: Annotated[State, typer.Option(help="Free tip, or pressed on the rotor.")] = "free",
-    start: Annotated[float, typer.Option(help="First frequency, Hz.")] = 5e3,
-    stop: Annotated[float, typer.Option(help="Last frequency, Hz.")] = 100e3,
-    points: Annotated[int, typer.Option(help="Number of frequencies.")] = 2000,
-    timeout: common.TimeoutOption = None,
-    audit: common.AuditOption = True,
-    changes: common.SetOption = None,
-) -> None:
+@command(
+    "motor", TARGETS, "state start stop points timeout audit changes",
+    state=option(State, "free", "Free tip, or pressed on the rotor."),
+    start=option(float, 5e3, "First frequency, Hz."),
+    stop=option(float, 100e3, "Last frequency, Hz."),
+    points=option(int, 2000, "Number of frequencies."),
+)  # fmt: skip
+def admittance(call: Call) -> None:
     """Compute the stator's two-port admittance and the equivalent circuit of each mode. Writes .csv, .nc or .json.
 
     Example: piezomotor admittance bimodal40 --state preloaded --plot admittance.png
     """
-    targets.check(".csv", ".nc", ".json")
+    call.check(".csv", ".nc", ".json")
     with common.busy("ngspice sweeps the frequency"):
-        result = pr.admittance(
-            common.load_changed(motor, changes), start=start, stop=stop, points=points, state=state, timeout=timeout,
-            audit=audit,
-        )  # fmt: skip
+        result = pr.admittance(call.loaded, **call.pick("start stop points state timeout audit"))
     common.caution(result)
-    targets.deliver(result, f"{result.motor['name']}, {state}")
+    call.deliver(result, f"{result.motor['name']}, {call.state}")

@@ -5,47 +5,33 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
-from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.commands.measured import FIT
+from pyspice_runner.commands.options import TARGETS, Call, argument, command, option
 from pyspice_runner.impedance.spectrum import Connection, State
 
 
-@with_options
-def compare(
-    context: typer.Context,
-    files: Annotated[
-        list[str],
-        typer.Argument(metavar="FILE... REFERENCE", help="Spectra, and last a motor or another spectrum."),
-    ],
-    fitting: measured.FitOptions,
-    leads: measured.LeadOptions,
-    targets: Targets,
-    reference: Annotated[
-        str | None, typer.Option(help="The reference, if it is not the last: a motor or a spectrum.")
-    ] = None,
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="[NAME=]SHARE",
-            help="Allowed deviation of all but resistance, or of NAME (frequency, quality_factor, coupling_factor, "
-            "resistance, clamped_capacitance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
-        ),
-    ] = None,
-    connection: Annotated[Connection, typer.Option(help="Connection of the groups, for a motor and two-ports.")] = "A",
-    state: Annotated[State, typer.Option(help="Tip of a motor: free, or pressed on the rotor.")] = "free",
-    columns: measured.ColumnsOption = None,
-    through: measured.ThroughOption = None,
-    at: Annotated[
-        str | None, typer.Option(help="Condition of each spectrum, such as its temperature: 20,40,60.")
-    ] = None,
-    label: Annotated[str, typer.Option(help='Name and unit of --at: "temperature in °C".')] = "",
-    changes: common.SetOption = None,
-) -> None:
+@command(
+    "files", FIT, "leads no_leads", TARGETS, "reference share connection state columns through at label changes",
+    files=argument(list[str], ..., "Spectra, and last a motor or another spectrum.", "FILE... REFERENCE"),
+    timeout=option(float | None, None, "Time limit of the fit of a spectrum, s."),
+    reference=option(str | None, None, "The reference, if it is not the last: a motor or a spectrum."),
+    share=option(
+        list[str] | None, None,
+        "Allowed deviation of all but resistance, or of NAME (frequency, quality_factor, coupling_factor, resistance, "
+        "clamped_capacitance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
+        "--tolerance", metavar="[NAME=]SHARE",
+    ),
+    connection=option(Connection, "A", "Connection of the groups, for a motor and two-ports."),
+    state=option(State, "free", "Tip of a motor: free, or pressed on the rotor."),
+    at=option(str | None, None, "Condition of each spectrum, such as its temperature: 20,40,60."),
+    label=option(str, "", 'Name and unit of --at: "temperature in °C".'),
+)  # fmt: skip
+def compare(call: Call) -> None:
     """Compare spectra with a motor or another spectrum, mode by mode. Writes .json or .csv.
 
     The plot shows one spectrum over its reference, or the trend of several. Exit status 1 if a --tolerance is exceeded
@@ -53,29 +39,30 @@ def compare(
 
     Example: piezomotor compare measured.csv andersen2002 --tolerance 5% --plot comparison.png
     """
-    targets.check(".json", ".csv", inputs=[*files, reference])
-    tolerances = _tolerances(tolerance)
+    files, reference = call.files, call.reference
+    call.check(".json", ".csv", inputs=[*files, reference])
+    tolerances = _tolerances(call.share)
     if reference is None:
         *files, reference = files
     if not files:
         raise pr.ParameterError(f"There is nothing to compare with {reference}; give a spectrum, then the reference.")
     with common.busy("reading"):
-        read = measured.reader(columns, through)
+        read = measured.reader(call.columns, call.through)
         spectra = [read(file) for file in files]
-        against = _reference(reference, changes, read)
-    _refuse_idle(context, spectra, against, at)
+        against = _reference(reference, call.changes, read)
+    _refuse_idle(call, spectra, against)
     with common.busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
-            spectra, against, connection=connection, state=state, leads=leads.known(context), label=label,
-            progress=progress, at=common.grid("--at", at) if at is not None else None, **fitting.settings,
+            spectra, against, leads=measured.leads(call), progress=progress, at=common.grid_or_none("--at", call.at),
+            **call.pick("connection state label"), **measured.fit_settings(call),
         )  # fmt: skip
     outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
     document = trend.to_dict()
     for entry, faults in zip(document["comparisons"], outside, strict=True):
         entry["outside_tolerance"] = list(faults)
     document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
-    targets.deliver(trend, f"against {trend.comparisons[0].reference.source}", document)
-    measured.note(trend.cautions, targets)
+    call.deliver(trend, f"against {trend.comparisons[0].reference.source}", document)
+    measured.note(trend.cautions, call)
     for item, faults in zip(trend.comparisons, outside, strict=True):
         for text in faults:
             common.complain(f"{item.measured.source}: {text}", style=None)
@@ -92,16 +79,14 @@ def _reference(name: str, changes: list[str] | None, read: measured.Reader) -> p
     return read(name)
 
 
-def _refuse_idle(
-    context: typer.Context, spectra: list[pr.Spectrum], against: pr.Motor | pr.Spectrum, at: str | None
-) -> None:
+def _refuse_idle(call: Call, spectra: list[pr.Spectrum], against: pr.Motor | pr.Spectrum) -> None:
     """Reject options of a motor or of two-ports without one, and a label without --at."""
-    if at is None:
-        common.refuse_idle(context, "without --at", "label")
+    if call.at is None:
+        call.refuse_idle("without --at", "label")
     if isinstance(against, pr.Spectrum):
-        common.refuse_idle(context, "on a spectrum as the reference", "state")
+        call.refuse_idle("on a spectrum as the reference", "state")
         if all(spectrum.ports == 1 for spectrum in (*spectra, against)):
-            common.refuse_idle(context, "on spectra of one port", "connection")
+            call.refuse_idle("on spectra of one port", "connection")
 
 
 def _tolerances(given: list[str] | None) -> dict[str, float]:

@@ -3,132 +3,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
-import typer
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands import common, options
+from pyspice_runner.commands import common
+from pyspice_runner.commands.driver import refuse_idle_match, spec_of
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.commands.options import Options
-from pyspice_runner.drivers.design import DriverSpec, NoDriverError
-from pyspice_runner.drivers.driver import BRIDGES
+from pyspice_runner.commands.options import DRIVERS, LAW, PHASE, TARGETS, VOLTAGE, Call, command, option
+from pyspice_runner.drivers.design import NoDriverError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from pyspice_runner.drivers.driver import NetworkKind
     from pyspice_runner.drivers.report import DriveReport
 
-    AnyDrive = pr.TwoPhaseDrive | pr.TwoToneDrive
 
-DRIVERS = (
-    "ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor or +llcc "
-    "a matching network"
-)
-PartOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="PART.PARAMETER=VALUE",
-        help="Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
+@command(
+    "motor driver against voltage frequency phase rail stage network match part mosfet duration events speed",
+    "load_torque audit", LAW, "timeout changes", TARGETS,
+    driver=option(str, "linear", DRIVERS),
+    against=option(str | None, None, "A second driver for comparison."),
+    voltage=VOLTAGE,
+    frequency=option(float | None, None, "Frequency, Hz; default: as above."),
+    phase=PHASE,
+    rail=option(
+        float | None, None, "Voltage between the rails, V: design a driver for it, from its transformer on."
     ),
-]
-MosfetOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model; default: IRF610, with "
-        "--rail the one of the lowest voltage that suffices.",
+    stage=option(
+        Literal["linear", "half-bridge", "full-bridge", "push-pull"] | None, None,
+        "Power stage of the design; default: full-bridge.",
     ),
-]
-MatchOption = Annotated[
-    bool,
-    typer.Option(
-        "--match/--no-match",
-        help="Choose the parts of the network for the motor from stall to no load; --part states them instead.",
+    network=option(Literal["none", "inductor", "llcc"], "inductor", "Network of the design."),
+    duration=option(float | None, None, "Simulated time, s; default: 3e-3, of a design up to 6e-3."),
+    events=option(
+        bool, False, "Also run a load step, a stop and a frequency sweep, for the stress on the parts.", "--events"
     ),
-]
-
-
-@dataclass(frozen=True)
-class DriverOptions(Options):
-    """A driver in front of a motor, for analyses that take one in place of a drive."""
-
-    driver: Annotated[
-        str | None, typer.Option(help=f"Driver in front of the motor: {DRIVERS}; default: ideal voltages.")
-    ] = None
-    match: MatchOption = True
-    part: PartOption = None
-    mosfet: MosfetOption = None
-
-    def check(self, context: typer.Context) -> None:
-        """Refuse options that have no effect without a driver, or without a network."""
-        if self.driver is None:
-            common.refuse_idle(context, "without --driver", "match", "part", "mosfet")
-        else:
-            refuse_idle_match(context, self.driver)
-
-    def applied(
-        self, motor: str, changes: list[str] | None
-    ) -> tuple[pr.Motor, Callable[[AnyDrive, pr.Law | None], AnyDrive | pr.Driver]]:
-        """Return the motor with its changes, and what makes the driver for it from a drive and a law of the contact."""
-        if self.driver is None:
-            return common.load_changed(motor, changes), lambda drive, _: drive
-        of_motor, of_parts = changes_of(changes, self.part)
-        loaded, words = common.load_changed(motor, of_motor), self.driver
-
-        def in_front(drive: AnyDrive, law: pr.Law | None) -> pr.Driver:
-            return spec_of(words, drive, of_parts, self.mosfet, match=self.match).built(loaded, contact=law)
-
-        return loaded, in_front
-
-
-Stage = Literal["linear", "half-bridge", "full-bridge", "push-pull"]
-VoltageOption = Annotated[
-    float | None, typer.Option(help="Amplitude of group A, V; default: the motor's recommended drive.")
-]
-PhaseOption = Annotated[
-    float | None, typer.Option(help="Phase of group B ahead of group A, degrees; default: the recommended drive.")
-]
-
-
-@options.with_options
-def drive(
-    context: typer.Context,
-    motor: common.MotorArgument,
-    *,
-    driver: Annotated[str, typer.Option(help=DRIVERS)] = "linear",
-    against: Annotated[str | None, typer.Option(help="A second driver for comparison.")] = None,
-    voltage: VoltageOption = None,
-    frequency: Annotated[float | None, typer.Option(help="Frequency, Hz; default: as above.")] = None,
-    phase: PhaseOption = None,
-    rail: Annotated[
-        float | None,
-        typer.Option(help="Voltage between the rails, V: design a driver for it, from its transformer on."),
-    ] = None,
-    stage: Annotated[Stage | None, typer.Option(help="Power stage of the design; default: full-bridge.")] = None,
-    network: Annotated[Literal["none", "inductor", "llcc"], typer.Option(help="Network of the design.")] = "inductor",
-    match: MatchOption = True,
-    part: PartOption = None,
-    mosfet: MosfetOption = None,
-    duration: Annotated[
-        float | None, typer.Option(help="Simulated time, s; default: 3e-3, of a design up to 6e-3.")
-    ] = None,
-    events: Annotated[
-        bool,
-        typer.Option("--events", help="Also run a load step, a stop and a frequency sweep, for what the parts bear."),
-    ] = False,
-    speed: options.SpeedOption = None,
-    load_torque: options.LoadOption = 0.0,
-    audit: common.AuditOption = True,
-    run: options.RunOptions,
-    targets: options.Targets,
-) -> None:
-    """Run a motor with its drive electronics: currents, powers, harmonics, losses, and what the parts bear.
+)  # fmt: skip
+def drive(call: Call) -> None:
+    """Run a motor with its drive electronics: currents, powers, harmonics, losses, and the stress on the parts.
 
     With --rail it designs the driver: network, transformer and their parts, so that the pins get the drive's voltages
     from stall to no load. --speed is then the operating point, and the motor starts from rest.
@@ -137,35 +53,34 @@ def drive(
 
     Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
     """
-    if rail is None:
-        common.refuse_idle(context, "without --rail", "stage", "network")
-        refuse_idle_match(context, driver, against or "")
+    driver, against = call.driver, call.against
+    if call.rail is None:
+        call.refuse_idle("without --rail", "stage network")
+        refuse_idle_match(call, driver, against or "")
     else:
-        common.refuse_idle(context, "with --rail, which designs the driver", "driver", "against", "match")
-        driver = f"{stage or 'full-bridge'}+{network}"
-    targets.check(".json", ".csv", *([".cir"] if against is None else []))
-    of_motor, of_parts = changes_of(run.changes, part)
-    loaded = common.load_changed(motor, of_motor)
-    tone = pr.TwoPhaseDrive(**recommended_phases(loaded, voltage, frequency, phase))
-    specs = [spec_of(driver, tone, of_parts, mosfet, rail=rail, match=match)]
+        call.refuse_idle("with --rail, which designs the driver", "driver against match")
+        driver = f"{call.stage or 'full-bridge'}+{call.network}"
+    call.check(".json", ".csv", *([".cir"] if against is None else []))
+    motor = call.loaded
+    tone = pr.TwoPhaseDrive(**recommended_phases(motor, call.voltage, call.frequency, call.phase))
+    specs = [spec_of(call, driver, tone, rail=call.rail)]
     if against is not None:
-        specs.append(spec_of(against, tone, of_parts, mosfet, match=match, strict=False))
+        specs.append(spec_of(call, against, tone, strict=False))
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for spec in specs:
         try:
             with common.busy(f"ngspice runs the {spec.name}"):
                 report = pr.drive_report(
-                    loaded, spec, duration, speed=speed, load_torque=load_torque, audit=audit, events=events,
-                    **run.settings,
-                )  # fmt: skip
+                    motor, spec, contact=call.law, **call.pick("duration speed load_torque audit events timeout")
+                )
             reports.append(report)
             common.caution(report)
         except NoDriverError as error:
             if against is not None:
                 raise pr.ParameterError(f"{spec.name}: {error.design.reason}") from None
-            refused = {"motor": loaded.to_dict(), "design": error.design.to_dict(), "maxima": {}}
-            targets.write(refused, f"{loaded.name}: {error.design.reason}\n", partial(_save, refused), _no_plot)
+            refused = {"motor": motor.to_dict(), "design": error.design.to_dict(), "maxima": {}}
+            call.write(refused, f"{motor.name}: {error.design.reason}\n", partial(_save, refused), _no_plot)
             return
         except pr.SimulationError as error:
             if not reports:
@@ -175,7 +90,7 @@ def drive(
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
     save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
-    targets.write(document, _table(loaded, reports), save, lambda path: common.view().draw_beside(reports, path))
+    call.write(document, _table(motor, reports), save, lambda path: common.view().draw_beside(reports, path))
     if fault is not None:
         raise fault
 
@@ -187,59 +102,6 @@ def _save(document: Mapping[str, Any], path: Path) -> None:
 
 def _no_plot(_: Path) -> None:
     raise pr.ParameterError("There is no driver, and so no plot. Leave --plot out.")
-
-
-def refuse_idle_match(context: typer.Context, *drivers: str) -> None:
-    """Refuse ``--match`` and ``--no-match`` if no driver has a matching network."""
-    if all("+" not in words for words in drivers):
-        common.refuse_idle(context, "without a matching network, such as --driver half-bridge+llcc", "match")
-
-
-def spec_of(
-    words: str,
-    drive: AnyDrive,
-    part: list[str] | None,
-    mosfet: str | None,
-    *,
-    rail: float | None = None,
-    match: bool = True,
-    strict: bool = True,
-) -> DriverSpec:
-    """Return the specification of a stage, and behind a + its network. Raise ParameterError for a two-tone drive.
-
-    Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
-    """
-    if not isinstance(drive, pr.TwoPhaseDrive):
-        raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
-    stage, plus, network = words.rpartition("+")
-    if not plus or ":" in network:  # a + in the name of a file
-        stage, network = words, "none"
-    given: dict[str, Any] = dict(_parts(part))
-    if not strict:
-        present = {item.label for item in pr.Driver(kind=stage, network=network, voltage=1.0, frequency=1e4).parts("a")}
-        labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
-        given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
-    if mosfet is not None and (strict or stage in BRIDGES):
-        given["mosfet"] = mosfet
-    return DriverSpec(drive, stage, cast("NetworkKind", network), rail, given, match)
-
-
-def changes_of(changes: list[str] | None, part: list[str] | None) -> tuple[list[str], list[str]]:
-    """Return the changes of the motor by ``--set``, and those of the driver's parts, with ``--set driver.…``."""
-    of_driver = [change for change in changes or [] if change.strip().startswith("driver.")]
-    return [change for change in changes or [] if change not in of_driver], [*(part or []), *of_driver]
-
-
-def _parts(changes: list[str] | None) -> dict[str, float]:
-    """Return the changed parameters."""
-    values = {}
-    notes = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
-    for path, text in common.pairs_of("--part", changes, notes):
-        try:
-            values[path] = float(text)
-        except ValueError:
-            raise pr.ParameterError(f"--part {path}: {text!r} is not a number. Give one, in SI units.") from None
-    return values
 
 
 def _rows(reports: list[DriveReport]) -> list[list[str]]:

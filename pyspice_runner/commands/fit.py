@@ -3,35 +3,28 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
-from pyspice_runner.commands.measured import FitOptions, GroupOptions, InputOptions, OnePortOptions, SeriesOptions
-from pyspice_runner.commands.options import Targets, with_options
+from pyspice_runner.commands.measured import FIT, INPUT
+from pyspice_runner.commands.options import TARGETS, Call, command, option
 from pyspice_runner.impedance.one_port_fit import fit_one_port
+from pyspice_runner.impedance.spectrum import Connection
 from pyspice_runner.impedance.two_port_fit import fit_groups
 
 _ARMS_TRIED = "{} of at most {} arms"
-_OF_ONE_PORT = tuple(field.name for field in fields(OnePortOptions))
-_OF_SERIES = tuple(field.name for field in fields(SeriesOptions))
+_OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm"
+_OF_SERIES = "series voltages temperatures"
+_OF_GROUPS = "two_port other both difference mass velocity tips base"
 
 
-@with_options
-def fit(
-    context: typer.Context,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A measured spectrum in any known format.")],
-    source: InputOptions,
-    one_port: OnePortOptions,
-    series: SeriesOptions,
-    groups: GroupOptions,
-    fitting: FitOptions,
-    targets: Targets,
-) -> None:
+@command(
+    "file", INPUT, _OF_ONE_PORT, _OF_SERIES, _OF_GROUPS, FIT, TARGETS,
+    connection=option(Connection, "A", "Connection of the groups, for a two-port."),
+    timeout=option(float | None, None, "Time limit of the fit of a spectrum, s."),
+)  # fmt: skip
+def fit(call: Call) -> None:
     """Fit an equivalent circuit to a spectrum.
 
     Writes .lib (SPICE), .asy (LTspice), .kicad_sym (KiCad), .s1p (Touchstone), .toml, .json (values) or .csv (curves).
@@ -43,109 +36,103 @@ def fit(
 
     Example: piezomotor fit measured.csv --modes 2 --output stator.lib --plot fit.png
     """
-    if groups.two_port or any(path is not None for path in (groups.other, groups.both, groups.difference)):
-        common.refuse_idle(context, "where both groups are fitted", *_OF_ONE_PORT, *_OF_SERIES)
-        if targets.plot is not None:
+    if call.two_port or any(path is not None for path in (call.other, call.both, call.difference)):
+        call.refuse_idle("where both groups are fitted", f"{_OF_ONE_PORT} {_OF_SERIES}")
+        if call.plot is not None:
             raise pr.ParameterError("--plot draws one connection; leave out --two-port and choose a --connection.")
-        _fit_groups(context, file, source, groups, fitting, targets)
+        _fit_groups(call)
         return
-    if any(option is not None for option in (groups.mass, groups.velocity, groups.tips)):
+    if any(option is not None for option in (call.mass, call.velocity, call.tips)):
         raise pr.ParameterError("--mass-kg, --velocity-per-current and --tip belong to --two-port or --b; add one.")
-    common.refuse_idle(context, "without --two-port or --b", "base")
-    if series.series or series.voltages is not None or series.temperatures is not None:
-        if targets.plot is not None:
+    call.refuse_idle("without --two-port or --b", "base")
+    if call.series or call.voltages is not None or call.temperatures is not None:
+        if call.plot is not None:
             raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
-        common.refuse_idle(context, "on spectra that are fitted together", *_OF_ONE_PORT, "noise", "timeout")
-        _fit_jointly(context, file, source, series, fitting.modes, targets)
+        call.refuse_idle("on spectra that are fitted together", f"{_OF_ONE_PORT} noise timeout")
+        _fit_jointly(call)
         return
-    _fit_one_port(context, file, source, one_port, fitting, targets)
+    _fit_one_port(call)
 
 
-def _fit_one_port(
-    context: typer.Context, file: Path, source: InputOptions, options: OnePortOptions, fit: FitOptions, targets: Targets
-) -> None:
+def _fit_one_port(call: Call) -> None:
     """Fit one spectrum, without its fixture, and deliver the circuit."""
     from pyspice_runner.export.circuit import CIRCUIT_FORMATS
 
-    parts = {"opened": options.opened, "short": options.short, "load": options.load}
-    targets.check(*CIRCUIT_FORMATS, ".json", ".csv", inputs=[file, *parts.values()])
-    if options.load is None:
-        common.refuse_idle(context, "without --load", "load_ohm")
-    settings = {"leads": options.known(context), **fit.settings}
+    parts = call.pick("opened short", load="fixture_load")
+    call.check(*CIRCUIT_FORMATS, ".json", ".csv", inputs=[call.file, *parts.values()])
+    if call.fixture_load is None:
+        call.refuse_idle("without --load", "load_ohm")
+    settings = {"leads": measured.leads(call), **measured.fit_settings(call)}
     with common.busy("reading"):
-        spectrum = source.one_port(context, file)
-        read = measured.reader(source.columns, source.through)
+        spectrum = measured.read_one_port(call, call.file)
+        read = measured.reader(call.columns, call.through)
         fixture = {name: read(path) for name, path in parts.items() if path is not None}
         if fixture:
             from pyspice_runner.impedance.fixture import without_fixture
 
-            spectrum = without_fixture(spectrum, **fixture, load_ohm=options.load_ohm)
+            spectrum = without_fixture(spectrum, **fixture, load_ohm=call.load_ohm)
     with common.busy("fitting", _ARMS_TRIED) as progress:
         result = fit_one_port(spectrum, **settings, progress=progress)
     count = len(result.arms)
-    targets.deliver(result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
-    measured.note(result.cautions, targets)
+    call.deliver(result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
+    measured.note(result.cautions, call)
 
 
-def _fit_jointly(
-    context: typer.Context, file: Path, source: InputOptions, series: SeriesOptions, modes: int | None, targets: Targets
-) -> None:
+def _fit_jointly(call: Call) -> None:
     """Fit several spectra together and deliver the circuit."""
-    files = [file, *(series.series or ())]
-    targets.check(".json", inputs=files)
+    files = [call.file, *(call.series or ())]
+    call.check(".json", inputs=files)
     with common.busy("fitting"):
         result = pr.fit_spectrum(
-            [source.one_port(context, path) for path in files],
-            modes,
-            voltages=common.grid_or_none("--voltages", series.voltages),
-            temperatures=common.grid_or_none("--temperatures", series.temperatures),
+            [measured.read_one_port(call, path) for path in files],
+            call.modes,
+            voltages=common.grid_or_none("--voltages", call.voltages),
+            temperatures=common.grid_or_none("--temperatures", call.temperatures),
         )
-    targets.deliver(result, f"{len(files)} spectra together")
-    measured.note(result.cautions, targets)
+    call.deliver(result, f"{len(files)} spectra together")
+    measured.note(result.cautions, call)
 
 
-def _fit_groups(
-    context: typer.Context, file: Path, source: InputOptions, options: GroupOptions, fit: FitOptions, targets: Targets
-) -> None:
+def _fit_groups(call: Call) -> None:
     """Fit both groups together and deliver the couplings, or with a calibration the motor."""
-    if options.velocity is None:
-        common.refuse_idle(context, "where both groups are fitted, without --velocity-per-current", "connection")
-    calibration = _calibration(context, source, options)
-    files = {"A": file, "B": options.other, "A+B": options.both, "A-B": options.difference}
+    if call.velocity is None:
+        call.refuse_idle("where both groups are fitted, without --velocity-per-current", "connection")
+    calibration = _calibration(call)
+    files = {"A": call.file, "B": call.other, "A+B": call.both, "A-B": call.difference}
     endings = (".json", ".toml") if calibration else (".json",)
-    targets.check(*endings, inputs=[*files.values(), calibration.get("base")])
+    call.check(*endings, inputs=[*files.values(), calibration.get("base")])
     with common.busy("reading"):
-        spectra = {name: source.read(path) for name, path in files.items() if path is not None}
-    if options.two_port and len(spectra) > 1:
+        spectra = {name: measured.read(call, path) for name, path in files.items() if path is not None}
+    if call.two_port and len(spectra) > 1:
         raise pr.ParameterError(
             "--two-port takes one file with both ports; leave it out to give --b, --sum, --difference."
         )
-    given: Any = spectra["A"] if options.two_port else spectra
+    given: Any = spectra["A"] if call.two_port else spectra
     with common.busy("fitting", _ARMS_TRIED) as progress:
-        result = fit_groups(given, **fit.settings, progress=progress)
+        result = fit_groups(given, **measured.fit_settings(call), progress=progress)
     motor = result.to_motor(**calibration) if calibration else None
     title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"
     table = common.summary_table(result.summary(), title)
     document = {**result.to_dict(), "motor": motor.to_dict() if motor else None}
-    targets.write(document, table, lambda path: result.save(path, **calibration))
-    measured.note(result.cautions, targets)
+    call.write(document, table, lambda path: result.save(path, **calibration))
+    measured.note(result.cautions, call)
 
 
-def _calibration(context: typer.Context, source: InputOptions, options: GroupOptions) -> dict[str, Any]:
+def _calibration(call: Call) -> dict[str, Any]:
     """Return the arguments that make a motor of the fit; empty without a calibration."""
-    found: dict[str, Any] = {}
-    for option, key, text in (
-        ("--mass-kg", "mass_kg", options.mass),
-        ("--velocity-per-current", "velocity_per_current", options.velocity),
+    arguments: dict[str, Any] = {}
+    for name, key, text in (
+        ("--mass-kg", "mass_kg", call.mass),
+        ("--velocity-per-current", "velocity_per_current", call.velocity),
     ):
         if text is not None:
-            values = common.grid(option, text)
-            found[key] = values[0] if len(values) == 1 else values
-    if not found:
-        common.refuse_idle(context, "without --mass-kg or --velocity-per-current", "base")
-        if options.tips:
+            values = common.grid(name, text)
+            arguments[key] = values[0] if len(values) == 1 else values
+    if not arguments:
+        call.refuse_idle("without --mass-kg or --velocity-per-current", "base")
+        if call.tips:
             raise pr.ParameterError("--tip belongs to a motor; add --mass-kg or --velocity-per-current.")
-        return found
-    if options.tips:
-        found["tips"] = measured.tips_of(options.tips)
-    return {**found, "connection": source.connection, "base": options.base}
+        return arguments
+    if call.tips:
+        arguments["tips"] = measured.tips_of(call.tips)
+    return {**arguments, **call.pick("connection base")}

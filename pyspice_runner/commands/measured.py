@@ -1,160 +1,50 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Options of the commands that read and fit measured spectra, declared once."""
+"""How the commands read and fit measured spectra by their options."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-import typer
+from typing import Any, Literal
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import Options, Targets
-from pyspice_runner.impedance.spectrum import Connection
+from pyspice_runner.commands.options import Call
 
 Reader = Callable[[str | Path], pr.Spectrum]
 
-ModesOption = Annotated[int | None, typer.Option(help="Number of motional arms; selected by default.")]
-ColumnsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME,…",
-        help="Columns of a table whose header is missing or unknown, as frequency_hz,r_ohm,x_ohm or "
-        "f_hz,z_ohm,phase_deg; - for a column to ignore.",
-    ),
-]
-ThroughOption = Annotated[
-    Literal["series", "shunt"] | None,
-    typer.Option(help="Single device in an .s2p: series between the ports, or shunt to ground. By default detected."),
-]
-_group = partial(typer.Option, rich_help_panel="Both groups, towards a motor")
-OtherOption = Annotated[Path | None, _group("--b", help="Spectrum of group B, A shorted; FILE is then A.")]
-SumOption = Annotated[Path | None, _group("--sum", help="Spectrum of A and B in parallel.")]
-DifferenceOption = Annotated[Path | None, _group("--difference", help="Spectrum of A against B.")]
-MassOption = Annotated[str | None, _group("--mass-kg", help="Modal mass in kg: one, or one per mode: 2e-3,3e-3.")]
-TipOption = Annotated[
-    list[str] | None,
-    _group("--tip", metavar="X,Y", help="Direction of the tip's motion in a mode, as 0,1. Once for each mode."),
-]
-BaseOption = Annotated[str, _group("--base", help="Motor to take contact and rotor from.")]
-_fixture = partial(typer.Option, rich_help_panel="Fixture")
-_series = partial(typer.Option, rich_help_panel="Several spectra of one device")
+INPUT = "connection trace columns through start stop"  # what to read of a file
+FIT = "modes noise timeout"
 
 
-@dataclass(frozen=True)
-class InputOptions(Options):
-    """What to read of a file."""
-
-    connection: Annotated[Connection, typer.Option(help="Connection of the groups, for a two-port.")] = "A"
-    trace: Annotated[str | None, typer.Option(help="One of several spectra in the file, such as memory.")] = None
-    columns: ColumnsOption = None
-    through: ThroughOption = None
-    start: Annotated[float, typer.Option(help="Lowest frequency to use, Hz.")] = 0.0
-    stop: Annotated[float | None, typer.Option(help="Highest frequency to use, Hz.")] = None
-
-    def read(self, path: Path) -> pr.Spectrum:
-        """Read a spectrum within the band."""
-        spectrum = reader(self.columns, self.through, self.trace)(path)
-        return spectrum.between(self.start, inf if self.stop is None else self.stop)
-
-    def one_port(self, context: typer.Context, path: Path) -> pr.Spectrum:
-        """Read the spectrum of a one-port, which takes no connection, or of a two-port through the connection."""
-        spectrum = self.read(path)
-        if spectrum.ports == 2:
-            return spectrum.driven(self.connection)
-        common.refuse_idle(context, f"on {spectrum.source or 'a spectrum'}, which has one port", "connection")
-        return spectrum
+def read(call: Call, path: Path) -> pr.Spectrum:
+    """Read a spectrum within the band of a call."""
+    spectrum = reader(call.columns, call.through, call.trace)(path)
+    return spectrum.between(call.start, inf if call.stop is None else call.stop)
 
 
-@dataclass(frozen=True)
-class FitOptions(Options):
-    """How a spectrum is fitted."""
-
-    modes: ModesOption = None
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KIND=VALUE,…",
-            help="Known error: proportional=0.1%, s11=1e-4 (in 50 Ω) or z=0.1 (Ω). Estimated by default.",
-        ),
-    ] = None
-    timeout: Annotated[float | None, typer.Option(help="Time limit of the fit of a spectrum, s.")] = None
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The arguments of a fit."""
-        return {"modes": self.modes, "noise": noise_of(self.noise), "timeout": self.timeout}
+def read_one_port(call: Call, path: Path) -> pr.Spectrum:
+    """Read the spectrum of a one-port, which takes no connection, or of a two-port through the connection."""
+    spectrum = read(call, path)
+    if spectrum.ports == 2:
+        return spectrum.driven(call.connection)
+    call.refuse_idle(f"on {spectrum.source or 'a spectrum'}, which has one port", "connection")
+    return spectrum
 
 
-@dataclass(frozen=True)
-class LeadOptions(Options):
-    """The leads of a one-port."""
-
-    leads: Annotated[
-        str,
-        typer.Option(
-            metavar="auto|none|L,R",
-            help="auto: fit leads if the data need them; none: leads are compensated; or their values, as 20nH,0.1ohm.",
-        ),
-    ] = "auto"
-    no_leads: Annotated[bool, typer.Option("--no-leads", help="The same as --leads none.")] = False
-
-    def known(self, context: typer.Context) -> bool | tuple[float, float]:
-        """Return the argument ``leads`` of a fit. Raise ParameterError for --leads beside --no-leads."""
-        if self.no_leads:
-            common.refuse_idle(context, "beside --no-leads", "leads")
-        return leads_of("none" if self.no_leads else self.leads)
+def fit_settings(call: Call) -> dict[str, Any]:
+    """Return the arguments of a fit."""
+    return {"noise": noise_of(call.noise), **call.pick("modes timeout")}
 
 
-@dataclass(frozen=True)
-class OnePortOptions(LeadOptions):
-    """Leads and fixture of a one-port."""
-
-    opened: Annotated[Path | None, _fixture("--open", help="Spectrum of the fixture without the device.")] = None
-    short: Annotated[Path | None, _fixture("--short", help="Spectrum of the fixture with a short.")] = None
-    load: Annotated[Path | None, _fixture("--load", help="Spectrum of the fixture with a resistor of --load-ohm.")] = (
-        None
-    )
-    load_ohm: Annotated[float, _fixture("--load-ohm", help="Resistance of that resistor, Ω.")] = 50.0
-
-
-@dataclass(frozen=True)
-class SeriesOptions(Options):
-    """Several spectra of one device."""
-
-    series: Annotated[
-        list[Path] | None, _series("--with", help="Spectrum of the same device, fitted together. Repeatable.")
-    ] = None
-    voltages: Annotated[str | None, _series(help="Amplitudes at the device in V, of FILE and each --with: 1,5,20.")] = (
-        None
-    )
-    temperatures: Annotated[str | None, _series(help="Temperatures in °C, of FILE and each --with: 20,40,60.")] = None
-
-
-@dataclass(frozen=True)
-class GroupOptions(Options):
-    """Spectra of both groups, and the calibration for a motor."""
-
-    two_port: Annotated[bool, _group("--two-port", help="Fit both groups of a two-port together.")] = False
-    other: OtherOption = None
-    both: SumOption = None
-    difference: DifferenceOption = None
-    mass: MassOption = None
-    velocity: Annotated[
-        str | None,
-        _group(
-            "--velocity-per-current",
-            help="Instead, tip velocity per motional current of --connection, m/s/A: of mode 1, or of each mode.",
-        ),
-    ] = None
-    tips: TipOption = None
-    base: BaseOption = "andersen2002"
+def leads(call: Call) -> bool | tuple[float, float]:
+    """Return the argument ``leads`` of a fit. Raise ParameterError for --leads beside --no-leads."""
+    if call.no_leads:
+        call.refuse_idle("beside --no-leads", "leads")
+    return leads_of("none" if call.no_leads else call.leads)
 
 
 def reader(columns: str | None, through: Literal["series", "shunt"] | None, trace: str | None = None) -> Reader:
@@ -209,7 +99,7 @@ def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
     return [(pair[0], pair[1]) for pair in pairs]
 
 
-def note(cautions: Iterable[str], targets: Targets) -> None:
+def note(cautions: Iterable[str], call: Call) -> None:
     """Print the cautions of a fit to standard error, except with ``--json``."""
-    for caution in () if targets.as_json else cautions:
+    for caution in () if call.as_json else cautions:
         common.complain(f"note: {caution}", style=None)

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Groups of options that commands share, each declared once.
+"""The options of the commands, each declared once, and :func:`command`, which gives a command its options.
 
-A group is a dataclass whose fields are options. :func:`with_options` replaces a parameter of a command that has the
-type of a group by the options of the group.
+typer reads the options of a command from the signature of its function. The functions here take one argument, the
+:class:`Call`, and name their options; :func:`command` builds the signature from :data:`OPTIONS`.
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from functools import wraps
+from dataclasses import dataclass, field, replace
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.table import Table
@@ -21,144 +21,270 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.result import Result
-
-Returned = TypeVar("Returned")
-_Write = Callable[[Path], object]
-
-SpeedOption = Annotated[float | None, typer.Option(help="Speed of the held shaft, rad/s (slider: m/s); default: free.")]
-LoadOption = Annotated[float, typer.Option(help="Torque that a load draws from the free shaft, N.m (slider: N).")]
-StepOption = Annotated[float | None, typer.Option(help="Longest time step, s; default: from the fastest motion.")]
+from pyspice_runner.spice import Engine
 
 NONE = "none"
+_Write = Callable[[Path], object]
+_Texts = list[str] | None
 
 
-def _complete_law(incomplete: str) -> list[str]:
+@dataclass(frozen=True)
+class Option:
+    """An option of the command line, or with ``argument`` an argument."""
+
+    kind: Any  # the type of its value
+    default: Any
+    help: str
+    flags: tuple[str, ...] = ()  # its names on the command line; by default made from its key
+    more: Mapping[str, Any] = field(default_factory=dict)  # further arguments of typer's option
+    argument: bool = False
+
+    def parameter(self, name: str) -> inspect.Parameter:
+        """Return the parameter that typer reads."""
+        made = (typer.Argument if self.argument else typer.Option)(*self.flags, help=self.help, **self.more)
+        default = inspect.Parameter.empty if self.default is ... else self.default
+        return inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, made]
+        )
+
+
+def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Option:
+    """Return an option: type, default (``...`` for none), help, names, further arguments of ``typer.Option``."""
+    return Option(kind, default, text, flags, more)
+
+
+def argument(kind: Any, default: Any, text: str, metavar: str, **more: Any) -> Option:
+    """Return an argument, as :func:`option`."""
+    return Option(kind, default, text, (), {"metavar": metavar, **more}, argument=True)
+
+
+def _panel(title: str, **options: Option) -> dict[str, Option]:
+    """Return options with the title of their panel in the help."""
+    return {name: replace(one, more={**one.more, "rich_help_panel": title}) for name, one in options.items()}
+
+
+def _laws(incomplete: str) -> list[str]:
     return [name for name in (*LAWS, NONE) if name.startswith(incomplete)]
 
 
-ContactOption = Annotated[
-    str,
-    typer.Option(
-        "--contact",
-        metavar="LAW",
-        help=f"Contact law: {', '.join(LAWS)}, the path of a .lib file, or none for a free tip.",
-        autocompletion=_complete_law,
+DRIVERS = (
+    "ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor or +llcc "
+    "a matching network"
+)
+VOLTAGE = option(float | None, None, "Amplitude of group A, V; default: the motor's recommended drive.")
+PHASE = option(float | None, None, "Phase of group B ahead of group A, degrees; default: the recommended drive.")
+DRIVE = "drive voltage frequency phase ratio_b voltage_1 frequency_1 voltage_2 frequency_2 soft_start"
+LAW = "contact sliders"
+PERIOD = f"{LAW} step timeout"
+DRIVER = "driver match part mosfet"
+TARGETS = "as_json output plot"
+OPTIONS: dict[str, Option] = {
+    # the motor
+    "motor": argument(
+        str, ..., "A parameter set, or the path of a TOML file.", "MOTOR", autocompletion=common.complete_motor
     ),
-]
-SlidersOption = Annotated[int | None, typer.Option(help="Number of sliders of the brush; default: 8.")]
+    "changes": option(
+        _Texts, None,
+        "Change a parameter by its path in `show --json` or in the motor's TOML: contact.preload_n=8. Repeatable.",
+        "--set", metavar="PATH=VALUE",
+    ),
+    "contact": option(
+        str, PAPER_LAW.name, f"Contact law: {', '.join(LAWS)}, the path of a .lib file, or none for a free tip.",
+        "--contact", metavar="LAW", autocompletion=_laws,
+    ),
+    "sliders": option(int | None, None, "Number of sliders of the brush; default: 8."),
+    # the shaft
+    "speed": option(float | None, None, "Speed of the held shaft, rad/s (slider: m/s); default: free."),
+    "load": option(float, 0.0, "Torque that a load draws from the free shaft, N.m (slider: N)."),
+    "load_torque": option(float, 0.0, "Torque that a load draws from the free shaft, N.m (slider: N)."),
+    # how it is run
+    "duration": option(float | None, None, "Simulated time, s."),
+    "step": option(float | None, None, "Longest time step, s; default: from the fastest motion."),
+    "accuracy": option(float | None, None, "Error allowed of the torque, relative to mu F0 R."),
+    "timeout": option(float | None, None, "Stop ngspice after this time, s."),
+    "audit": option(
+        bool, True, "Whether a result that fails the physical audit is an error.", "--audit/--no-audit"
+    ),
+    "averaged": option(bool, False, "Average over the drive's period, for runs over seconds.", "--averaged"),
+    "engine": option(
+        Engine, "auto",
+        "Of the averaged motor. compiled: C code; spice: ngspice; auto: C code where a compiler is installed.",
+    ),
+    "over": option(_Texts, None, "An axis: drive.frequency=44e3:46e3:10 (first:last:count). Repeatable.",
+                   metavar="PATH=VALUES"),
+    "speeds": option(str | None, None, "Speeds, rad/s (slider: m/s): 0,2.5,5, or 0:10:6 for six from 0 to 10."),
+    # where the result goes
+    "as_json": option(bool, False, "Print one JSON object and nothing else.", "--json"),
+    "output": option(Path | None, None, "Write the result to a file; the ending sets the format.", "--output"),
+    "plot": option(Path | None, None, "Plot the result to a .png, .svg or .pdf file.", "--plot"),
+    # the driver
+    "driver": option(str | None, None, f"Driver in front of the motor: {DRIVERS}; default: ideal voltages."),
+    "match": option(
+        bool, True,
+        "Choose the parts of the network for the motor from stall to no load; --part states them instead.",
+        "--match/--no-match",
+    ),
+    "part": option(
+        _Texts, None, "Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
+        metavar="PART.PARAMETER=VALUE",
+    ),
+    "mosfet": option(
+        str | None, None,
+        "MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model; default: IRF610, with "
+        "--rail the one of the lowest voltage that suffices.",
+        metavar="NAME",
+    ),
+    **_panel(
+        "Drive",
+        drive=option(
+            Literal["two-phase", "two-tone"] | None, None,
+            "two-phase: eq. (1); two-tone: eq. (2). Default: the motor's recommended drive.",
+        ),
+        voltage=option(float | None, None, "Two-phase: amplitude of group A, V."),
+        frequency=option(float | None, None, "Two-phase: frequency, Hz."),
+        phase=option(float | None, None, "Phase, degrees."),
+        ratio_b=option(float | None, None, "Two-phase: amplitude of group B over that of A."),
+        voltage_1=option(float | None, None, "Two-tone: amplitude of the common tone, V.", "--voltage-1"),
+        frequency_1=option(float | None, None, "Two-tone: common tone, Hz.", "--frequency-1"),
+        voltage_2=option(float | None, None, "Two-tone: amplitude of the opposed tone, V.", "--voltage-2"),
+        frequency_2=option(float | None, None, "Two-tone: opposed tone, Hz.", "--frequency-2"),
+        soft_start=option(float | None, None, "Rise time of the amplitude, s."),
+    ),
+    # measured spectra
+    "file": argument(Path, ..., "A measured spectrum in any known format.", "FILE"),
+    "columns": option(
+        str | None, None,
+        "Columns of a table whose header is missing or unknown, as frequency_hz,r_ohm,x_ohm or f_hz,z_ohm,phase_deg; "
+        "- for a column to ignore.",
+        metavar="NAME,…",
+    ),
+    "through": option(
+        Literal["series", "shunt"] | None, None,
+        "Single device in an .s2p: series between the ports, or shunt to ground. By default detected.",
+    ),
+    "trace": option(str | None, None, "One of several spectra in the file, such as memory."),
+    "start": option(float, 0.0, "Lowest frequency to use, Hz."),
+    "stop": option(float | None, None, "Highest frequency to use, Hz."),
+    "modes": option(int | None, None, "Number of motional arms; selected by default."),
+    "noise": option(
+        str | None, None, "Known error: proportional=0.1%, s11=1e-4 (in 50 Ω) or z=0.1 (Ω). Estimated by default.",
+        metavar="KIND=VALUE,…",
+    ),
+    "leads": option(
+        str, "auto",
+        "auto: fit leads if the data need them; none: leads are compensated; or their values, as 20nH,0.1ohm.",
+        metavar="auto|none|L,R",
+    ),
+    "no_leads": option(bool, False, "The same as --leads none.", "--no-leads"),
+    **_panel(
+        "Fixture",
+        opened=option(Path | None, None, "Spectrum of the fixture without the device.", "--open"),
+        short=option(Path | None, None, "Spectrum of the fixture with a short.", "--short"),
+        fixture_load=option(
+            Path | None, None, "Spectrum of the fixture with a resistor of --load-ohm.", "--load"
+        ),
+        load_ohm=option(float, 50.0, "Resistance of that resistor, Ω.", "--load-ohm"),
+    ),
+    **_panel(
+        "Several spectra of one device",
+        series=option(
+            list[Path] | None, None, "Spectrum of the same device, fitted together. Repeatable.", "--with"
+        ),
+        voltages=option(str | None, None, "Amplitudes at the device in V, of FILE and each --with: 1,5,20."),
+        temperatures=option(str | None, None, "Temperatures in °C, of FILE and each --with: 20,40,60."),
+    ),
+    **_panel(
+        "Both groups, towards a motor",
+        two_port=option(bool, False, "Fit both groups of a two-port together.", "--two-port"),
+        other=option(Path | None, None, "Spectrum of group B, A shorted; FILE is then A.", "--b"),
+        both=option(Path | None, None, "Spectrum of A and B in parallel.", "--sum"),
+        difference=option(Path | None, None, "Spectrum of A against B.", "--difference"),
+        mass=option(str | None, None, "Modal mass in kg: one, or one per mode: 2e-3,3e-3.", "--mass-kg"),
+        velocity=option(
+            str | None, None,
+            "Instead, tip velocity per motional current of --connection, m/s/A: of mode 1, or of each mode.",
+            "--velocity-per-current",
+        ),
+        tips=option(
+            _Texts, None, "Direction of the tip's motion in a mode, as 0,1. Once for each mode.", "--tip",
+            metavar="X,Y",
+        ),
+        base=option(str, "andersen2002", "Motor to take contact and rotor from.", "--base"),
+    ),
+}  # fmt: skip
 
 
 def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
     """Return the law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders of another law."""
-    if contact == NONE and sliders is not None:
-        raise pr.ParameterError("--sliders has no effect on a free tip. Leave it out.")
-    if contact == NONE:
-        return None
-    return pr.Law(contact) if sliders is None else pr.Law(contact, sliders)
+    law = None if contact == NONE else pr.Law(contact)
+    if sliders is None:
+        return law
+    if law is None or not law.row:
+        rows = " or ".join(name for name in LAWS if pr.Law(name).row)
+        raise pr.ParameterError(f"--sliders has no effect without --contact {rows}. Leave it out.")
+    return pr.Law(contact, sliders)
 
 
-class Options:
-    """A group of options."""
+class Call:
+    """One call of a command: its options as attributes, by their keys in :data:`OPTIONS`.
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The options as arguments of an analysis, by default under their names."""
-        return dict(vars(self))
-
-
-def with_options(command: Callable[..., Returned]) -> Callable[..., Returned]:
-    """Replace the parameters of a command that are groups by the options of the groups.
-
-    typer reads options from the signature of the command and has no groups of options.
+    Attributes:
+        context: typer's context of the call.
+        values: value of each option.
     """
-    signature = inspect.signature(command, eval_str=True)
-    parameters: list[inspect.Parameter] = []
-    groups: dict[str, tuple[type[Options], list[str]]] = {}
-    for parameter in signature.parameters.values():
-        kind = parameter.annotation
-        if not (isinstance(kind, type) and issubclass(kind, Options)):
-            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
-            continue
-        hints = get_type_hints(kind, include_extras=True)
-        options = inspect.signature(kind).parameters
-        groups[parameter.name] = kind, list(options)
-        parameters += (
-            option.replace(annotation=hints[name], kind=inspect.Parameter.KEYWORD_ONLY)
-            for name, option in options.items()
-        )
 
-    @wraps(command)
-    def whole(**values: Any) -> Returned:
-        for group, (kind, names) in groups.items():
-            values[group] = kind(**{name: values.pop(name) for name in names})
-        return command(**values)
+    def __init__(self, context: typer.Context, values: Mapping[str, Any]) -> None:
+        self.context, self.values = context, values
+        self.driven = values.get("driver") is not None  # whether a driver stands between drive and motor
 
-    vars(whole)["__signature__"] = signature.replace(parameters=parameters)
-    return whole
+    def __getattr__(self, name: str) -> Any:
+        """Return the value of an option."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(name) from None
 
-
-@dataclass(frozen=True)
-class LawOptions(Options):
-    """The law of the contact."""
-
-    contact: ContactOption = PAPER_LAW.name
-    sliders: SlidersOption = None
+    @cached_property
+    def loaded(self) -> pr.Motor:
+        """The motor with the values of ``--set`` in place, but for those of a driver."""
+        of_driver = self._of_driver
+        return common.load_changed(self.motor, [change for change in self.changes or [] if change not in of_driver])
 
     @property
+    def parts(self) -> list[str]:
+        """The changes of the driver's parts, by ``--part`` and by ``--set driver.…``."""
+        return [*(self.part or []), *self._of_driver]
+
+    @property
+    def _of_driver(self) -> list[str]:
+        changes = self.changes or [] if self.driven else []
+        return [change for change in changes if change.strip().startswith("driver.")]
+
+    @cached_property
+    def stated(self) -> pr.TwoPhaseDrive | pr.TwoToneDrive:
+        """The drive for the motor: the recommended one, with the options of the call in place."""
+        from pyspice_runner.commands.driving import stated
+
+        return stated(self.values, self.loaded)
+
+    @cached_property
     def law(self) -> pr.Law | None:
-        """The law; ``None`` for a free tip."""
-        return law_named(self.contact, self.sliders)
+        """The law of the contact; ``None`` for a free tip."""
+        return law_named(self.contact, self.values.get("sliders"))
 
+    def pick(self, names: str, **renamed: str) -> dict[str, Any]:
+        """Return arguments for a function: options by their names, and others as ``argument="option"``."""
+        return {name: self.values[name] for name in names.split()} | {
+            name: self.values[key] for name, key in renamed.items()
+        }
 
-@dataclass(frozen=True)
-class RunOptions(LawOptions):
-    """How a motor is run: its changes, the law of its contact, and the time that ngspice may take."""
-
-    timeout: common.TimeoutOption = None
-    changes: common.SetOption = None
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The settings of an analysis; the changes are those of its motor."""
-        return {"contact": self.law, "timeout": self.timeout}
-
-
-@dataclass(frozen=True)
-class PeriodOptions(LawOptions):
-    """How periods of a steady state are run."""
-
-    step: StepOption = None
-    timeout: common.TimeoutOption = None
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The settings of an analysis."""
-        return {"contact": self.law, "step": self.step, "timeout": self.timeout}
-
-
-@dataclass(frozen=True)
-class AuditOptions(Options):
-    """The audit of the result."""
-
-    audit: common.AuditOption = True
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The settings of an analysis."""
-        return {"audit": self.audit}
-
-
-@dataclass(frozen=True)
-class Targets(Options):
-    """Where the result goes."""
-
-    as_json: common.JsonOption = False
-    output: common.OutputOption = None
-    plot: common.PlotOption = None
+    def refuse_idle(self, reason: str, names: str) -> None:
+        """Raise ParameterError for the first of these options that is on the command line: it has no effect."""
+        common.refuse_idle(self.context, reason, *names.split())
 
     def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
         """Check the files to write before any work is done; see :func:`.common.check_targets`."""
-        common.check_targets(self.output, endings, self.plot, inputs)
+        common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
     def deliver(self, result: Result, title: str, document: dict[str, Any] | None = None) -> None:
         """Write a result to its files and print its summary under a title, or with ``--json`` a document."""
@@ -169,4 +295,32 @@ class Targets(Options):
         self, document: Mapping[str, Any], table: Table | str, save: _Write, draw: _Write = lambda _: None
     ) -> None:
         """Write the files by two functions and print a table, or with ``--json`` a document."""
-        common.deliver(document, table, self.as_json, (self.output, save), (self.plot, draw))
+        common.deliver(document, table, self.as_json, (self.output, save), (self.values.get("plot"), draw))
+
+
+def command(*names: str, **own: Any) -> Callable[[Callable[[Call], int | None]], Callable[..., int | None]]:
+    """Give a command its options.
+
+    Args:
+        names: keys of :data:`OPTIONS`, in the order of the help; a text may have several, with spaces between them.
+        own: an :class:`Option` of this command alone, or another default of an option of the table.
+    """
+    keys = " ".join(names).split()
+    table = {
+        key: own[key] if isinstance(own.get(key), Option)
+        else replace(OPTIONS[key], default=own.get(key, OPTIONS[key].default))
+        for key in dict.fromkeys([*keys, *own])
+    }  # fmt: skip
+
+    def decorated(function: Callable[[Call], int | None]) -> Callable[..., int | None]:
+        @wraps(function)
+        def whole(context: typer.Context, **values: Any) -> int | None:
+            return function(Call(context, values))
+
+        context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+        parameters = [context, *(one.parameter(key) for key, one in table.items())]
+        vars(whole)["__signature__"] = inspect.Signature(parameters)
+        vars(whole)["__annotations__"] = {one.name: one.annotation for one in parameters}
+        return whole
+
+    return decorated

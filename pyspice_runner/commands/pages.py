@@ -5,85 +5,63 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.measured import ColumnsOption, ThroughOption, reader
-from pyspice_runner.commands.options import with_options
+from pyspice_runner.commands.measured import reader
+from pyspice_runner.commands.options import DRIVE, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import Connection
 
 if TYPE_CHECKING:
     from pyspice_runner.trackers.track import Tracking
 
 
-@with_options
-def report(
-    context: typer.Context,
-    motor: common.MotorArgument,
-    drive: DriveOptions,
-    duration: Annotated[float, typer.Option(help="Simulated time of the run from rest, s.")] = 10e-3,
-    speeds: Annotated[
-        str | None,
-        typer.Option(help="Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load."),
-    ] = None,
-    levels: Annotated[str, typer.Option(help="Fractions of the voltage, one curve each.")] = "0.5,1",
-    measured: Annotated[
-        str | None, typer.Option(metavar="FILE", help="A measured spectrum to plot with the computed ones.")
-    ] = None,
-    connection: Annotated[Connection, typer.Option(help="Connection of the groups in a one-port measurement.")] = "A",
-    columns: ColumnsOption = None,
-    through: ThroughOption = None,
-    tracker: Annotated[
-        Literal["pll"] | None,
-        typer.Option(help="Add the loop gain of this tracker: the run of `track`, from rest and with its defaults."),
-    ] = None,
-    calibration: Annotated[
-        Path | None, typer.Option(help="JSON of `calibrate` for this motor: its values, fits and residuals.")
-    ] = None,
-    timeout: common.TimeoutOption = None,
-    changes: common.SetOption = None,
-    as_json: common.JsonOption = False,
-    output: Annotated[Path | None, typer.Option("--output", help="The page, .html; or .json.")] = None,
-    plot: common.PlotOption = None,
-) -> None:
+@command(
+    "motor", DRIVE, "duration speeds levels measured connection columns through tracker calibration timeout changes",
+    TARGETS,
+    duration=option(float, 10e-3, "Simulated time of the run from rest, s."),
+    speeds=option(
+        str | None, None, "Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load."
+    ),
+    levels=option(str, "0.5,1", "Fractions of the voltage, one curve each."),
+    measured=option(str | None, None, "A measured spectrum to plot with the computed ones.", metavar="FILE"),
+    connection=option(Connection, "A", "Connection of the groups in a one-port measurement."),
+    tracker=option(
+        Literal["pll"] | None, None,
+        "Add the loop gain of this tracker: the run of `track`, from rest and with its defaults.",
+    ),
+    calibration=option(
+        Path | None, None, "JSON of `calibrate` for this motor: its values, fits and residuals."
+    ),
+    output=option(Path | None, None, "The page, .html; or .json.", "--output"),
+)  # fmt: skip
+def report(call: Call) -> None:
     """Write the data sheet of a motor: animated modes, tip path, impedance, speed and torque. Writes .html or .json.
 
     The page is self-contained. Without --output it is MOTOR.html.
 
     Example: piezomotor report bimodal40 --output report.html
     """
-    if measured is None:
-        common.refuse_idle(context, "without --measured", "connection", "columns", "through")
-    loaded = common.load_changed(motor, changes)
-    target = Path(f"{loaded.name}.html") if output is None and not as_json else output
-    common.check_targets(target, (".html", ".json"), plot, [motor, calibration])
+    if call.measured is None:
+        call.refuse_idle("without --measured", "connection columns through")
+    loaded = call.loaded
+    target = Path(f"{loaded.name}.html") if call.output is None and not call.as_json else call.output
+    common.check_targets(target, (".html", ".json"), call.plot, [call.motor, call.calibration])
     if target is not None and target.suffix == ".html":
         _check_tools()
-    excitation = drive.stated(loaded)
-    spectrum = reader(columns, through)(measured) if measured else None
+    spectrum = reader(call.columns, call.through)(call.measured) if call.measured else None
     tracking = None
-    if tracker is not None:
-        tracking = _tracked(loaded, excitation, centred=drive.frequency is None, timeout=timeout)
+    if call.tracker is not None:
+        tracking = _tracked(call)
         common.caution(tracking)
     with common.points_progress() as progress:
         try:
             result = pr.report(
-                loaded,
-                excitation,
-                duration=duration,
-                speeds=common.grid("--speeds", speeds) if speeds else None,
-                levels=common.grid("--levels", levels),
-                measured=spectrum,
-                connection=connection,
-                tracking=tracking,
-                calibration=calibration,
-                progress=progress,
-                timeout=timeout,
-            )
+                loaded, call.stated, speeds=common.grid_or_none("--speeds", call.speeds),
+                levels=common.grid("--levels", call.levels), measured=spectrum, tracking=tracking, progress=progress,
+                **call.pick("duration connection calibration timeout"),
+            )  # fmt: skip
         except pr.SimulationError as error:
             kept = common.keep([(Path(name), save) for name, save in (error.partial or {}).items()])
             if kept is None:
@@ -95,15 +73,14 @@ def report(
             result.save(path)
 
     table = common.summary_table(result.summary() | ({} if target is None else {"file": str(target)}), "Data sheet")
-    common.deliver(result.to_dict(), table, as_json, (target, save), (plot, result.run.plot))
+    common.deliver(result.to_dict(), table, call.as_json, (target, save), (call.plot, result.run.plot))
 
 
-def _tracked(
-    motor: pr.Motor, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, *, centred: bool, timeout: float | None
-) -> Tracking:
-    """Return the run of ``piezomotor track`` from rest; ``centred``: about the resonance of the running motor."""
+def _tracked(call: Call) -> Tracking:
+    """Return the run of ``piezomotor track`` from rest, by default about the resonance of the running motor."""
     from pyspice_runner.commands import track
 
+    motor, drive = call.loaded, call.stated
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError(
             f"--tracker needs two phases of one tone, and this drive of {motor.name} has two tones. Add --drive "
@@ -112,7 +89,8 @@ def _tracked(
     tone = {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
     tracker = pr.Tracker(kind="pll", offset=track.START_OFFSET, **tone)
     with common.busy("The motor runs with the tracker pll"):
-        return pr.track(motor, track.centred(motor, tracker) if centred else tracker, timeout=timeout)
+        centred = track.centred(motor, tracker) if call.frequency is None else tracker
+        return pr.track(motor, centred, timeout=call.timeout)
 
 
 def _check_tools() -> None:
@@ -122,23 +100,20 @@ def _check_tools() -> None:
             raise pr.ParameterError(f"A report needs {name}. Install it: `pip install 'pyspice-runner[report]'`.")
 
 
-def live(
-    motor: common.MotorArgument,
-    changes: common.SetOption = None,
-    as_json: common.JsonOption = False,
-    output: Annotated[Path | None, typer.Option("--output", help="The page, .html; by default MOTOR.html.")] = None,
-    plot: common.PlotOption = None,
-) -> None:
+@command(
+    "motor changes", TARGETS, output=option(Path | None, None, "The page, .html; by default MOTOR.html.", "--output")
+)
+def live(call: Call) -> None:
     """Write a page in which ngspice runs the motor in the browser: one file, without installation or network.
 
     Example: piezomotor live bimodal40 --output live.html
     """
     from pyspice_runner.view.live import engine_facts, save_live_page
 
-    if plot is not None:
+    if call.plot is not None:
         raise pr.ParameterError("The page draws its own charts: leave --plot out.")
-    loaded = common.load_changed(motor, changes)
-    target = Path(f"{loaded.name}.html") if output is None else output
+    loaded = call.loaded
+    target = call.output or Path(f"{loaded.name}.html")
     common.check_targets(target, (".html",), None)
     with common.busy("writing the page"):
         save_live_page(loaded, target)
@@ -149,4 +124,4 @@ def live(
         "size": f"{target.stat().st_size / 1e6:.1f} MB",
         "engine": f"ngspice {facts['ngspice']}, {facts['package']}",
     }
-    common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), as_json)
+    common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), call.as_json)

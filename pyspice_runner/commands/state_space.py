@@ -5,29 +5,19 @@ from __future__ import annotations
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import LoadOption, Targets, with_options
+from pyspice_runner.commands.driving import one_tone
+from pyspice_runner.commands.options import DRIVE, TARGETS, Call, command
 
 
-@with_options
-def state_space(
-    motor: common.MotorArgument,
-    drive: DriveOptions,
-    *,
-    load: LoadOption = 0.0,
-    changes: common.SetOption = None,
-    targets: Targets,
-) -> None:
+@command("motor", DRIVE, "load changes", TARGETS)
+def state_space(call: Call) -> None:
     """Write the averaged motor about a steady state as A, B, C, D: .mat or .json.
 
     Example: piezomotor state-space bimodal40 --voltage 80 --output plant.mat
     """
-    targets.check(".json", ".mat")
-    loaded = common.load_changed(motor, changes)
-    stated = drive.stated(loaded)
-    if not isinstance(stated, pr.TwoPhaseDrive):
-        raise pr.ParameterError("Small signals are those about a drive with one frequency. Add --drive two-phase.")
+    call.check(".json", ".mat")
+    drive = one_tone(call.stated, "Small signals are those about")
     with common.busy("The averaged motor settles"):
-        found = pr.state_space(loaded, stated, load_torque=load)
-    common.caution(found)
-    targets.deliver(found, f"{loaded.name}: state space, {stated.label}")
+        system = pr.state_space(call.loaded, drive, load_torque=call.load)
+    common.caution(system)
+    call.deliver(system, f"{call.loaded.name}: state space, {drive.label}")

@@ -8,117 +8,95 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-import typer
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
-from pyspice_runner.commands.drive import DRIVERS, MosfetOption, PartOption, changes_of, spec_of
-from pyspice_runner.commands.driving import DriveOptions
-from pyspice_runner.commands.options import LawOptions, Targets, with_options
+from pyspice_runner.commands.driver import spec_of
+from pyspice_runner.commands.options import DRIVE, DRIVERS, LAW, TARGETS, Call, command, option
 from pyspice_runner.sweeps.plan import Distribution, Sampling
 from pyspice_runner.sweeps.specification import met
 from pyspice_runner.units import linear_name
 
-_DRIVEN = ("driver", "part", "mosfet", "rail")
+_DRIVEN = "driver part mosfet rail"
 _IDLE = {  # options without effect on each analysis
     "simulate": _DRIVEN,
-    "operating-point": ("duration", "load_torque", *_DRIVEN),
-    "driver-state": ("duration",),
+    "operating-point": f"duration load_torque {_DRIVEN}",
+    "drive": "",
+    "driver-state": "duration",
 }
 
 
-@with_options
-def sweep(
-    context: typer.Context,
-    motor: common.MotorArgument,
-    drive: DriveOptions,
-    *,
-    over: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PATH=VALUES", help="A grid: contact.preload_n=2,5,9, or drive.voltage=20:80:7 (first:last:count)."
-        ),
-    ] = None,
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(metavar="PATH=PERCENT", help="A tolerance about the nominal value: contact.friction=10%."),
-    ] = None,
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME", help="What to keep: a name in `simulate --json`, or of `speed-torque`. Repeatable."
-        ),
-    ] = None,
-    analysis: Annotated[
-        Literal["simulate", "operating-point", "drive", "driver-state"],
-        typer.Option(
-            help="simulate: a run from rest; operating-point: settled at a speed; drive: a run of a driver; "
-            "driver-state: the steady state behind one."
-        ),
-    ] = "simulate",
-    driver: Annotated[str | None, typer.Option(help=f"Drive, driver-state: {DRIVERS}; default: linear.")] = None,
-    rail: Annotated[
-        float | None, typer.Option(help="Drive, driver-state: rails for which transformer and MOSFET are designed, V.")
-    ] = None,
-    limit: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=LOW:HIGH", help="A limit of a quantity, for the yield. Either end may be left out."),
-    ] = None,
-    part: PartOption = None,
-    mosfet: MosfetOption = None,
-    distribution: Annotated[
-        Distribution, typer.Option(help="Distribution; normal: the tolerance is three standard deviations.")
-    ] = "uniform",
-    samples: Annotated[int, typer.Option(help="Samples within the tolerances.")] = 64,
-    sampling: Annotated[Sampling, typer.Option(help="Sampling method.")] = "sobol",
-    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
-    workers: Annotated[int | None, typer.Option(help="Worker processes; default: one per core.")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Address of a Dask cluster, such as tcp://10.0.0.1:8786.")
-    ] = None,
-    store: Annotated[
-        Path | None, typer.Option(help="Folder of finished points; default: in the user's cache folder.")
-    ] = None,
-    duration: Annotated[float | None, typer.Option(help="Simulate: simulated time, s; default: 5e-3.")] = None,
-    law: LawOptions,
-    speed: Annotated[float | None, typer.Option(help="Hold the shaft at this speed, rad/s (slider: m/s).")] = None,
-    load_torque: Annotated[float | None, typer.Option(help="Simulate: torque of a load, N.m (slider: N).")] = None,
-    timeout: common.TimeoutOption = None,
-    changes: common.SetOption = None,
-    targets: Targets,
-) -> int:
+@command(
+    "motor", DRIVE, "over tolerance quantity analysis driver rail limit part mosfet",
+    "distribution samples sampling seed workers scheduler store duration", LAW, "speed load_torque timeout changes",
+    TARGETS,
+    over=option(
+        list[str] | None, None, "A grid: contact.preload_n=2,5,9, or drive.voltage=20:80:7 (first:last:count).",
+        metavar="PATH=VALUES",
+    ),
+    tolerance=option(
+        list[str] | None, None, "A tolerance about the nominal value: contact.friction=10%.", metavar="PATH=PERCENT"
+    ),
+    quantity=option(
+        list[str] | None, None, "What to keep: a name in `simulate --json`, or of `speed-torque`. Repeatable.",
+        metavar="NAME",
+    ),
+    analysis=option(
+        Literal["simulate", "operating-point", "drive", "driver-state"], "simulate",
+        "simulate: a run from rest; operating-point: settled at a speed; drive: a run of a driver; driver-state: the "
+        "steady state behind one.",
+    ),
+    driver=option(str | None, None, f"Drive, driver-state: {DRIVERS}; default: linear."),
+    rail=option(
+        float | None, None, "Drive, driver-state: rails for which transformer and MOSFET are designed, V."
+    ),
+    limit=option(
+        list[str] | None, None, "A limit of a quantity, for the yield. Either end may be left out.",
+        metavar="NAME=LOW:HIGH",
+    ),
+    distribution=option(
+        Distribution, "uniform", "Distribution; normal: the tolerance is three standard deviations."
+    ),
+    samples=option(int, 64, "Samples within the tolerances."),
+    sampling=option(Sampling, "sobol", "Sampling method."),
+    seed=option(int, 0, "Seed of the samples."),
+    workers=option(int | None, None, "Worker processes; default: one per core."),
+    scheduler=option(
+        str | None, None, "Address of a Dask cluster, such as tcp://10.0.0.1:8786.", metavar="ADDRESS"
+    ),
+    store=option(Path | None, None, "Folder of finished points; default: in the user's cache folder."),
+    duration=option(float | None, None, "Simulate: simulated time, s; default: 5e-3."),
+    speed=option(float | None, None, "Hold the shaft at this speed, rad/s (slider: m/s)."),
+    load_torque=option(float | None, None, "Simulate: torque of a load, N.m (slider: N)."),
+)  # fmt: skip
+def sweep(call: Call) -> int:
     """Run a motor at many values of its parameters, the drive's (drive.voltage) and the run's (run.load_torque).
 
     Finished points are stored; an interrupted sweep continues when it is started again. Writes .nc, .csv or .json.
 
     Example: piezomotor sweep andersen2002 --over drive.voltage=40:80:5 --tolerance contact.friction=10% --samples 16
     """
-    contact = law.law
-    driven = analysis in ("drive", "driver-state")
-    for name in _IDLE[analysis]:
-        common.refuse_idle(context, f"on --analysis {analysis}", name)
-    if not tolerance:
-        common.refuse_idle(context, "without --tolerance", "distribution", "samples", "sampling", "seed")
-    targets.check(".nc", ".csv", ".json")
-    of_motor, of_parts = changes_of(changes, part) if driven else (changes, part)
-    loaded = common.load_changed(motor, of_motor)
-    stated = drive.stated(loaded)
-    behind = (
-        spec_of(driver or "linear", stated, of_parts, mosfet, rail=rail).built(
-            loaded, contact=contact, speed=speed, load_torque=load_torque or 0.0
+    contact, analysis = call.law, call.analysis
+    call.driven = analysis in ("drive", "driver-state")
+    call.refuse_idle(f"on --analysis {analysis}", _IDLE[analysis])
+    if not call.tolerance:
+        call.refuse_idle("without --tolerance", "distribution samples sampling seed")
+    call.check(".nc", ".csv", ".json")
+    loaded = call.loaded
+    behind: pr.Driver | None = None
+    if call.driven:
+        behind = spec_of(call, call.driver or "linear", call.stated, rail=call.rail).built(
+            loaded, contact=contact, speed=call.speed, load_torque=call.load_torque or 0.0
         )
-        if driven
-        else None
-    )
-    excitation = behind or stated
-    limits = _limits(limit)
-    axes: dict[str, Any] = {**common.axes_of(over)}
-    common.refuse_covered(context, axes)
-    for path, text in common.pairs_of("--tolerance", tolerance):
+    excitation = behind or call.stated
+    limits = _limits(call.limit)
+    axes: dict[str, Any] = {**common.axes_of(call.over)}
+    common.refuse_covered(call.context, axes)
+    for path, text in common.pairs_of("--tolerance", call.tolerance):
         if path in axes:
             raise pr.ParameterError(f"{path} is given to --over and to --tolerance. Give it to one of them.")
         name = path.removeprefix("drive.")
@@ -127,30 +105,21 @@ def sweep(
                 f"{path} has no tolerance: at {behind.setting(name):g} {behind.unit(name)}, an end of its "
                 "range, there is no such part in this driver. Leave it out."
             )
-        axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), distribution)
-    settings: dict[str, Any] = {"speed": speed, "duration": duration, "load_torque": load_torque, "timeout": timeout}
+        axes[path] = pr.Tolerance(common.percentage("--tolerance", path, text), call.distribution)
+    settings = call.pick("speed duration load_torque timeout")
     run = {name: value for name, value in settings.items() if value is not None}
-    if law.contact != PAPER_LAW.name:  # which is the default of the run
+    if call.contact != PAPER_LAW.name:  # which is the default of the run
         run["contact"] = contact
-    usual = _question(analysis, quantity)
-    if loaded.slider and not quantity:
+    usual = _question(analysis, call.quantity)
+    if loaded.slider and not call.quantity:
         usual["quantities"] = [linear_name(name) or name for name in usual["quantities"]]
     how = {name: value for name, value in usual.items() if f"run.{name}" not in axes} | run
-    with _cluster(scheduler, workers) as executor, common.points_progress() as progress:
+    with _cluster(call.scheduler, call.workers) as executor, common.points_progress() as progress:
         try:
             dataset = pr.sweep(
-                loaded,
-                excitation,
-                over=axes,
-                **how,
-                samples=samples,
-                sampling=sampling,
-                seed=seed,
-                store=store,
-                workers=workers,
-                executor=executor,
-                progress=progress,
-            )
+                loaded, excitation, over=axes, **how, **call.pick("samples sampling seed store workers"),
+                executor=executor, progress=progress,
+            )  # fmt: skip
         except KeyboardInterrupt as interrupt:
             common.complain(
                 f"piezomotor: interrupted; {str(interrupt) or 'start the same sweep again to continue it'}."
@@ -168,7 +137,7 @@ def sweep(
         marks += f"\nyield: {specified['good']} of {specified['points']} points, {specified['yield']:.3g}"
         marks += f" (95 %: {low:.3g} to {high:.3g})"
         document["yield"] = specified
-    targets.write(document, f"{title}\n{marks}\n", result.save, result.plot)
+    call.write(document, f"{title}\n{marks}\n", result.save, result.plot)
     return 3 if result.failures else 0
 
 

@@ -31,7 +31,6 @@ TONES = ["--frequency-1", "20e3", "--frequency-2", "40e3"]
         ),
         (["simulate", "andersen2002", "--sliders", "3"], "--sliders has no effect without --contact brush"),
         (["speed-torque", "andersen2002", "--sliders", "8"], "--sliders has no effect without --contact brush"),
-        (["impact", "--sliders", "3"], "--sliders has no effect without --contact brush"),
         (["export", "andersen2002", "--sliders", "3"], "--sliders has no effect without --contact brush"),
         (["drive", "andersen2002", "--no-match"], "--match has no effect without a matching network"),
         (["report", "andersen2002", "--connection", "B"], "--connection has no effect without --measured"),
