@@ -17,7 +17,7 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.trackers.loop import resonator_loop
-from pyspice_runner.trackers.track import running_resonance
+from pyspice_runner.trackers.track import measured_loop_gain, running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
 BEGIN, END = "<!-- margins by python -m docs.tracker_margins -->", "<!-- end of the margins -->"
@@ -85,7 +85,7 @@ def measured(case: Case) -> Margins:
         raise pr.SimulationError(found.no_loop or "The tracker is not locked.")
     half_width = 0.5 * found.lag.resonance_hz / found.lag.quality
     step = found.settings["run"]["step_s"] / FINER
-    gain = pr.measured_loop_gain(
+    gain = measured_loop_gain(
         motor, tracker, loop.crossover_hz, amplitude_hz=SWING_HZ * half_width, cycles=CYCLES, step=step, driver=driver,
         begin=case.duration,
     )  # fmt: skip

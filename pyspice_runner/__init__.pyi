@@ -2,7 +2,6 @@
 # The public names and their modules: read by type checkers, and by lazy_loader when the package is imported.
 
 from .averaged.simulate import simulate_averaged as simulate_averaged
-from .calibration.elliptec import read_current_scan as read_current_scan
 from .calibration.estimate import calibrate as calibrate
 from .calibration.motor_from import motor_from as motor_from
 from .circuit.law import Law as Law
@@ -24,9 +23,7 @@ from .impedance.admittance import admittance as admittance
 from .impedance.compare import compare as compare
 from .impedance.fit import fit_spectrum as fit_spectrum
 from .impedance.readers import read_spectrum as read_spectrum
-from .impedance.scope import read_recording as read_recording
 from .impedance.spectrum import Spectrum as Spectrum
-from .motor.beam import resonator_modes as resonator_modes
 from .motor.circuit_file import load_circuit as load_circuit
 from .motor.drive import Load as Load
 from .motor.drive import TwoPhaseDrive as TwoPhaseDrive
@@ -46,15 +43,7 @@ from .steady.steady import steady_state as steady_state
 from .steady.working_points import working_points as working_points
 from .sweeps.plan import Tolerance as Tolerance
 from .sweeps.sweep import sweep as sweep
-from .trackers.track import (
-    measured_loop_gain as measured_loop_gain,
-)
-from .trackers.track import (
-    running_resonance as running_resonance,
-)
-from .trackers.track import (
-    track as track,
-)
+from .trackers.track import track as track
 from .trackers.tracker import Tracker as Tracker
 from .view.report import report as report
 
