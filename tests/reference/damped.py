@@ -4,17 +4,11 @@
 It shares no code with the package that it checks, nor with :mod:`.integrator`, which finds each event exactly but has
 no loss along the normal.
 
-The law, with the crown of the rotor above the tip as it rests and d the approach of tip and rotor
-    m_n r_n'' + c_n r_n' + k_n r_n = θ_An U_A + θ_Bn U_B + X_n F_x + Y_n F_y − Γ_n z''
-    m_c z'' + d_c z' + k_c z = F_0 + F_y − Σ Γ_n r_n''
-    x = Σ X_n r_n + F_0 Σ X_n Y_n/k_n,  y = Σ Y_n r_n + z,  h = R − δ_0 − C F_0 − F_0 Σ Y_n²/k_n − y
-    D = √(x² + h²),  d = R − D,  e_x = x/D,  e_y = h/D,  v_rel = x' e_y + y' e_x − Ω R
+The law, with what is in :mod:`.physics` and d the approach of tip and rotor, whose seat is deeper by C F_0
     d = δ + C F_N,  F_N = K_N δ^{3/2} f,  f = max(0, 1 + a δ')      series compliance C, Hunt and Crossley's a
-    F_x = F_N e_x − F_T e_y,  F_y = −F_N e_y − F_T e_x
     F_T = sign(u) μ s F_N [1 − (1 − |u|/u_lim)^{3/2}],  u_lim = μ K_t K_N^{2/3} δ f
     (u + C_t F_T)' = v_rel in |u| ≤ u_lim, with the compliance C_t along the rotor
-    s = ρ + (1 − ρ) exp(−(w/v_s)²), with the slip velocity w = |v_rel − u'|, where C_t = 0
-    J Ω' + C_R Ω + T = R F_T − τ_load,  T' = (T_c Ω − T |Ω|)/φ_0
+    s: Stribeck's factor, with the slip velocity w = |v_rel − u'|, where C_t = 0
 
 With C and a the penetration is a state of its own, which follows d with the time constant a C K_N δ^{3/2}. The implicit
 Euler rule finds it from that at the start of a step, so that it needs no finer step.
@@ -36,15 +30,11 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tests.reference import physics
+from tests.reference.physics import HERTZ, KAPPA, MU, OMEGA, Array, Q, U, X, Y, accelerate, sliding, touching, voltage
 
-_MODES = (
-    "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v", "tip_x", "tip_y",
-    "recoil_kg",
-)  # fmt: skip
-_M, _C, _K, _TA, _TB, _X, _Y, _RECOIL = range(8)
+_SERIES, _LOSS, _SOFT = range(physics.SCALARS, physics.SCALARS + 3)  # C, a and C_t
 INTEGRALS = (
     "input", "damping", "mount_damping", "normal", "friction", "bearing", "normal_force", "friction_force", "speed",
 )  # fmt: skip
@@ -74,7 +64,7 @@ class DampedRun:
 @njit(nogil=True, cache=True)
 def _penetration(d, before, h, p):
     """δ and f for an approach; h is the time since δ was ``before``."""
-    hertz, compliance, damping = p[0], p[1], p[2]
+    hertz, compliance, damping = p[HERTZ], p[_SERIES], p[_LOSS]
     low, high, delta = 0.0, d, min(before, d)
     for _ in range(60):
         rate = (delta - before) / h
@@ -99,7 +89,7 @@ def _penetration(d, before, h, p):
 @njit(nogil=True, cache=True)
 def _depth(d, approach, before, f0, h, p):
     """δ and f for an approach and its rate; h = 0 stands for the start of a step, where both are known."""
-    compliance, damping = p[1], p[2]
+    compliance, damping = p[_SERIES], p[_LOSS]
     if d <= 0.0:
         return 0.0, 1.0
     if compliance == 0.0:
@@ -117,7 +107,7 @@ def _friction(u, limit, most, w, p):
     share = min(abs(u) / limit, 1.0)
     force = most * (1.0 - (1.0 - share) ** 1.5)
     if share == 1.0:
-        force *= p[5] + (1.0 - p[5]) * np.exp(-((w / p[6]) ** 2))
+        force *= sliding(w, p)
     return force if u > 0.0 else -force
 
 
@@ -140,66 +130,26 @@ def _slider(total, limit, most, soft):
 def _rates(s, ua, ub, before, f0, h, w, modes, p, ds):
     """Fill the rates of the state; return δ, f, and the limit of u + C_t F_T."""
     n = modes.shape[1]
-    hertz, damping, kappa, mu = p[0], p[2], p[3], p[4]
-    radius, seat, sway, preload = p[7], p[8], p[9], p[10]
-    z, rise, omega, dry, total = s[2 * n], s[2 * n + 1], s[2 * n + 2], s[2 * n + 3], s[2 * n + 4]
-    x, vx, y, vy = sway, 0.0, z, rise
-    for i in range(n):
-        x += modes[_X, i] * s[i]
-        y += modes[_Y, i] * s[i]
-        vx += modes[_X, i] * s[n + i]
-        vy += modes[_Y, i] * s[n + i]
-    sigma = seat + y
-    distance = np.sqrt(x * x + (radius - sigma) ** 2)
-    d = (2.0 * radius * sigma - sigma * sigma - x * x) / (radius + distance)
-    ex, ey = x / distance, (radius - sigma) / distance
-    relative = vx * ey + vy * ex - omega * radius
-    approach = ey * vy - ex * vx
+    hertz, damping = p[HERTZ], p[_LOSS]
+    d, approach, relative, ex, ey = touching(s, modes, p)
     delta, f = _depth(d, approach, before, f0, h, p)
     fn = hertz * delta * np.sqrt(delta) * f
-    limit = kappa * delta * f
+    limit = p[KAPPA] * delta * f
     rate = (f - 1.0) / damping if damping > 0.0 and f > 0.0 else approach
-    ft = _friction(_slider(total, limit, mu * fn, p[20]), limit, mu * fn, w, p)
-    fx, fy = fn * ex - ft * ey, -fn * ey - ft * ex
-    push, borne = preload + fy - p[12] * rise - p[13] * z, p[11]
-    given = lost = 0.0
-    for i in range(n):
-        v = s[n + i]
-        drive = modes[_TA, i] * ua + modes[_TB, i] * ub
-        ds[i] = v
-        ds[n + i] = (drive - modes[_C, i] * v - modes[_K, i] * s[i] + modes[_X, i] * fx + modes[_Y, i] * fy) / modes[
-            _M, i
-        ]
-        push -= modes[_RECOIL, i] * ds[n + i]
-        borne -= modes[_RECOIL, i] ** 2 / modes[_M, i]
-        given += drive * v
-        lost += modes[_C, i] * v * v
-    shaken = push / borne  # 0 without a mount, whose mass is infinite
-    for i in range(n):
-        ds[n + i] -= modes[_RECOIL, i] * shaken / modes[_M, i]
-    ds[2 * n], ds[2 * n + 1] = rise, shaken
-    ds[2 * n + 2] = p[18] * (radius * ft - p[15] * omega - dry - p[19]) / p[14]
-    ds[2 * n + 3] = (p[16] * omega - dry * abs(omega)) / p[17]
-    ds[2 * n + 4] = relative if d > 0.0 else 0.0
-    q = 2 * n + 5
-    ds[q], ds[q + 1], ds[q + 2] = given, lost, p[12] * rise * rise
+    ft = _friction(_slider(s[2 * n + U], limit, p[MU] * fn, p[_SOFT]), limit, p[MU] * fn, w, p)
+    given, lost, mount, bearing = accelerate(s, ua, ub, fn * ex - ft * ey, -fn * ey - ft * ex, ft, modes, p, ds)
+    ds[2 * n + U] = relative if d > 0.0 else 0.0
+    q = 2 * n + Q
+    ds[q], ds[q + 1], ds[q + 2] = given, lost, mount
     ds[q + 3] = (fn - hertz * delta * np.sqrt(delta)) * rate if d > 0.0 else 0.0
-    ds[q + 4], ds[q + 5] = ft * relative, (p[15] * omega + dry) * omega
-    ds[q + 6], ds[q + 7], ds[q + 8] = fn, ft, omega
-    return delta, f, limit + p[20] * mu * fn
-
-
-@njit(nogil=True, cache=True)
-def _voltage(tones, t):
-    value = 0.0
-    for i in range(tones.shape[0]):
-        value += tones[i, 0] * np.sin(2.0 * np.pi * tones[i, 1] * t + tones[i, 2])
-    return value
+    ds[q + 4], ds[q + 5] = ft * relative, bearing
+    ds[q + 6], ds[q + 7], ds[q + 8] = fn, ft, s[2 * n + OMEGA]
+    return delta, f, limit + p[_SOFT] * p[MU] * fn
 
 
 @njit(nogil=True, cache=True)
 def _run(s, delta, tones_a, tones_b, modes, p, step, substeps, samples):
-    size, u = s.shape[0], 2 * modes.shape[1] + 4
+    size, u = s.shape[0], 2 * modes.shape[1] + U
     k1, k2, k3, k4, trial = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     f, w = 1.0, 0.0
     samples[0] = s
@@ -207,9 +157,9 @@ def _run(s, delta, tones_a, tones_b, modes, p, step, substeps, samples):
         for j in range(substeps):
             t = ((k - 1) * substeps + j) * step
             half = t + 0.5 * step
-            ua, ub = _voltage(tones_a, half), _voltage(tones_b, half)
-            va, vb = _voltage(tones_a, t + step), _voltage(tones_b, t + step)
-            _rates(s, _voltage(tones_a, t), _voltage(tones_b, t), delta, f, 0.0, w, modes, p, k1)
+            ua, ub = voltage(tones_a, half), voltage(tones_b, half)
+            va, vb = voltage(tones_a, t + step), voltage(tones_b, t + step)
+            _rates(s, voltage(tones_a, t), voltage(tones_b, t), delta, f, 0.0, w, modes, p, k1)
             for i in range(size):
                 trial[i] = s[i] + 0.5 * step * k1[i]
             _rates(trial, ua, ub, delta, f, 0.5 * step, w, modes, p, k2)
@@ -246,33 +196,21 @@ def integrate_damped(
     and is not above ``step``. ``speed`` holds the shaft; without it the rotor starts with ``start_speed`` against
     ``load_torque``. ``perturbation_m`` shifts the start of r_1.
     """
-    law, rotor, mount = motor["contact"], motor["rotor"], motor.get("mount") or {}
+    law = motor["contact"]
     if law.get("worn_flat_radius_m"):
         raise ValueError("this integrator has no worn tip")
     if law.get("sliding_ratio", 1.0) < 1.0 and law.get("tangential_series_compliance_m_per_n"):
         raise ValueError("friction that falls makes a spring without mass jump")
-    modes = np.array([[float(mode.get(name) or 0.0) for mode in motor["modes"]] for name in _MODES])
-    hertz, preload, mu = law["normal_stiffness_n_per_m15"], law["preload_n"], law["friction"]
-    radius, compliance = rotor["radius_m"], law.get("series_compliance_m_per_n", 0.0)
-    bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
-    seated = (preload / hertz) ** (2.0 / 3.0)
-    tangential = law["tangential_compliance_tip_m_per_n23"] + law["tangential_compliance_rotor_m_per_n23"]
-    p = np.array([
-        hertz, compliance, _damping(law.get("restitution", 1.0), law.get("restitution_velocity_m_s", 1.0)),
-        mu * tangential * hertz ** (2.0 / 3.0), mu,
-        law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0),
-        radius, seated + compliance * preload + bending, preload * float(np.sum(modes[_X] * modes[_Y] / modes[_K])),
-        preload,
-        mount.get("mass_kg", np.inf), mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0),
-        rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], rotor.get("bearing_friction_n_m", 0.0),
-        rotor.get("bearing_presliding_rad", 1.0), float(speed is None), load_torque,
-        law.get("tangential_series_compliance_m_per_n", 0.0),
-    ])  # fmt: skip
-    n = modes.shape[1]
-    s = np.zeros(2 * n + 5 + len(INTEGRALS))
-    s[:n] = -modes[_Y] * preload / modes[_K]
+    modes, p = physics.read(motor, speed=speed, load_torque=load_torque, own=3)
+    preload, n = float(p[physics.PRELOAD]), modes.shape[1]
+    compliance = law.get("series_compliance_m_per_n", 0.0)
+    seated = (preload / p[HERTZ]) ** (2.0 / 3.0)
+    p[physics.SEAT] += compliance * preload
+    p[[_SERIES, _SOFT]] = compliance, law.get("tangential_series_compliance_m_per_n", 0.0)
+    p[_LOSS] = _damping(law.get("restitution", 1.0), law.get("restitution_velocity_m_s", 1.0))
+    s = physics.rest(modes, preload, len(INTEGRALS))
     s[0] += perturbation_m
-    s[2 * n + 2] = start_speed if speed is None else speed
+    s[2 * n + OMEGA] = start_speed if speed is None else speed
     samples = np.zeros((floor(duration / output_step * (1.0 + 1e-9)) + 1, s.size))
     substeps = max(1, ceil(output_step / step * (1.0 - 1e-9)))
     a, b = (np.array(tones, dtype=float).reshape(-1, 3) for tones in (tones_a, tones_b))
@@ -281,10 +219,10 @@ def integrate_damped(
         raise RuntimeError("the motion is no longer finite: take a smaller step")
     return DampedRun(
         time_s=np.arange(len(samples)) * output_step,
-        tip_x_m=samples[:, :n] @ modes[_X],
-        tip_y_m=samples[:, :n] @ modes[_Y],
-        rotor_speed_rad_s=samples[:, 2 * n + 2].copy(),
-        integrals={name: samples[:, 2 * n + 5 + place].copy() for place, name in enumerate(INTEGRALS)},
+        tip_x_m=samples[:, :n] @ modes[X],
+        tip_y_m=samples[:, :n] @ modes[Y],
+        rotor_speed_rad_s=samples[:, 2 * n + OMEGA].copy(),
+        integrals={name: samples[:, 2 * n + Q + place].copy() for place, name in enumerate(INTEGRALS)},
     )
 
 

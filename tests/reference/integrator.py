@@ -3,25 +3,12 @@
 
 It shares no code with the package that it checks; both have only the law in common.
 
-The law
-    m_n r_n'' + c_n r_n' + k_n r_n = θ_An U_A + θ_Bn U_B + X_n F_x + Y_n F_y
-    x = Σ X_n r_n,  y = Σ Y_n r_n,  h = R − δ_0 − Δ_C − y,  D = √(x² + h²),  δ = R − D
-    F_N = K_N δ^{3/2},  e_x = x/D,  e_y = h/D,  v_rel = x' e_y + y' e_x − Ω R
-    F_x = F_N e_x − F_T e_y,  F_y = −F_N e_y − F_T e_x,  J Ω' + C_R Ω = R F_T − τ_load
-    u_lim = μ K_t F_N^{2/3} = κ δ  with  κ = μ K_t K_N^{2/3}
-    F_T = sign(u) μ F_N [1 − (1 − |u|/u_lim)^{3/2}]
-
-On a mount the stator's carrier moves by z, and y above is Σ Y_n r_n + z:
-    m_c z'' + d_c z' + k_c z = F_0 + F_y - Σ Γ_n r_n''
-and -Γ_n z'' acts on mode n, with its recoil Γ_n. A free tip has a carrier only if there is recoil, and then no F_0.
-A carrier that moves along the rotor, too, has the same equation for z_x, with Γ_xn, F_x, springs of its own and no F_0;
-x above is then Σ X_n r_n + z_x.
-Stribeck friction, with w = |v_rel − u'| the slip velocity, μ_∞ = ρ μ the friction of fast sliding:
-    slip: |F_T| = μ F_N [ρ + (1 − ρ) exp(−(w/v_s)²)]
+The law, with what is in :mod:`.physics`, d = δ and
+    F_N = K_N δ^{3/2},  u_lim = μ K_t F_N^{2/3} = κ δ  with  κ = μ K_t K_N^{2/3}
+    F_T = sign(u) μ F_N [1 − (1 − |u|/u_lim)^{3/2}],  with Stribeck friction in slip, where w = |v_rel − u'|
+A free tip has a carrier only if there is recoil, and then no F_0.
 A tip worn to a flat of radius b, with R* of the new tip and E* = 3 K_N/(4 √R*): the contact's radius a from
 δ R* = a √(a² − b²), then F_N = 2 E*/(3 R*) (2 a² + b²) √(a² − b²), and F_T = sign(u) μ [F_N(δ) − F_N(δ − |u|/κ)]
-A dry bearing (Dahl): its torque T rises to T_c over an angle of some φ_0 after each reversal,
-    J Ω' + C_R Ω + T = R F_T − τ_load,  T' = (T_c Ω − T |Ω|)/φ_0
 
 Four states, each with smooth equations of its own:
     separated   δ ≤ 0:  F_N = F_T = u = 0
@@ -49,7 +36,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tests.reference import physics
+from tests.reference.physics import HERTZ, KAPPA, MU, OMEGA, Array, Q, R, U, accelerate, sliding, touching, voltage
 
 
 @dataclass(frozen=True)
@@ -104,51 +92,7 @@ _BISECTION_S = 1e-16
 _EVENTS_A_STEP = 40
 _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
 
-# Rows of the matrix of modes, places in the vector of scalars.
-_M, _C, _K, _TA, _TB, _X, _Y, _RECOIL, _RECOIL_X = range(9)
-_R, _GAP, _KN, _KAPPA, _MU, _J, _CR, _TAU, _FREE_SHAFT, _CONTACT = range(10)
-_SPRUNG, _MASS, _RESIST, _SPRING, _PRELOAD, _DROP, _VS, _DRY, _ANGLE, _FLAT, _ROUND = range(10, 21)
-_SPRUNG_X, _RESIST_X, _SPRING_X = range(21, 24)
-_SCALARS = 24
-# The state: r_1 … r_n, r_1' … r_n', u, Ω, z, z', T, z_x, z_x', then the quadratures.
-_U, _OMEGA, _Z, _ZDOT, _T, _ZX, _ZXDOT, _Q = range(8)  # after the modes
-
-
-@njit(nogil=True, cache=True)
-def _voltage(tones, t):
-    value = 0.0
-    for i in range(tones.shape[0]):
-        value += tones[i, 0] * np.sin(2.0 * np.pi * tones[i, 1] * t + tones[i, 2])
-    return value
-
-
-@njit(nogil=True, cache=True)
-def _contact(z, modes, p):
-    """δ, δ', v_rel, e_x, e_y"""
-    n = modes.shape[1]
-    x = y = vx = vy = 0.0
-    for i in range(n):
-        x += modes[_X, i] * z[i]
-        y += modes[_Y, i] * z[i]
-        vx += modes[_X, i] * z[n + i]
-        vy += modes[_Y, i] * z[n + i]
-    x += z[2 * n + _ZX]
-    vx += z[2 * n + _ZXDOT]
-    y += z[2 * n + _Z]
-    vy += z[2 * n + _ZDOT]
-    approach = p[_GAP] + y  # R − h, so that δ = R − D loses no digits
-    h = p[_R] - approach
-    d = np.sqrt(x * x + h * h)
-    delta = (2.0 * p[_R] * approach - approach * approach - x * x) / (p[_R] + d)
-    ex = x / d
-    ey = h / d
-    return delta, ey * vy - ex * vx, vx * ey + vy * ex - p[_R] * z[2 * n + 1], ex, ey
-
-
-@njit(nogil=True, cache=True)
-def _sliding(w, p):
-    """Friction at the slip velocity w over that at the limit of stick (Stribeck)."""
-    return 1.0 - p[_DROP] * (1.0 - np.exp(-((w / p[_VS]) ** 2)))
+_CONTACT, _FLAT, _ROUND = range(physics.SCALARS, physics.SCALARS + 3)  # scalars beside those of the physics
 
 
 @njit(nogil=True, cache=True)
@@ -157,10 +101,10 @@ def _pressed(delta, p):
     if delta <= 0.0:
         return 0.0
     if p[_FLAT] == 0.0:
-        return p[_KN] * delta * np.sqrt(delta)
+        return p[HERTZ] * delta * np.sqrt(delta)
     flat, curved = p[_FLAT] ** 2, p[_ROUND]
     wide = 0.5 * (flat + np.sqrt(flat * flat + 4.0 * (curved * delta) ** 2))
-    return p[_KN] / (2.0 * curved**1.5) * (2.0 * wide + flat) * np.sqrt(wide - flat)
+    return p[HERTZ] / (2.0 * curved**1.5) * (2.0 * wide + flat) * np.sqrt(wide - flat)
 
 
 def _seat(depth, preload, p):
@@ -175,74 +119,28 @@ def _seat(depth, preload, p):
 @njit(nogil=True, cache=True)
 def _rates(z, ua, ub, state, modes, p, dz):
     n = modes.shape[1]
-    delta, ddelta, vrel, ex, ey = _contact(z, modes, p)
-    speed = z[2 * n + 1]
+    delta, ddelta, vrel, ex, ey = touching(z, modes, p)
     fn = ft = slip = 0.0
-    dz[2 * n] = 0.0
+    dz[2 * n + U] = 0.0
     if state != SEPARATED:
         fn = _pressed(delta, p)
         if state == STICK:
-            u = z[2 * n]
-            dz[2 * n] = vrel
-            limit = p[_KAPPA] * delta
+            u = z[2 * n + U]
+            dz[2 * n + U] = vrel
+            limit = p[KAPPA] * delta
             if limit > 0.0:
-                ft = p[_MU] * (fn - _pressed(delta - abs(u) / p[_KAPPA], p))
+                ft = p[MU] * (fn - _pressed(delta - abs(u) / p[KAPPA], p))
                 if u < 0.0:
                     ft = -ft
         else:
             s = 1.0 if state == SLIP_UP else -1.0
-            w = vrel - s * p[_KAPPA] * ddelta
-            ft = s * p[_MU] * fn * _sliding(w, p)
+            w = vrel - s * p[KAPPA] * ddelta
+            ft = s * p[MU] * fn * sliding(w, p)
             slip = ft * w
-    fx = fn * ex - ft * ey
-    fy = -fn * ey - ft * ex
-    power_in = power_lost = 0.0
-    rise = z[2 * n + _ZDOT]
-    push = p[_PRELOAD] + fy - p[_RESIST] * rise - p[_SPRING] * z[2 * n + _Z]  # on the carrier
-    rise_x = z[2 * n + _ZXDOT]
-    push_x = fx - p[_RESIST_X] * rise_x - p[_SPRING_X] * z[2 * n + _ZX]
-    # what z'' and z_x'' accelerate once the modal accelerations are eliminated
-    borne = borne_x = p[_MASS]
-    shared = 0.0
-    for i in range(n):
-        v = z[n + i]
-        drive = modes[_TA, i] * ua + modes[_TB, i] * ub
-        resist = modes[_C, i] * v
-        dz[i] = v
-        force = drive - resist - modes[_K, i] * z[i] + modes[_X, i] * fx + modes[_Y, i] * fy
-        dz[n + i] = force / modes[_M, i]
-        push -= modes[_RECOIL, i] * dz[n + i]
-        borne -= modes[_RECOIL, i] ** 2 / modes[_M, i]
-        push_x -= modes[_RECOIL_X, i] * dz[n + i]
-        borne_x -= modes[_RECOIL_X, i] ** 2 / modes[_M, i]
-        shared -= modes[_RECOIL, i] * modes[_RECOIL_X, i] / modes[_M, i]
-        power_in += drive * v
-        power_lost += resist * v
-    torque = p[_R] * ft
-    dry = z[2 * n + _T]
-    dz[2 * n + 1] = p[_FREE_SHAFT] * (torque - p[_CR] * speed - dry - p[_TAU]) / p[_J]
-    dz[2 * n + _Z] = rise
-    shaken = p[_SPRUNG] * push / borne
-    shaken_x = 0.0
-    if p[_SPRUNG_X]:
-        whole = borne * borne_x - shared * shared
-        shaken = (push * borne_x - push_x * shared) / whole
-        shaken_x = (push_x * borne - push * shared) / whole
-    dz[2 * n + _ZDOT] = shaken
-    dz[2 * n + _ZX] = rise_x
-    dz[2 * n + _ZXDOT] = shaken_x
-    for i in range(n):
-        dz[n + i] -= (modes[_RECOIL, i] * shaken + modes[_RECOIL_X, i] * shaken_x) / modes[_M, i]
-    dz[2 * n + _T] = (p[_DRY] * speed - dry * abs(speed)) / p[_ANGLE]
-    q = 2 * n + _Q
-    dz[q] = power_in
-    dz[q + 1] = power_lost
-    dz[q + 2] = ft * vrel
-    dz[q + 3] = slip
-    dz[q + 4] = (p[_CR] * speed + dry) * speed
-    dz[q + 5] = p[_TAU] * speed
-    dz[q + 6] = torque * speed
-    dz[q + 7] = p[_RESIST] * rise * rise + p[_RESIST_X] * rise_x * rise_x
+    given, lost, mount, bearing = accelerate(z, ua, ub, fn * ex - ft * ey, -fn * ey - ft * ex, ft, modes, p, dz)
+    speed, q = z[2 * n + OMEGA], 2 * n + Q
+    dz[q], dz[q + 1], dz[q + 2], dz[q + 3] = given, lost, ft * vrel, slip
+    dz[q + 4], dz[q + 5], dz[q + 6], dz[q + 7] = bearing, p[physics.TAU] * speed, p[R] * ft * speed, mount
 
 
 @njit(nogil=True, cache=True)
@@ -250,9 +148,9 @@ def _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end):
     """One step of the classical Runge–Kutta method, from z to end."""
     size = z.shape[0]
     k1, k2, k3, k4, trial = work[0], work[1], work[2], work[3], work[4]
-    ua = _voltage(tones_a, t + 0.5 * h)
-    ub = _voltage(tones_b, t + 0.5 * h)
-    _rates(z, _voltage(tones_a, t), _voltage(tones_b, t), state, modes, p, k1)
+    ua = voltage(tones_a, t + 0.5 * h)
+    ub = voltage(tones_b, t + 0.5 * h)
+    _rates(z, voltage(tones_a, t), voltage(tones_b, t), state, modes, p, k1)
     for i in range(size):
         trial[i] = z[i] + 0.5 * h * k1[i]
     _rates(trial, ua, ub, state, modes, p, k2)
@@ -261,7 +159,7 @@ def _advance(z, t, h, state, tones_a, tones_b, modes, p, work, end):
     _rates(trial, ua, ub, state, modes, p, k3)
     for i in range(size):
         trial[i] = z[i] + h * k3[i]
-    _rates(trial, _voltage(tones_a, t + h), _voltage(tones_b, t + h), state, modes, p, k4)
+    _rates(trial, voltage(tones_a, t + h), voltage(tones_b, t + h), state, modes, p, k4)
     for i in range(size):
         end[i] = z[i] + h * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0
 
@@ -276,16 +174,16 @@ def _copy(source, target):
 @njit(nogil=True, cache=True)
 def _gauge(z, kind, state, modes, p):
     """What is positive until the event of this kind happens, and its rate (0 where it is not asked for)."""
-    delta, ddelta, vrel, _, _ = _contact(z, modes, p)
+    delta, ddelta, vrel, _, _ = touching(z, modes, p)
     u = z[2 * modes.shape[1]]
     if kind == _TOUCH:
         return (-delta, -ddelta) if state == SEPARATED else (delta, ddelta)
     if kind == _UPPER:
-        return p[_KAPPA] * delta - u, p[_KAPPA] * ddelta - vrel
+        return p[KAPPA] * delta - u, p[KAPPA] * ddelta - vrel
     if kind == _LOWER:
-        return p[_KAPPA] * delta + u, p[_KAPPA] * ddelta + vrel
+        return p[KAPPA] * delta + u, p[KAPPA] * ddelta + vrel
     if kind == _REVERSAL:
-        return (vrel if state == SLIP_UP else -vrel) - p[_KAPPA] * ddelta, 0.0
+        return (vrel if state == SLIP_UP else -vrel) - p[KAPPA] * ddelta, 0.0
     return u, vrel  # _FOLD; its sign is the caller's
 
 
@@ -313,8 +211,8 @@ def _first(kind, z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch)
     g1, rate1 = _gauge(end, kind, state, modes, p)
     u = z[2 * modes.shape[1]]
     if kind == _FOLD:
-        delta, _, _, _, _ = _contact(end, modes, p)
-        if g0 * g1 < 0.0 and abs(g1) > 1e-6 * p[_KAPPA] * delta:
+        delta, _, _, _, _ = touching(end, modes, p)
+        if g0 * g1 < 0.0 and abs(g1) > 1e-6 * p[KAPPA] * delta:
             sign = 1.0 if g0 > 0.0 else -1.0
             return _bisect(0.0, h, sign, False, kind, z, t, state, tones_a, tones_b, modes, p, work, scratch)
         return never
@@ -344,9 +242,9 @@ def _first(kind, z, end, t, h, state, tones_a, tones_b, modes, p, work, scratch)
 def _next_state(z, kind, state, modes, p):
     """The state after an event, with u put where that state has it."""
     n = modes.shape[1]
-    delta, ddelta, vrel, _, _ = _contact(z, modes, p)
-    limit = p[_KAPPA] * delta
-    growth = p[_KAPPA] * ddelta
+    delta, ddelta, vrel, _, _ = touching(z, modes, p)
+    limit = p[KAPPA] * delta
+    growth = p[KAPPA] * ddelta
     if delta <= 0.0:
         z[2 * n] = 0.0
         return SEPARATED
@@ -409,7 +307,7 @@ def _one_step(z, begin, stop, state, tones_a, tones_b, modes, p, start, spent, w
             done = length
             if state == STICK:  # rounding, where it has just begun to stick
                 u = 2 * modes.shape[1]
-                limit = p[_KAPPA] * max(_contact(z, modes, p)[0], 0.0)
+                limit = p[KAPPA] * max(touching(z, modes, p)[0], 0.0)
                 z[u] = min(max(z[u], -limit), limit)
     return state, changes, _DONE if done >= length else _CHATTER
 
@@ -481,55 +379,25 @@ def integrate(
     """
     if not (duration > 0.0 and output_step > 0.0 and step > 0.0 and 0.0 <= statistics_from < duration):
         raise ValueError("duration, output_step and step must be > 0, and 0 <= statistics_from < duration")
-    columns = (
-        "mass_kg",
-        "damping_n_s_per_m",
-        "stiffness_n_per_m",
-        "coupling_a_n_per_v",
-        "coupling_b_n_per_v",
-        "tip_x",
-        "tip_y",
-    )
-    modes = np.array([[float(mode[column]) for mode in motor["modes"]] for column in columns])
-    recoils = [[float(mode.get(name) or 0.0) for mode in motor["modes"]] for name in ("recoil_kg", "recoil_x_kg")]
-    modes = np.vstack((modes, recoils))
-    law, rotor = motor["contact"], motor["rotor"]
-    friction, preload = float(law["friction"]), float(law["preload_n"])
-    hertz, radius = float(law["normal_stiffness_n_per_m15"]), float(rotor["radius_m"])
-    compliance = float(law["tangential_compliance_tip_m_per_n23"]) + float(law["tangential_compliance_rotor_m_per_n23"])
-    if not (friction > 0.0 and preload >= 0.0 and hertz > 0.0 and compliance > 0.0 and radius > 0.0):
-        raise ValueError("friction, stiffness, compliance and radius must be > 0, the preload >= 0")
-    kappa = friction * compliance * hertz ** (2.0 / 3.0)
-    scalars = np.zeros(_SCALARS)
-    scalars[[_KN, _FLAT, _ROUND]] = hertz, law.get("worn_flat_radius_m", 0.0), law.get("effective_radius_m", 1.0)
-    approach = _seat((preload / hertz) ** (2.0 / 3.0), preload, scalars)
-    bending = preload * float(np.sum(modes[_Y] ** 2 / modes[_K]))
-    mount = (motor.get("mount") or {}) if contact or np.any(recoils) else {}
-    along = mount.get("tangential_stiffness_n_per_m")
-    scalars[_SPRUNG_X] = along is not None
-    scalars[[_RESIST_X, _SPRING_X]] = mount.get("tangential_damping_n_s_per_m") or 0.0, along or 0.0
-    scalars[[_SPRUNG, _MASS, _PRELOAD]] = bool(mount), mount.get("mass_kg", np.inf), preload if contact else 0.0
-    scalars[[_RESIST, _SPRING]] = mount.get("damping_n_s_per_m", 0.0), mount.get("stiffness_n_per_m", 0.0)
-    scalars[[_DROP, _VS]] = 1.0 - law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0)
-    scalars[[_DRY, _ANGLE]] = rotor.get("bearing_friction_n_m", 0.0), rotor.get("bearing_presliding_rad", 1.0)
-    scalars[[_R, _GAP, _KAPPA, _MU]] = radius, approach + bending, kappa, friction
-    scalars[[_J, _CR, _TAU]] = rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], load_torque
-    scalars[[_FREE_SHAFT, _CONTACT]] = speed is None, contact
-
-    n = modes.shape[1]
-    start = np.zeros(2 * n + _Q + len(_QUADRATURES))
-    if contact:
-        start[:n] = -modes[_Y] * preload / modes[_K]
+    modes, scalars = physics.read(motor, speed=speed, load_torque=load_torque, own=3)
+    law, n = motor["contact"], modes.shape[1]
+    preload = float(scalars[physics.PRELOAD])
+    scalars[[_CONTACT, _FLAT, _ROUND]] = contact, law.get("worn_flat_radius_m", 0.0), law.get("effective_radius_m", 1.0)
+    new = (preload / scalars[HERTZ]) ** (2.0 / 3.0)
+    scalars[physics.SEAT] += _seat(new, preload, scalars) - new
+    mounted = bool(motor.get("mount")) and (contact or bool(np.any(modes[physics.RECOIL :])))
+    if not mounted:
+        scalars[[physics.MASS, physics.SPRUNG_X]] = np.inf, 0.0
+    if not contact:
+        scalars[physics.PRELOAD] = 0.0
+    start = physics.rest(modes, float(scalars[physics.PRELOAD]), len(_QUADRATURES))
     start[0] += perturbation_m
-    start[2 * n + 1] = 0.0 if speed is None else speed
+    start[2 * n + OMEGA] = 0.0 if speed is None else speed
 
-    def indentation(z: Array) -> Array:
-        r = z[:n]
-        x, s = modes[_X] @ r + z[2 * n + _ZX], approach + bending + modes[_Y] @ r + z[2 * n + _Z]
-        distance = np.hypot(x, radius - s)
-        return np.asarray((2.0 * radius * s - s * s - x * x) / (radius + distance))
+    def indentation(z: Array) -> float:
+        return float(touching(z, modes, scalars)[0])
 
-    first = STICK if contact and float(indentation(start)) > 0.0 else SEPARATED
+    first = STICK if contact and indentation(start) > 0.0 else SEPARATED
     count = floor(duration / output_step * (1.0 + 1e-12)) + 1
     substeps = max(1, ceil(output_step / step * (1.0 - 1e-9)))
     samples = np.zeros((count, start.size))
@@ -561,38 +429,39 @@ def integrate(
 
     time: Array = np.arange(count, dtype=np.float64) * np.float64(output_step)
     r, v = samples[:, :n].T.copy(), samples[:, n : 2 * n].T.copy()
-    limit = kappa * np.maximum(indentation(samples.T), 0.0)
+    kappa = float(scalars[KAPPA])
+    limit = kappa * np.maximum([indentation(sample) for sample in samples], 0.0)
     pressed = np.vectorize(lambda depth: _pressed(depth, scalars), otypes=[float])
     normal = np.where(states == SEPARATED, 0.0, pressed(limit / kappa))
     u = np.where(states == STICK, samples[:, 2 * n], np.where(states == SLIP_UP, limit, -limit))
     u[states == SEPARATED] = 0.0
     slipping = np.isin(states, (SLIP_UP, SLIP_DOWN))
-    sliding = np.ones(count)
+    share = np.ones(count)
     for k in np.flatnonzero(slipping):
-        _, growth, relative, _, _ = _contact(samples[k], modes, scalars)
-        sliding[k] = _sliding(abs(relative) - kappa * growth, scalars)
+        _, growth, relative, _, _ = touching(samples[k], modes, scalars)
+        share[k] = sliding(abs(relative) - kappa * growth, scalars)
 
     nodes, weights = np.polynomial.legendre.leggauss(400)
 
     def stored(z: Array) -> tuple[float, float, float, float, float]:
-        depth = max(float(indentation(z)), 0.0) if contact else 0.0
-        lift, rise = float(z[2 * n + _Z]), float(z[2 * n + _ZDOT])
-        lift_x, rise_x = float(z[2 * n + _ZX]), float(z[2 * n + _ZXDOT])
+        depth = max(indentation(z), 0.0) if contact else 0.0
+        lift, rise = float(z[2 * n + physics.Z]), float(z[2 * n + physics.ZDOT])
+        lift_x, rise_x = float(z[2 * n + physics.ZX]), float(z[2 * n + physics.ZXDOT])
         return (
-            0.5 * float(modes[_M] @ z[n : 2 * n] ** 2),
-            0.5 * float(modes[_K] @ z[:n] ** 2),
+            0.5 * float(modes[physics.M] @ z[n : 2 * n] ** 2),
+            0.5 * float(modes[physics.K] @ z[:n] ** 2),
             0.5 * depth * float(weights @ pressed(0.5 * depth * (1.0 + nodes))),  # of √δ exact to 1e-9
-            0.5 * float(scalars[_J]) * float(z[2 * n + 1]) ** 2,
-            0.5 * float(scalars[_SPRING]) * lift**2
-            - float(scalars[_PRELOAD]) * lift
-            + (0.5 * float(scalars[_MASS]) * rise + float(modes[_RECOIL] @ z[n : 2 * n])) * rise
-            + 0.5 * float(scalars[_SPRING_X]) * lift_x**2
-            + (0.5 * float(scalars[_MASS]) * rise_x + float(modes[_RECOIL_X] @ z[n : 2 * n])) * rise_x
-            if mount
+            0.5 * float(scalars[physics.J]) * float(z[2 * n + OMEGA]) ** 2,
+            0.5 * float(scalars[physics.SPRING]) * lift**2
+            - float(scalars[physics.PRELOAD]) * lift
+            + (0.5 * float(scalars[physics.MASS]) * rise + float(modes[physics.RECOIL] @ z[n : 2 * n])) * rise
+            + 0.5 * float(scalars[physics.SPRING_X]) * lift_x**2
+            + (0.5 * float(scalars[physics.MASS]) * rise_x + float(modes[physics.RECOIL_X] @ z[n : 2 * n])) * rise_x
+            if mounted
             else 0.0,
         )
 
-    energies = {name: float(final[2 * n + _Q + i]) for i, name in enumerate(_QUADRATURES)}
+    energies = {name: float(final[2 * n + Q + i]) for i, name in enumerate(_QUADRATURES)}
     for name, before, after in zip(
         ("kinetic", "elastic", "contact_elastic", "rotor_kinetic", "mount"), stored(start), stored(final), strict=True
     ):
@@ -602,13 +471,13 @@ def integrate(
         time_s=time,
         voltage_a_v=_waveform(tones_a, time),
         voltage_b_v=_waveform(tones_b, time),
-        tip_x_m=modes[_X] @ r,
-        tip_y_m=modes[_Y] @ r,
+        tip_x_m=modes[physics.X] @ r,
+        tip_y_m=modes[physics.Y] @ r,
         normal_force_n=normal,
-        friction_force_n=np.sign(u) * friction * sliding * (normal - pressed((limit - np.abs(u)) / kappa)),
+        friction_force_n=np.sign(u) * scalars[MU] * share * (normal - pressed((limit - np.abs(u)) / kappa)),
         contact_displacement_m=u,
         contact_state=np.minimum(states, 2),
-        rotor_speed_rad_s=samples[:, 2 * n + 1].copy(),
+        rotor_speed_rad_s=samples[:, 2 * n + OMEGA].copy(),
         modal_displacement_m=r,
         modal_velocity_m_s=v,
         state_fractions=dict(zip(("separated", "stick", "slip"), (spent / window).tolist(), strict=True)),
@@ -616,5 +485,5 @@ def integrate(
         input_mechanical_energy_j=energies["input"],
         energies_j=energies,
         events=int(events),
-        carrier_displacement_m=samples[:, 2 * n + _Z].copy(),
+        carrier_displacement_m=samples[:, 2 * n + physics.Z].copy(),
     )

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tests.reference import physics
+from tests.reference.physics import Array, approached, voltage
 
 ELEMENTS = 1000
 
@@ -110,14 +110,6 @@ def throw(psi: float, ratio: float, steps: int = 4000, elements: int = ELEMENTS)
 
 
 @njit(nogil=True, cache=True)
-def _voltage(tones, t):
-    value = 0.0
-    for i in range(tones.shape[0]):
-        value += tones[i, 0] * np.sin(2.0 * np.pi * tones[i, 1] * t + tones[i, 2])
-    return value
-
-
-@njit(nogil=True, cache=True)
 def _slide(u, gap, depth, scale, moved):
     """Move all elements; their limits are scale · (depth − gap). Returns the sum of their displacements."""
     total = 0.0
@@ -129,22 +121,20 @@ def _slide(u, gap, depth, scale, moved):
 
 
 @njit(nogil=True, cache=True)
-def _motor(modes, p, tones_a, tones_b, step, stride, elements, reach, samples):
+def _motor(modes, p, bent, tones_a, tones_b, step, stride, elements, reach, samples):
     """Leapfrog: displacements, sliders and forces at whole steps, velocities between them."""
-    mass, damping, stiffness, theta_a, theta_b, tip_x, tip_y, bent = modes
-    radius, seat, hertz, ratio, mu, inertia, bearing = p
+    mass, damping, stiffness, theta_a, theta_b, tip_x, tip_y = modes[:7]
+    radius, hertz, mu = p[physics.R], p[physics.HERTZ], p[physics.MU]
+    inertia, bearing, ratio = p[physics.J], p[physics.CR], p[physics.KAPPA] / p[physics.MU]
     r, v = bent.copy(), np.zeros_like(bent)
     u = np.zeros(elements)
     gap = reach * ((np.arange(elements) + 0.5) / elements) ** 2
     spring = 1.5 * hertz / ratio * np.sqrt(reach) / elements
     speed = 0.0
     for k in range((samples.shape[1] - 1) * stride + 1):
-        x, y, vx, vy = (tip_x * r).sum(), (tip_y * r).sum(), (tip_x * v).sum(), (tip_y * v).sum()
-        h = radius - seat - y
-        d = np.sqrt(x * x + h * h)
-        ex, ey = x / d, h / d
-        depth = (2.0 * radius * (seat + y) - (seat + y) ** 2 - x * x) / (radius + d)
-        moved = (vx * ey + vy * ex - radius * speed) * step if k > 0 else 0.0
+        x, y, vx, vy = p[physics.SWAY] + (tip_x * r).sum(), (tip_y * r).sum(), (tip_x * v).sum(), (tip_y * v).sum()
+        depth, _, relative, ex, ey = approached(x, y, vx, vy, speed, p)
+        moved = relative * step if k > 0 else 0.0
         friction = spring * _slide(u, gap, depth, mu * ratio, moved)
         normal = hertz * depth**1.5 if depth > 0.0 else 0.0
         if k % stride == 0:
@@ -152,7 +142,7 @@ def _motor(modes, p, tones_a, tones_b, step, stride, elements, reach, samples):
             samples[0, place], samples[1, place], samples[2, place] = x, y, normal
             samples[3, place], samples[4, place] = friction, speed
         kick = step if k > 0 else 0.5 * step
-        force = theta_a * _voltage(tones_a, k * step) + theta_b * _voltage(tones_b, k * step) - stiffness * r
+        force = theta_a * voltage(tones_a, k * step) + theta_b * voltage(tones_b, k * step) - stiffness * r
         force += tip_x * (normal * ex - friction * ey) - tip_y * (normal * ey + friction * ex)
         drag = 0.5 * kick * damping / mass
         v = ((1.0 - drag) * v + kick * force / mass) / (1.0 + drag)
@@ -187,31 +177,15 @@ def run_motor(
     Returns:
         time_s, tip_x_m, tip_y_m, normal_force_n, friction_force_n, rotor_speed_rad_s.
     """
-    columns = ("mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v")
-    rows = [[float(mode[name]) for mode in motor["modes"]] for name in (*columns, "tip_x", "tip_y")]
-    law, rotor = motor["contact"], motor["rotor"]
-    preload, hertz = float(law["preload_n"]), float(law["normal_stiffness_n_per_m15"])
-    bent = [-y * preload / k for y, k in zip(rows[6], rows[2], strict=True)]
-    modes = np.array([*rows, bent])
-    static = (preload / hertz) ** (2.0 / 3.0)
-    seat = static - sum(y * r for y, r in zip(rows[6], bent, strict=True))
-    compliance = law["tangential_compliance_tip_m_per_n23"] + law["tangential_compliance_rotor_m_per_n23"]
-    scalars = np.array(
-        [
-            rotor["radius_m"],
-            seat,
-            hertz,
-            compliance * hertz ** (2.0 / 3.0),
-            law["friction"],
-            rotor["inertia_kg_m2"],
-            rotor["bearing_damping_n_m_s"],
-        ]
-    )
+    modes, p = physics.read(motor)
+    preload = float(p[physics.PRELOAD])
+    bent = physics.rest(modes, preload, 0)[: modes.shape[1]]
+    static = (preload / p[physics.HERTZ]) ** (2.0 / 3.0)
     stride = round(output_step / step)
     count = round(duration / output_step)
     samples = np.zeros((5, count + 1))
     _motor(
-        modes, scalars, np.array(tones_a, dtype=float), np.array(tones_b, dtype=float), step, stride, elements,
+        modes, p, bent, np.array(tones_a, dtype=float), np.array(tones_b, dtype=float), step, stride, elements,
         reach * static, samples,
     )  # fmt: skip
     names = ("tip_x_m", "tip_y_m", "normal_force_n", "friction_force_n", "rotor_speed_rad_s")
