@@ -17,7 +17,8 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.trackers.loop import resonator_loop
-from pyspice_runner.trackers.track import measured_loop_gain, running_resonance
+from pyspice_runner.trackers.track import measured_loop_gain
+from pyspice_runner.trackers.tracker import running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
 BEGIN, END = "<!-- margins by python -m docs.tracker_margins -->", "<!-- end of the margins -->"

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pyspice_runner as pr
-from pyspice_runner.trackers.track import Tracking, running_resonance
+from pyspice_runner.trackers.track import Tracking
+from pyspice_runner.trackers.tracker import running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
 BEGIN, END = "<!-- table by python -m docs.tracking -->", "<!-- end of the table -->"

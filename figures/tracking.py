@@ -8,7 +8,8 @@ from pathlib import Path
 from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
-from pyspice_runner.trackers.track import Tracking, running_resonance
+from pyspice_runner.trackers.track import Tracking
+from pyspice_runner.trackers.tracker import running_resonance
 
 MOTOR = pr.load_motor("beam40")
 RECOMMENDED = pr.default_drive(MOTOR)

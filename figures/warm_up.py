@@ -10,7 +10,7 @@ import numpy as np
 from style import BLACK, BLUE, GREEN, VERMILION, canvas, draft, main, motor_words, write
 
 import pyspice_runner as pr
-from pyspice_runner.trackers.track import running_resonance
+from pyspice_runner.trackers.tracker import running_resonance
 
 MOTOR = pr.load_motor("beam40")
 DRIVE = pr.default_drive(MOTOR)

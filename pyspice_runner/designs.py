@@ -12,7 +12,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.trackers.loop import LoopDesign, loop_design
-from pyspice_runner.trackers.tracker import LoopFilter, Tracker, tracked_lag, tracker_filter
+from pyspice_runner.trackers.tracker import LoopFilter, Tracker, propose_filter, running_resonance
 
 
 @overload
@@ -47,8 +47,7 @@ def design(motor: Motor, what: DriverSpec | Tracker, **settings: Any) -> Design 
 
 
 def _design_filter(motor: Motor, tracker: Tracker, mode: int | None = None, *, contact: bool = True) -> LoopFilter:
-    tracked = len(motor.modes) - 1 if mode is None else mode
-    return tracker_filter(tracker, tracked_lag(motor, tracker, tracked, contact=contact))
+    return propose_filter(tracker, running_resonance(motor, tracker, mode=mode, contact=contact))
 
 
 @overload

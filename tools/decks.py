@@ -38,8 +38,8 @@ from pyspice_runner.trackers.tracker import (
     TrackedSource,
     Tracker,
     add_filter,
-    tracked_lag,
-    tracker_filter,
+    propose_filter,
+    running_resonance,
 )
 from tools.averaged_decks import LIBRARY, averaged_deck_texts, averaged_library_text
 from tools.benches.hysteresis import cyclic_bench
@@ -523,8 +523,8 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
     drive = {"kind": kind, "voltage": 50.0, "ratio_b": 2.0, "phase_deg": 90.0}
     tracker = Tracker(frequency=51.7e3, offset=0.03 if kind == "pll" else 0.01, **drive)
     law = PAPER_LAW if kind == "pll" else None
-    lag = tracked_lag(motor, tracker, 1, contact=law is not None)
-    _, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
+    lag = running_resonance(motor, tracker, mode=1, contact=law is not None)
+    _, loop_filter = _rounded(lag, propose_filter(tracker, lag))
     bench = motor_bench(
         motor, TrackedSource(tracker, 1, loop_filter), law=law,
         discretisation=Discretisation(_STEP, exact_resonance=False), title=f"{motor.name}: {what.split('.')[0]}",
@@ -612,8 +612,8 @@ def _add_average(
 
 def _tracking_loop(motor: Motor) -> str:
     tracker = Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=51.7e3)
-    lag = tracked_lag(motor, tracker, 1, contact=True)
-    lag, loop_filter = _rounded(lag, tracker_filter(tracker, lag))
+    lag = running_resonance(motor, tracker, mode=1)
+    lag, loop_filter = _rounded(lag, propose_filter(tracker, lag))
     circuit = average_bench(tracker, lag, loop_filter, closed=False, title=f"{motor.name}: loop gain of the tracker")
     # FIND takes the real part; the real part of a second loop, driven 90 degrees later, is the imaginary part
     _add_average(circuit, tracker, lag, loop_filter, suffix="_later", source="DC 0 AC 1 -90")

@@ -99,7 +99,7 @@ def track(call: Call) -> None:
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, contact: bool = True) -> pr.Tracker:
     """Return a tracker with the resonance of the running motor in the middle of its range."""
-    from pyspice_runner.trackers.track import running_resonance
+    from pyspice_runner.trackers.tracker import running_resonance
 
     return tracker.updated({"frequency": running_resonance(motor, tracker, contact=contact).resonance_hz})
 

@@ -42,8 +42,8 @@ from pyspice_runner.trackers.tracker import (
     TrackedSource,
     add_disturbance,
     add_filter,
+    piecewise,
     sensing,
-    target_course,
     target_points,
 )
 
@@ -123,7 +123,7 @@ def averaged_tracked_bench(
             start[node] = 0.0 if front.networks else value
     if front.networks:
         front.add(circuit, after="line", frequency="tuned")
-    circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
+    circuit.V("target", "target", circuit.gnd, piecewise(target_points(tracker, disturbance)))
     if tracker.kind == "none" or frozen:
         tuning, temperature = frozen or (tracker.start_v, 0.0)
         circuit.V("tuning", "tuning", circuit.gnd, f"DC {tuning!r} AC 1")

@@ -46,9 +46,9 @@ from pyspice_runner.trackers.tracker import (
     TrackedSource,
     Tracker,
     loop_gain,
+    propose_filter,
+    running_resonance,
     sensing,
-    tracked_lag,
-    tracker_filter,
 )
 
 POINTS_PER_DECADE = 100
@@ -104,19 +104,16 @@ def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, cont
     """
     if tracker.kind != "pll":
         raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
-    lag = tracked_lag(motor, tracker, len(motor.modes) - 1 if mode is None else mode, contact=contact)
-    return resonator_loop(tracker, lag, tracker_filter(tracker, lag))
+    lag = running_resonance(motor, tracker, mode=mode, contact=contact)
+    return resonator_loop(tracker, lag, propose_filter(tracker, lag))
 
 
 def resonator_loop(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
     """Return the loop gain of a filter in front of a resonator alone. Raise SimulationError unless it crosses 1."""
     steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
     frequency = tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps)
-    gain = loop_gain(
-        lag, loop_filter, frequency, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a,
-        target_deg=tracker.target_deg,
-    )  # fmt: skip
-    return crossing(tracker, loop_filter, frequency, tracker.polarity * gain)
+    gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
+    return crossing(tracker, loop_filter, frequency, gain)
 
 
 def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]) -> LoopDesign:

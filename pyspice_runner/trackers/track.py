@@ -45,9 +45,9 @@ from pyspice_runner.trackers.tracker import (
     StatorLag,
     TrackedSource,
     Tracker,
+    propose_filter,
+    running_resonance,
     sensing,
-    tracked_lag,
-    tracker_filter,
 )
 from pyspice_runner.units import engineering
 
@@ -455,8 +455,8 @@ def track(
         raise ParameterError("engine = 'compiled' has no tracker for the full motor: give averaged=True, or 'spice'.")
     elif disturb == "warm-up":
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
-    lag = tracked_lag(motor, tracker, mode, contact=law is not None)
-    source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver)
+    lag = running_resonance(motor, tracker, mode=mode, contact=law is not None)
+    source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver)
     setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
     begin = _settled(tracker, disturb) if begin is None else begin
     stall = None
@@ -492,19 +492,6 @@ def _check_together(
         raise ParameterError(
             "speed and disturb = 'load' exclude each other: a shaft held at a speed takes any torque. Give one."
         )
-
-
-@checked
-def running_resonance(motor: Motor, tracker: Tracker, *, mode: int | None = None, contact: bool = True) -> StatorLag:
-    """Return resonance and loaded quality factor of a running mode, by harmonic balance.
-
-    Args:
-        motor: the motor.
-        tracker: voltages and phase of its drive.
-        mode: index of the mode, from 0; by default the last.
-        contact: whether the tip is on the rotor.
-    """
-    return tracked_lag(motor, tracker, len(motor.modes) - 1 if mode is None else mode, contact=contact)
 
 
 @checked
@@ -549,11 +536,11 @@ def measured_loop_gain(
     if tracker.kind != "pll":
         raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
     mode = len(motor.modes) - 1 if mode is None else mode
-    lag = tracked_lag(motor, tracker, mode, contact=contact is not None)
+    lag = running_resonance(motor, tracker, mode=mode, contact=contact is not None)
     window = cycles / frequency_hz
     duration = (_settled(tracker, "load") if begin is None else begin) + window
     inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
-    source = TrackedSource(tracker, mode, tracker_filter(tracker, lag), driver, inject=inject)
+    source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver, inject=inject)
     setup = Point(motor, source, law=law_of(contact, motor.law), solver=Solver(step, timeout=timeout))
     _check_duration(setup, source, duration)
     vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()

@@ -22,7 +22,7 @@ derivative of the force, determines the loaded quality factor.
 from __future__ import annotations
 
 from cmath import rect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, pi, radians, sqrt, tan
 from operator import mul
@@ -41,7 +41,7 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, quantity
-from pyspice_runner.motor.refusal import Stated
+from pyspice_runner.motor.refusal import Stated, checked
 from pyspice_runner.motor.roots import root
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import read_library
@@ -133,48 +133,6 @@ def slider_cycle(contact: Contact, amplitude_m: float) -> tuple[float, float]:
     return float(scale * last @ np.sin(angle)), float(scale * last @ np.cos(angle))
 
 
-def loop_gain(
-    lag: StatorLag, loop_filter: LoopFilter, frequency_hz: Any, *, gain_hz_per_v: float, current_a: float,
-    target_deg: float = 0.0,
-) -> Any:  # fmt: skip
-    """Return the averaged loop gain at a frequency or an array of them; −1 is its stability limit."""
-    s = 2j * pi * frequency_hz
-    tau, detuning = lag.time_constant_s, -tan(pi * target_deg / 180.0)
-    stator = tau * (1.0 + s * tau) / ((1.0 + s * tau) ** 2 + detuning**2)
-    return current_a * loop_filter.impedance(s) * gain_hz_per_v * stator
-
-
-def propose_filter(
-    lag: StatorLag,
-    bandwidth_hz: float,
-    *,
-    gain_hz_per_v: float,
-    current_a: float,
-    target_deg: float = 0.0,
-    ripple_ratio: float = 6.0,
-) -> LoopFilter:
-    """Propose a filter with which the loop gain is 1 at the bandwidth.
-
-    Its zero cancels the lag of the stator, so that the loop is an integrator. The ripple pole lies ``ripple_ratio``
-    above the bandwidth and takes atan(1/ripple_ratio) of the phase margin.
-
-    Args:
-        lag: of the stator.
-        bandwidth_hz: frequency of unity gain.
-        gain_hz_per_v: of the oscillator.
-        current_a: of the charge pump.
-        target_deg: target phase of the motional current.
-        ripple_ratio: pole against ripple over the bandwidth.
-    """
-    zero, pole = lag.time_constant_s, 1.0 / (2.0 * pi * bandwidth_hz * ripple_ratio)
-    # of a farad altogether: R C = zero and R C c / (C + c) = pole, hence c = pole/zero of the whole
-    ripple = min(pole / zero, 0.9)
-    unit = LoopFilter(zero / (1.0 - ripple), 1.0 - ripple, ripple)
-    gain = loop_gain(lag, unit, bandwidth_hz, gain_hz_per_v=gain_hz_per_v, current_a=current_a, target_deg=target_deg)
-    whole = float(abs(gain))
-    return LoopFilter(unit.resistance_ohm / whole, unit.capacitance_f * whole, unit.ripple_f * whole)
-
-
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 RAIL = 5.0  # V, range of the control voltage
 # Digital events shorten the steps; ngspice's error control is off, as with uniform steps. The nodes have some volts,
@@ -247,8 +205,8 @@ class Tracker(Stated, Excitation):
     def as_source(self, motor: Motor, law: Law | None) -> TrackedSource:
         """Return a tracker of the last mode, with the proposed filter for its bandwidth."""
         mode = len(motor.modes) - 1
-        lag = tracked_lag(motor, self, mode, contact=law is not None)
-        return TrackedSource(self, mode, tracker_filter(self, lag))
+        lag = running_resonance(motor, self, mode=mode, contact=law is not None)
+        return TrackedSource(self, mode, propose_filter(self, lag))
 
     def phasors(self) -> dict[str, complex]:
         """Return the voltages' phasors in V, group A at phase 0."""
@@ -328,17 +286,40 @@ def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
     return abs(complex(motor.stator.coupling[mode] @ [volts[group] for group in GROUPS]))
 
 
-def tracked_lag(motor: Motor, tracker: Tracker, mode: int, *, contact: bool) -> StatorLag:
-    """Return resonance and lag of the mode to track."""
-    return stator_lag(motor, mode, mode_force(motor, tracker, mode), contact=contact)
+@checked
+def running_resonance(motor: Motor, tracker: Tracker, *, mode: int | None = None, contact: bool = True) -> StatorLag:
+    """Return resonance and loaded quality factor of a running mode, by harmonic balance.
+
+    Args:
+        motor: the motor.
+        tracker: voltages and phase of its drive.
+        mode: index of the mode, from 0; by default the last.
+        contact: whether the tip is on the rotor.
+    """
+    tracked = len(motor.modes) - 1 if mode is None else mode
+    return stator_lag(motor, tracked, mode_force(motor, tracker, tracked), contact=contact)
 
 
-def tracker_filter(tracker: Tracker, lag: StatorLag) -> LoopFilter:
-    """Return the proposed filter for the bandwidth of a tracker."""
-    return propose_filter(
-        lag, tracker.bandwidth_hz, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a,
-        target_deg=tracker.target_deg, ripple_ratio=tracker.ripple_ratio,
-    )  # fmt: skip
+def loop_gain(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, frequency_hz: Any) -> Any:
+    """Return the averaged loop gain at a frequency or an array of them; −1 is its stability limit."""
+    s = 2j * pi * frequency_hz
+    tau, detuning = lag.time_constant_s, -tan(pi * tracker.target_deg / 180.0)
+    stator = tau * (1.0 + s * tau) / ((1.0 + s * tau) ** 2 + detuning**2)
+    return tracker.pump_current_a * loop_filter.impedance(s) * tracker.gain_hz_per_v * stator
+
+
+def propose_filter(tracker: Tracker, lag: StatorLag) -> LoopFilter:
+    """Propose a filter with which the loop gain of a tracker is 1 at its bandwidth.
+
+    Its zero cancels the lag of the stator, so that the loop is an integrator. The ripple pole lies
+    ``tracker.ripple_ratio`` above the bandwidth and takes atan(1/ripple_ratio) of the phase margin.
+    """
+    zero, pole = lag.time_constant_s, 1.0 / (2.0 * pi * tracker.bandwidth_hz * tracker.ripple_ratio)
+    # of a farad altogether: R C = zero and R C c / (C + c) = pole, hence c = pole/zero of the whole
+    ripple = min(pole / zero, 0.9)
+    unit = LoopFilter(zero / (1.0 - ripple), 1.0 - ripple, ripple)
+    whole = float(abs(loop_gain(tracker, lag, unit, tracker.bandwidth_hz)))
+    return LoopFilter(unit.resistance_ohm / whole, unit.capacitance_f * whole, unit.ripple_f * whole)
 
 
 def weights(motor: Motor, mode: int) -> dict[str, float]:
@@ -521,9 +502,8 @@ def target_points(tracker: Tracker, disturbance: Disturbance) -> list[tuple[floa
     return [(0.0, before), (begin, before), (begin + 1e-6, after)] if disturbance.kind == "target" else [(0.0, before)]
 
 
-def target_course(tracker: Tracker, disturbance: Disturbance) -> str:
-    """Return the value of a source for the target phase in degrees over time."""
-    points = target_points(tracker, disturbance)
+def piecewise(points: Sequence[tuple[float, float]]) -> str:
+    """Return the value of a source in SPICE for times in s and values, linear between them; one value is constant."""
     if len(points) == 1:
         return f"DC {points[0][1]!r}"
     return f"PWL({' '.join(f'{time!r} {value!r}' for time, value in points)})"
@@ -536,7 +516,7 @@ def _add_tracker(
         circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
         return
     if tracker.kind == "pll":
-        circuit.V("target", "target", circuit.gnd, target_course(tracker, disturbance))
+        circuit.V("target", "target", circuit.gnd, piecewise(target_points(tracker, disturbance)))
         instantiate(
             circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
             current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
@@ -562,15 +542,10 @@ def _add_tracker(
 
 def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> None:
     """Add the sources of a disturbance."""
-
-    def ramp(value: float) -> str:
-        return f"PWL(0 0 {disturbance.begin_s:.9g} 0 {disturbance.end_s:.9g} {value:.10g})"
-
     if disturbance.kind == "load":
-        circuit.I("load", "shaft", circuit.gnd, ramp(disturbance.load_torque_n_m))
+        circuit.I("load", "shaft", circuit.gnd, piecewise(disturbance.ramp(disturbance.load_torque_n_m)))
     if disturbance.kind == "preload":
-        preload = (1.0 + disturbance.preload_change) * motor.contact.preload_n
-        moved = motor.approach_m(preload)
-        circuit.V("approach", "approach", circuit.gnd, ramp(1e6 * moved))
+        moved = motor.approach_m((1.0 + disturbance.preload_change) * motor.contact.preload_n)
+        circuit.V("approach", "approach", circuit.gnd, piecewise(disturbance.ramp(1e6 * moved)))
     if disturbance.kind == "temperature":
-        circuit.V("temperature", "temperature", circuit.gnd, ramp(disturbance.rise_k))
+        circuit.V("temperature", "temperature", circuit.gnd, piecewise(disturbance.ramp(disturbance.rise_k)))

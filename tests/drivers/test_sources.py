@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.speed_torque import held_point
-from pyspice_runner.trackers.track import running_resonance
+from pyspice_runner.trackers.tracker import running_resonance
 from tests.runs import simulated
 
 MOTOR = pr.load_motor("andersen2002").updated({"mount": None})

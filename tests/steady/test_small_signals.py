@@ -297,7 +297,7 @@ def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None
     lag = stator_lag(paper, 1, 0.2 * 2.0 * paper.modes[1].coupling_a_n_per_v)
     weak = pr.TwoPhaseDrive(voltage=0.2, frequency=lag.resonance_hz, phase_deg=180.0)  # moves the second mode alone
     tracker = pr.Tracker(kind="pll", voltage=0.2, frequency=lag.resonance_hz, bandwidth_hz=500.0)
-    chosen = propose_filter(lag, 500.0, gain_hz_per_v=tracker.gain_hz_per_v, current_a=tracker.pump_current_a)
+    chosen = propose_filter(tracker, lag)
     source = TrackedSource(tracker, 1, chosen)
     setup = Point(paper, source, law=law_of("spring-slider"))
     running = running_loop(setup, source, LockedPoint(paper, weak, 0.0))

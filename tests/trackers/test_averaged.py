@@ -14,7 +14,7 @@ import pyspice_runner as pr
 from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
-from pyspice_runner.trackers.track import running_resonance
+from pyspice_runner.trackers.tracker import running_resonance
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
 pytestmark = pytest.mark.xdist_group("trackers")

@@ -24,8 +24,8 @@ from pyspice_runner.cli import run
 from pyspice_runner.run.kernel import ac, transient
 from pyspice_runner.run.point import Point
 from pyspice_runner.trackers.loop import LockedPoint, LoopDesign, running_loop
-from pyspice_runner.trackers.track import measured_loop_gain, running_resonance
-from pyspice_runner.trackers.tracker import LoopFilter, StatorLag, TrackedSource
+from pyspice_runner.trackers.track import measured_loop_gain
+from pyspice_runner.trackers.tracker import LoopFilter, StatorLag, TrackedSource, running_resonance
 from tools.decks import average_bench
 
 pytestmark = pytest.mark.xdist_group("trackers")
