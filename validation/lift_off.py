@@ -26,7 +26,7 @@ from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.parameters import Mode, Piezo
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.period_map import PeriodMap
-from pyspice_runner.steady.shooting import Orbit, Shooting, balance, start_point
+from pyspice_runner.steady.shooting import Orbit, Shooting, start_balanced, start_point
 from pyspice_runner.steady.steady import SteadyState
 from tests.motors import mode, motor
 from validation.campaign import Campaign
@@ -128,7 +128,7 @@ def _starts(plant: Plant) -> dict[str, bool]:
     """Return whether Newton's method succeeds from each start alone."""
     period_map = PeriodMap(plant.drive.period, STEPS, LONGEST_CHECK)
     balanced, free = start_point(plant), start_point(plant)
-    balance([balanced])
+    start_balanced([balanced])
     Shooting([balanced, free], period_map).solve()
     return {
         "balanced": balanced.informed, "from_balance": balanced.done and balanced.informed, "from_free": free.done,

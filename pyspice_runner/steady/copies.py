@@ -250,8 +250,9 @@ class Plant:
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
             for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
-                volts = (phasor_at(tone, branch.gain(tone.frequency), begun)[0] for tone in tones)
-                nodes[node] = float(sum(volts))
+                nodes[node] = 0.0
+                for tone in tones:
+                    nodes[node] += float(phasor_at(tone, branch.gain(tone.frequency), begun)[0])
         return nodes
 
     def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
@@ -260,21 +261,11 @@ class Plant:
 
     def vectors(self, instance: str, shaft: str) -> list[str]:
         """Return the vectors that hold the states, in their order, for an instance and the node of its shaft."""
-        return self._vectors.format(instance, shaft).split()
-
-    @cached_property
-    def _vectors(self) -> str:
-        return " ".join(state.within("{0}", "{1}") for state in self.states)
+        return [state.within(instance, shaft) for state in self.states]
 
     def units(self, discretisation: Discretisation) -> Array:
         """Return the SI value of 1 V or 1 A of each of these vectors."""
-        if discretisation not in self._units:
-            self._units[discretisation] = np.array([state.scale(discretisation) for state in self.states])
-        return self._units[discretisation]
-
-    @cached_property
-    def _units(self) -> dict[Discretisation, Array]:
-        return {}
+        return np.array([state.scale(discretisation) for state in self.states])
 
     # --- behind a driver: its inductances and capacitances are states ---
 
@@ -540,7 +531,10 @@ def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: in
 
 def drive_voltage(tones: Sequence[Tone], time: Array) -> Array:
     """Return the voltage of a group in V."""
-    return np.asarray(sum(tone.amplitude * np.sin(2.0 * pi * tone.frequency * time + tone.phase) for tone in tones))
+    voltage = np.zeros(np.shape(time))
+    for tone in tones:
+        voltage += tone.amplitude * np.sin(2.0 * pi * tone.frequency * time + tone.phase)
+    return voltage
 
 
 def driven_vectors(plant: Plant, copy: str) -> list[str]:

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
@@ -38,7 +37,7 @@ from pyspice_runner.steady.copies import (
     driven_states,
     driven_vectors,
 )
-from pyspice_runner.steady.period_map import CONTACT, COPIES_PER_DECK, PeriodMap, Trace, cores, current, loads
+from pyspice_runner.steady.period_map import CONTACT, PeriodMap, Trace, cores, current, loads
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 from pyspice_runner.steady.threads import in_threads
 
@@ -57,20 +56,8 @@ _EVEN = 20  # a number of steps that has LEAD of a period in it
 class DrivenMap(PeriodMap):
     """The map over one period of a driver."""
 
-    uniform: bool = False  # whether ngspice's steps are uniform; otherwise it shortens them at edges
-
-    @property
-    def discretisation(self) -> Discretisation:
-        """How motors are adapted to the step."""
-        return Discretisation(self.step, self.uniform)
-
     def _write(self, copies: Sequence[Copy]) -> None:
         """Leave the subcircuits to :func:`driven_bench`."""
-
-    @property
-    def copies_per_deck(self) -> int:
-        """Greatest number of copies in a deck: behind bridges one, whose steps do not depend on other points."""
-        return COPIES_PER_DECK if self.uniform else 1
 
     @property
     def duration(self) -> float:
@@ -187,11 +174,6 @@ class DrivenShooting(Shooting):
 
 class DrivenPoint(Orbit):
     """A point with states, as the plates behind a bridge, that fade between the start of the run and the period."""
-
-    @property
-    def influential(self) -> NDArray[np.bool_]:
-        """All states: those that fade are told by their derivatives."""
-        return np.ones(self.plant.order, dtype=bool)
 
     def newton_step(self) -> Array:
         """Return the step of the scaled state that closes the gap, as far as it lasts until the period begins.

@@ -28,7 +28,8 @@ between motors that are close to each other may be taken of it (:func:`balanced_
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from copy import copy
+from dataclasses import dataclass
 from math import nan, pi, sqrt
 from typing import Self
 
@@ -78,8 +79,19 @@ class Grid:
         return np.asarray(waves @ values, dtype=complex)
 
 
+class _OfPoints:
+    """Arrays of which the first axis is the operating point, as fields of a dataclass."""
+
+    def of(self, some: Places) -> Self:
+        """Return some of the points."""
+        found = copy(self)
+        for name, values in vars(self).items():
+            setattr(found, name, values[some])
+        return found
+
+
 @dataclass
-class Stators:
+class Stators(_OfPoints):
     """Contacts and linear equations of some operating points; the first axis of each array is the point.
 
     Coordinates are those of modes and carriers; a point with fewer than others has some that do not move.
@@ -102,23 +114,15 @@ class Stators:
     load: Array  # force that the load takes there, N
     decay: Array  # time constant of the slowest mode or carrier, s
 
-    def of(self, some: Places) -> Self:
-        """Return some of the points."""
-        return type(self)(*(getattr(self, one.name)[some] for one in fields(self)))
-
 
 @dataclass
-class Response:
+class Response(_OfPoints):
     """How the tip answers forces of the contact: D = free + compliance F."""
 
     gains: Complex  # of all coordinates, shape (points, harmonics, n, n), m/N
     coordinates: Complex  # without the contact, shape (points, harmonics, n), m
     compliance: Complex  # shape (points, harmonics, 2, 2), m/N
     free: Complex  # shape (points, harmonics, 2), m
-
-    def of(self, some: Places) -> Self:
-        """Return some of the points."""
-        return type(self)(*(getattr(self, one.name)[some] for one in fields(self)))
 
 
 def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
@@ -195,7 +199,7 @@ def real_parts(phasors: Complex) -> Array:
 
 
 @dataclass
-class Forces:
+class Forces(_OfPoints):
     """The forces of the contact at the phases of a period, N, shape (points, phases)."""
 
     force_x: Array  # on the tip
@@ -251,8 +255,8 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     scales = np.abs(pins[moved]).max(axis=2, keepdims=True)
     steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
     many = np.repeat(pins[:, np.newaxis], 1 + len(moved), axis=1)
-    for copy, place in enumerate(moved):
-        many[place, 1 + copy] += steps[copy]
+    for number, place in enumerate(moved):
+        many[place, 1 + number] += steps[number]
     found = grid.contact(constants | dict(zip(PINS, many, strict=True)))
 
     def by_pins(name: str) -> Array:
@@ -286,7 +290,7 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     return TouchingContact(*[*forces, pins[5], *slopes])
 
 
-def missed(stators: Stators, grid: Grid, response: Response, unknowns: Array, found: Forces) -> Array:
+def residual_of(stators: Stators, grid: Grid, response: Response, unknowns: Array, found: Forces) -> Array:
     """Return the residual of the equations in m with the forces of a contact that moves as the unknowns tell."""
     s, phasors = stators, grid.phasors(found.on_tip, grid.orders)
     driven = response.free + np.einsum("phxf,phf->phx", response.compliance, phasors)
@@ -326,19 +330,11 @@ GROWTH, MOST_TIMES = 2.0, 60  # by which a step may grow, and number of steps
 LEAST_DAMPING = 1.0 / 64.0
 
 
-def harmonic_starts(plants: Sequence[Plant]) -> list[Array | None]:
-    """Return the states at t = 0 from which shooting begins; ``None`` where there is none.
-
-    The drives have the same period. A free tip and laws without sliders have no such start.
-    """
-    return [None if found is None else found.state for found in balanced(plants)]
-
-
 def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> list[Balance | None]:
     """Return the balanced motions of operating points whose drives have the same period; ``None`` where there is none.
 
-    A point starts from that of ``near``. Without one, the point with the middle speed of each curve runs up from rest,
-    and the others start from it. A brush of sliders is balanced as a single one.
+    A free tip and laws without sliders have none. A point starts from that of ``near``. Without one, the point with the
+    middle speed of each curve runs up from rest, and the others start from it. A brush is balanced as a single slider.
     """
     found: list[Balance | None] = [None] * len(plants)
     groups: dict[tuple[Library, Law], list[int]] = {}
@@ -370,7 +366,7 @@ def _residual(stators: Stators, grid: Grid, response: Response, unknowns: Array)
     unit, turns = (s.depth / s.grip)[:, 0], s.turns[:, 0]
     derivative[:, -1] = -(turns * unit)[:, np.newaxis] * found.slope_friction.mean(axis=1)
     derivative[:, -1, -1] += np.where(turns, unit * grid.omega * s.drag[:, 0], 1.0)
-    return missed(stators, grid, response, unknowns, found), derivative
+    return residual_of(stators, grid, response, unknowns, found), derivative
 
 
 def _newton(
@@ -383,13 +379,13 @@ def _newton(
     unknowns, size, count = unknowns.copy(), stators.depth[:, 0], len(unknowns)
     done, taken, damping = np.zeros(count, dtype=bool), np.zeros(count, dtype=int), np.ones(count)
     active = np.arange(count)
-    missed, derivative = _residual(stators, grid, response, unknowns)
+    left, derivative = _residual(stators, grid, response, unknowns)
     inverse = np.linalg.inv(derivative)
-    step = -np.einsum("pij,pj->pi", inverse, missed)
+    step = -np.einsum("pij,pj->pi", inverse, left)
     for _ in range(MOST_STEPS):
         trial = unknowns[active] + damping[active, np.newaxis] * step
-        missed, derivative = _residual(stators.of(active), grid, response.of(active), trial)
-        after = -np.einsum("pij,pj->pi", inverse, missed)
+        left, derivative = _residual(stators.of(active), grid, response.of(active), trial)
+        after = -np.einsum("pij,pj->pi", inverse, left)
         length, later = np.linalg.norm(step, axis=1), np.linalg.norm(after, axis=1)
         near = later < CLOSE * size[active]
         better = near | (later < (1.0 - 0.25 * damping[active]) * length)
@@ -401,7 +397,7 @@ def _newton(
         damping[active] = np.minimum(damping[active], 1.0)
         fresh = np.linalg.inv(derivative[better])
         inverse[better] = fresh
-        step[better] = -np.einsum("pij,pj->pi", fresh, missed[better])
+        step[better] = -np.einsum("pij,pj->pi", fresh, left[better])
         kept = ~near & (damping[active] >= LEAST_DAMPING)
         active, step, inverse = active[kept], step[kept], inverse[kept]
         if not len(active):
@@ -465,12 +461,12 @@ class _Points:
 
     def solve(self, near: Sequence[Balance | None]) -> None:
         """Solve the points: from given motions, from rest, and from the nearest solved point of the same curve."""
-        begun = {
+        starts = {
             place: one.unknowns
             for place, one in enumerate(near)
             if one and one.unknowns.shape == self.unknowns[0].shape
         }
-        self._start(np.array([*begun], dtype=int), np.array([*begun.values()]))
+        self._start(np.array([*starts], dtype=int), np.array([*starts.values()]))
         self._run_up([curve[len(curve) // 2] for curve in self.curves if not self.found[curve].any()])
         tried: set[tuple[int, int]] = set()
         while pairs := [pair for pair in self._neighbours() if pair not in tried]:  # until no new one is found
@@ -481,12 +477,12 @@ class _Points:
 
     def _neighbours(self) -> list[tuple[int, int]]:
         """Return each point that is not solved, with the nearest solved one of its curve."""
-        pairs = []
-        for curve in self.curves:
-            solved, lost = ([place for place in curve if self.found[place] == one] for one in (True, False))
+        pairs = list[tuple[int, int]]()
+        for curve in map(np.array, self.curves):
+            solved, lost = curve[self.found[curve]], curve[~self.found[curve]]
             distance = np.abs(self.speeds[lost][:, np.newaxis] - self.speeds[solved])
-            if solved:
-                pairs += [(place, solved[int(row.argmin())]) for place, row in zip(lost, distance, strict=True)]
+            if len(solved):
+                pairs += zip(lost.tolist(), solved[distance.argmin(axis=1)].tolist(), strict=True)
         return pairs
 
     def _run_up(self, places: Sequence[int] | Places) -> None:
@@ -508,12 +504,12 @@ class _Points:
             return found
         own, unknowns, steady = self.stators.of(places), self.unknowns[places], self.steady.of(places)
         touching = touching_contact(own, self.grid, unknowns)
-        forces, sliders = Forces(*(getattr(touching, one.name) for one in fields(Forces))), touching.slider[:, :1]
+        forces = Forces(touching.force_x, touching.force_y, touching.friction, touching.normal)
         coordinates = _coordinates(own, self.grid, steady, forces)
         for number, place in enumerate(places.tolist()):
             found[place] = Balance(
                 self.plants[place], self.grid, unknowns[number], coordinates[number],
-                Forces(*(getattr(forces, one.name)[number : number + 1] for one in fields(Forces))), sliders[number],
+                forces.of(np.array([number])), touching.slider[number, :1],
             )  # fmt: skip
         return found
 

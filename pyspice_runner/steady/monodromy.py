@@ -95,22 +95,15 @@ class _Group:
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])
+        modes, carrier = self.plant.modes, self.plant.carrier
+        # places of the displacements of modes and carriers in the state, and of their velocities
+        self.places = [*range(modes), *range(carrier.start, carrier.stop, 2)]
+        self.speeds = [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]
         self.states = np.array([course.states.T for course in courses])
         # runs of the same motor share what depends on it alone
         self.plants = list({course.plant.motor_name: course.plant for course in courses}.values())
         names = [plant.motor_name for plant in self.plants]
         self.which = np.array([names.index(course.plant.motor_name) for course in courses])  # motor of each run
-
-    @property
-    def places(self) -> list[int]:
-        """Places of the displacements of modes and carriers in the state."""
-        return [*range(self.plant.modes), *range(self.plant.carrier.start, self.plant.carrier.stop, 2)]
-
-    @property
-    def speeds(self) -> list[int]:
-        """Places of their velocities."""
-        modes, carrier = self.plant.modes, self.plant.carrier
-        return [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]
 
     @cached_property
     def stems(self) -> dict[str, dict[str, Any]]:
@@ -216,7 +209,9 @@ class _Group:
 
         The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force.
         """
-        x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(np.broadcast_to(inputs, self._runs(inputs)), -1, 0)
+        if inputs.ndim == 2:  # the same in all runs
+            inputs = np.broadcast_to(inputs, (len(self.courses), *inputs.shape))
+        x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(inputs, -1, 0)
         pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, []
         function, at = library_function(read_library("piezomotor_stem")), 0
         for name, parameters in self.stems.items():
@@ -228,10 +223,6 @@ class _Group:
             at += len(function.states)
         return np.stack(np.broadcast_arrays(*pins.values(), *rates), axis=-1)
 
-    def _runs(self, inputs: Array) -> tuple[int, ...]:
-        """Return the shape of inputs that are the same in all runs with an axis for the runs."""
-        return inputs.shape if inputs.ndim > 2 else (len(self.courses), *inputs.shape)
-
     def _outputs(self, inputs: Array) -> Array:
         """Return forces on the tip, friction, normal force and rates of the contact's states, in SI units.
 
@@ -239,11 +230,10 @@ class _Group:
         """
         motors = [plant.motor for plant in self.plants]
         law, step = self.law, self.discretisation
-        bent = [
-            motor.contact.preload_n
-            * (float(written_stator(motor, step).flexibility[1, 1]) + motor.contact.series_compliance_m_per_n)
-            for motor in motors
-        ]
+        bent = []
+        for motor in motors:
+            flexibility = float(written_stator(motor, step).flexibility[1, 1])
+            bent.append(motor.contact.preload_n * (flexibility + motor.contact.series_compliance_m_per_n))
         columns = parameter_columns(law, motors, bent, step.slider_time)
         values: dict[str, Any] = {name: self._column(numbers) for name, numbers in columns.items()}
         x, y, vx, vy, shaft, *states = np.moveaxis(inputs, -1, 0)

@@ -16,10 +16,12 @@ import shutil
 from cmath import rect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
 from math import atan2, ceil, degrees, nan
 from threading import Lock
 from time import perf_counter
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -115,6 +117,7 @@ class PeriodMap:
     timeout: float | None = None  # wall time in s after which a run of ngspice is ended
     workers: int = field(default_factory=cores)  # number of decks that run at a time
     processes: KeptProcesses | None = None  # in which decks run
+    uniform: bool = True  # whether ngspice's steps are uniform; behind bridges it shortens them at edges
     effort: Effort = field(default_factory=Effort)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 
@@ -126,15 +129,11 @@ class PeriodMap:
     @property
     def discretisation(self) -> Discretisation:
         """How motors are adapted to the step."""
-        return Discretisation(self.step)
+        return Discretisation(self.step, self.uniform)
 
     def with_steps(self, steps: int) -> PeriodMap:
         """Return a map over the same period with another number of steps."""
         return PeriodMap(self.period, steps, self.timeout, self.workers, self.processes)
-
-    def shared_by(self, threads: int) -> Self:
-        """Return the same map for one of several threads, with its share of the workers and a common effort."""
-        return replace(self, workers=max(1, self.workers // threads))
 
     def traces(self, copies: Sequence[Copy], after: int = 0) -> list[Trace | None]:
         """Return the traces of the copies over a period, after a number of others; ``None`` if ngspice finds none.
@@ -155,10 +154,11 @@ class PeriodMap:
         sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
         law = copies[0].plant.law if copies else None  # the same in all
         if law is None or not law.row or sliders >= law.sliders:
-            return [trace and _reaching(copy, trace) for copy, trace in self._whole(copies)]
+            traces = self._evaluated(copies, self.duration, whole=True)
+            return [trace and _reaching(copy, trace) for copy, trace in zip(copies, traces, strict=True)]
         inner = [copy.with_sliders(sliders) for copy in copies]
         found: list[Trace | None] = []
-        for copy, (own, trace) in zip(copies, self._whole(inner), strict=True):
+        for copy, own, trace in zip(copies, inner, self._evaluated(inner, self.duration, whole=True), strict=True):
             if trace is not None:
                 states = copy.plant.widened(trace.states, own.plant, 0)
                 trace = _reaching(copy, replace(trace, states=states))
@@ -168,9 +168,6 @@ class PeriodMap:
         for place, trace in zip(beyond, again, strict=True):
             found[place] = trace
         return found
-
-    def _whole(self, copies: Sequence[Copy]) -> list[tuple[Copy, Trace | None]]:
-        return list(zip(copies, self._evaluated(copies, self.duration, whole=True), strict=True))
 
     def settled(self, copies: Sequence[Copy], periods: int) -> list[Array | None]:
         """Return the states after a number of periods from the start of the run."""
@@ -187,11 +184,6 @@ class PeriodMap:
         return copies_bench([copy], self.discretisation)
 
     @property
-    def copies_per_deck(self) -> int:
-        """Greatest number of copies in a deck."""
-        return COPIES_PER_DECK
-
-    @property
     def duration(self) -> float:
         """Length in s of a run over a period."""
         return self.period + _LEAD * self.step
@@ -206,18 +198,16 @@ class PeriodMap:
         if not copies:
             return []
         self._write(copies)
-        workers = self.workers
-        sliders = max(max(copy.plant.law.sliders, 1) if copy.plant.law else 1 for copy in copies)
-        decks = ceil(len(copies) / max(1, min(self.copies_per_deck, _SLIDERS_PER_DECK // sliders)))
+        workers, law = self.workers, copies[0].plant.law  # the same in all
+        most = COPIES_PER_DECK if self.uniform else 1  # elsewhere the steps would depend on the other copies
+        decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(law.sliders if law else 1, 1))))
         least = _FEWEST if whole else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
         decks = min(decks, len(copies))
-        parts = [part.tolist() for part in np.array_split(np.arange(len(copies)), decks)]
-
-        def evaluated(part: list[int]) -> list[Trace | None]:
-            return self._deck([copies[place] for place in part], duration, whole)
-
-        return [trace for traces in in_threads(evaluated, parts, workers) for trace in traces]
+        ends = np.array_split(np.arange(len(copies)), decks)
+        parts = [copies[places[0] : places[-1] + 1] for places in ends]
+        found = in_threads(partial(self._deck, duration=duration, whole=whole), parts, workers)
+        return list(chain.from_iterable(found))
 
     def _write(self, copies: Sequence[Copy]) -> None:
         """Write the subcircuits of new motors, before the threads of the decks read them."""
@@ -322,9 +312,8 @@ def speed(plant: Plant, trace: Trace) -> Array:
 
 def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
     """Return the displacements x, y (m) of the tip and its velocities (m/s)."""
-    contact = plant.motor.stator.contact
-    (x, y), (vx, vy) = (contact @ motion for motion in modal(plant, trace))
-    return x, y, vx, vy
+    contact, (displacement, velocity) = plant.motor.stator.contact, modal(plant, trace)
+    return (*(contact @ displacement), *(contact @ velocity))
 
 
 def current(plant: Plant, group: str, trace: Trace) -> Array:
@@ -342,12 +331,10 @@ def _dielectric_loss(plant: Plant) -> float:
     """Return the mean loss in W of the clamped capacitances: their admittance is linear, at each frequency alone."""
     loss, drive = 0.0, plant.drive
     for frequency in set(drive.frequencies):
-        volts = np.array(
-            [
-                sum(rect(tone.amplitude, tone.phase) for tone in tones if tone.frequency == frequency)
-                for tones in drive.tones
-            ]
-        )
+        volts = np.zeros(len(drive.tones), dtype=complex)
+        for place, tones in enumerate(drive.tones):
+            for tone in tones:
+                volts[place] += rect(tone.amplitude, tone.phase) if tone.frequency == frequency else 0.0
         loss += 0.5 * float(np.vdot(volts, plant.dielectrics[frequency] @ volts).real)
     return loss
 
@@ -355,7 +342,7 @@ def _dielectric_loss(plant: Plant) -> float:
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
     """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
-    x, _, vx, vy = (values[1:] for values in tip(plant, trace))
+    x, _, vx, vy = np.array(tip(plant, trace))[:, 1:]
     carrier = trace.states[plant.carrier]  # displacement and velocity of the carrier along y, then along x
     x = x - static_sway(motor, plant.law, discretisation)
     if len(carrier):
@@ -370,11 +357,9 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     ended = np.count_nonzero(touching[1:] & ~slipping[1:] & slipping[:-1])
     ended += int(touching[0] and not slipping[0] and slipping[-1])
     displacement, velocity = modal(plant, trace)
-    mount_loss = sum(
-        spring.damping_n_s_per_m * float(rise[1:] @ rise[1:]) / points
-        for spring, rise in zip(carriers(plant.mount), carrier[1::2], strict=True)
-    )
-    dampings = np.array([mode.damping_n_s_per_m for mode in motor.modes])
+    mount_loss = 0.0
+    for spring, rise in zip(carriers(plant.mount), carrier[1::2], strict=True):
+        mount_loss += spring.damping_n_s_per_m * float(rise[1:] @ rise[1:]) / points
     heating = velocity[:, 1:] ** 2
     growth = [mode.damping_growth_per_m2 for mode in motor.modes]
     if any(growth):
@@ -390,7 +375,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "press": float(normal @ (vy - x * vx / radius)) / points,
         "given": radius * float(friction @ turning) / points,
         "speed": float(turning.sum()) / points,
-        "damping_loss": float(dampings @ heating.sum(axis=1)) / points + mount_loss,
+        "damping_loss": float(motor.stator.damping @ heating.sum(axis=1)) / points + mount_loss,
         "dielectric_loss": _dielectric_loss(plant),
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
@@ -460,9 +445,9 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
-    displacement, velocity = (values[:, at].tolist() for values in modal(plant, trace))
-    carrier = trace.states[plant.carrier][:, at].tolist()
-    return stored_energy(plant.motor, displacement, velocity, carrier[::2], carrier[1::2])
+    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.carrier][:, at].tolist()
+    motion = displacement[:, at].tolist(), velocity[:, at].tolist()
+    return stored_energy(plant.motor, *motion, carrier[::2], carrier[1::2])
 
 
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:

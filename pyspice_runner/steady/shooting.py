@@ -24,8 +24,8 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.window import interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
-from pyspice_runner.steady.harmonic_balance import harmonic_starts
-from pyspice_runner.steady.monodromy import Derivative, derivatives, differentiable
+from pyspice_runner.steady.harmonic_balance import balanced
+from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
 from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.threads import in_threads
 
@@ -72,27 +72,19 @@ NEWTON = Tolerances()
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """What the contact does in a period, by the states on which it has an effect; see :class:`Orbit`."""
+class Slip:
+    """What the slip of the contact in a period does to the states."""
 
-    trace: Trace | None
+    trace: Trace | None  # of the period; ``None`` before the first run
+    # whether the period depends on each state at the start of the run: a uniform step takes a slider that slips, or
+    # touches nothing, to its limit, wherever it was before. So the period does not depend on where the slider starts if
+    # it slips there a period later. Of a brush all sliders slip then; one that slips beside others that stick shows in
+    # its derivative. The lags of the stem forget their start in two steps.
     influential: NDArray[np.bool_]
+    # whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does, since
+    # the first step of the period takes it to its limit, and no lag of the stem.
     persistent: NDArray[np.bool_]
-    stuck: bool
-
-    @classmethod
-    def of(cls, plant: Plant, trace: Trace | None, begun: float) -> _Seen:
-        """Return what a trace shows, of a run that began at a time in s; ``None`` before the first run."""
-        influential, persistent, stuck = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool), False
-        if trace is not None and plant.law is not None and plant.law.sliding:
-            time, sliders = trace.time, plant.where("contact")
-            later = int(np.searchsorted(time, begun + (time[-1] - time[0]) - 1.01 * (time[1] - time[0]), "right"))
-            slips = np.abs(trace.contact_state - 1.0)
-            influential[sliders] = bool(np.any(slips[later:] < NEWTON.gross_slip))
-            persistent[sliders] = bool(np.any(slips[[0, -1]] < NEWTON.gross_slip))
-            stuck = not np.any(slips > NEWTON.gross_slip)
-        influential[plant.where("stem")] = persistent[plant.where("stem")] = False
-        return cls(trace, influential, persistent, stuck)
+    stuck: bool  # whether a contact with sliders sticks for the whole period
 
 
 @dataclass(eq=False)
@@ -124,7 +116,7 @@ class Orbit:
     iterations: int = 0  # Newton steps taken
     residual: float = float("inf")
     reach: int | None = None  # number of sliders of a brush that touched something in the last run, if it is known
-    seen: _Seen | None = field(default=None, repr=False)  # what the contact does in the last trace
+    _slip: Slip | None = field(default=None, repr=False)  # in the last trace
 
     @property
     def gap(self) -> Array:
@@ -145,7 +137,7 @@ class Orbit:
         # A heavy rotor is slow, and has its steady speed. A shaft that is held at a speed drags the sliders until they
         # slip, however little it does in a period.
         slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
-        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.neutral)
+        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.plant.period / NEWTON.slowest_s)
         drifting = self.drift > self.tolerance
         kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - drifting
         assert self.trace is not None
@@ -166,44 +158,37 @@ class Orbit:
         return step
 
     @property
-    def influential(self) -> NDArray[np.bool_]:
-        """Whether the period depends on each state at the start of the run.
+    def slip(self) -> Slip:
+        """What the slip of the contact does in the period, once for each trace.
 
-        A uniform step takes a slider that slips, or touches nothing, to its limit, wherever it was before. So the
-        period does not depend on where the slider starts if it slips there a period later. Of a brush all sliders slip
-        then; one that slips beside others that stick shows in its derivative. The lags of the stem forget their start
-        in two steps.
+        Behind a driver the states that fade before the period begins show in their derivatives.
         """
-        return self._seen.influential
-
-    @property
-    def persistent(self) -> NDArray[np.bool_]:
-        """Whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does.
-
-        The first step of the period takes it to its limit. The lags of the stem forget their start in two steps.
-        """
-        return self._seen.persistent
-
-    @property
-    def stuck(self) -> bool:
-        """Whether a contact with sliders sticks for the whole period."""
-        return self._seen.stuck
-
-    @property
-    def _seen(self) -> _Seen:
-        """What the contact does in the period, once for each trace."""
-        if self.seen is None or self.seen.trace is not self.trace:
-            self.seen = _Seen.of(self.plant, self.trace, self.begun)
-        return self.seen
+        plant, trace = self.plant, self.trace
+        if self._slip is not None and self._slip.trace is trace:
+            return self._slip
+        influential, persistent, stuck = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool), False
+        if trace is not None and plant.law is not None and plant.law.sliding:
+            time, sliders = trace.time, plant.where("contact")
+            end = self.begun + time[-1] - time[0]
+            later = int(np.searchsorted(time, end - 1.01 * (time[1] - time[0]), "right"))
+            slips = np.abs(trace.contact_state - 1.0)
+            influential[sliders] = bool(np.any(slips[later:] < NEWTON.gross_slip))
+            persistent[sliders] = bool(np.any(slips[[0, -1]] < NEWTON.gross_slip))
+            stuck = not np.any(slips > NEWTON.gross_slip)
+        influential[plant.where("stem")] = persistent[plant.where("stem")] = False
+        if plant.driver is not None:
+            influential[:] = True
+        self._slip = Slip(trace, influential, persistent, stuck)
+        return self._slip
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Whether each state is one of Newton's unknowns: all but sliders whose start has no influence."""
         if self.at_start is None:
-            return self.influential
-        free, sliders = self.influential.copy(), self.plant.where("contact")
+            return self.slip.influential
+        free, sliders = self.slip.influential.copy(), self.plant.where("contact")
         left = self.at_start.diagonal()[sliders]
-        known, memory = (self.persistent, NEWTON.exact_memory) if self.exact else (free, NEWTON.memory)
+        known, memory = (self.slip.persistent, NEWTON.exact_memory) if self.exact else (free, NEWTON.memory)
         free[sliders] = known[sliders] & (left > memory)
         return free
 
@@ -215,7 +200,7 @@ class Orbit:
         keep any torque.
         """
         sliders = self.plant.where("contact")
-        if self.trace is None or not self.stuck:
+        if self.trace is None or not self.slip.stuck:
             return 0
         apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
         together = (np.ptp(apart, axis=1) < NEWTON.residual) & self.free[sliders]
@@ -227,15 +212,10 @@ class Orbit:
 
         Such a motion repeats itself only if the tip comes back to its place, and then the slider does not.
         """
-        if not (self.plant.load.speed and self.stuck):
+        if not (self.plant.load.speed and self.slip.stuck):
             return 0.0
         distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
         return abs(distance) / float(self.scale[self.plant.where("contact")].max())
-
-    @property
-    def neutral(self) -> float:
-        """Part of a disturbance below whose loss in a period it stays, as that of a slider that sticks."""
-        return self.plant.period / NEWTON.slowest_s
 
     def remaining(self, step: Array) -> float:
         """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
@@ -244,7 +224,7 @@ class Orbit:
         assert self.force_slope is not None
         motor = self.plant.motor
         step = np.where(self.free, step, 0.0)
-        left = np.where(self.persistent, self.gap + (self.at_end - self.at_start) @ step, 0.0)
+        left = np.where(self.slip.persistent, self.gap + (self.at_end - self.at_start) @ step, 0.0)
         size = max(float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2))), self.drift)
         if self.plant.law is None:
             return size
@@ -291,10 +271,8 @@ class Orbit:
     def judge(self) -> None:
         """Mark the point as solved if the next step is small enough."""
         assert self.step is not None
-        self._judged(self.remaining(self.step))
-
-    def _judged(self, remaining: float) -> None:
-        self.residual, self.done = remaining, remaining <= self.tolerance
+        self.residual = self.remaining(self.step)
+        self.done = self.residual <= self.tolerance
 
     def accepts(self, trial: Array, trace: Trace | None) -> bool:
         """Accept the trial state if the next step by the old derivative is shorter than the last one."""
@@ -318,7 +296,7 @@ class Orbit:
             remaining = self.remaining(step)
         self.state, self.step = trial, step
         self.damping = min(1.0, 2.0 * self.damping)
-        self._judged(remaining)
+        self.residual, self.done = remaining, remaining <= self.tolerance
         if self.exact:  # a step is as dear as some derivatives, so that another one by the old derivative must do
             self.stale |= remaining * after > NEWTON.expected * self.tolerance * before
         elif not (self.stale or self.done):  # as many more steps would cost more than a new derivative
@@ -368,8 +346,9 @@ class Orbit:
         assert self.trace is not None
         assert self.trace.course is not None
         inner, across = self.trace.course.plant, self.scale / self.scale[:, np.newaxis]
-        every = (derivative.at_start, derivative.at_end, derivative.monodromy)
-        self.at_start, self.at_end, self.monodromy = (self.plant.widened(one, inner, 0, 1) * across for one in every)
+        self.at_start = self.plant.widened(derivative.at_start, inner, 0, 1) * across
+        self.at_end = self.plant.widened(derivative.at_end, inner, 0, 1) * across
+        self.monodromy = self.plant.widened(derivative.monodromy, inner, 0, 1) * across
         self.measured_end, self.measured_at = self.at_end, self.state
         self.force_slope = self.plant.widened(derivative.forces, inner, 1) * self.scale
         self.stale = False
@@ -394,7 +373,7 @@ class Orbit:
             monodromy = self.monodromy
         values = np.linalg.eigvals(monodromy).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
-        values = values[np.abs(values - 1.0) > self.neutral]
+        values = values[np.abs(values - 1.0) > self.plant.period / NEWTON.slowest_s]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
 
@@ -405,11 +384,11 @@ def between(points: Sequence[Orbit]) -> Orbit:
     return replace(points[0], **means, measured_end=None, measured_at=None, guessed=True)
 
 
-def balance(points: Sequence[Orbit]) -> None:
+def start_balanced(points: Sequence[Orbit]) -> None:
     """Let points start from harmonic balance, where that finds a start. Their drives have the same period."""
-    for point, state in zip(points, harmonic_starts([point.plant for point in points]), strict=True):
-        if state is not None:
-            point.restart(state)
+    for point, balance in zip(points, balanced([point.plant for point in points]), strict=True):
+        if balance is not None:
+            point.restart(balance.state)
             point.informed = differentiable(point.plant)
 
 
@@ -429,34 +408,30 @@ def start_point(plant: Plant) -> Orbit:
                 state[place] += displacement
                 state[place + (n if place < n else 1)] += velocity
         amplitudes += abs(gains[:n] @ [tone.amplitude * np.exp(1j * tone.phase) for tone in tones])
-    for index, mode in enumerate(motor.modes):
-        state[index] -= mode.tip_y * preload / mode.stiffness_n_per_m
-    masses = np.array([mode.mass_kg for mode in motor.modes])
-    stiffnesses = np.array([mode.stiffness_n_per_m for mode in motor.modes])
-    energy = 0.5 * float(stiffnesses @ amplitudes**2)
+    along, towards = motor.stator.contact  # of the modes
+    followed = float(along @ state[:n])  # by the tip since rest
+    state[:n] -= towards * preload / motor.stator.stiffness
+    energy = 0.5 * float(motor.stator.stiffness @ amplitudes**2)
     if plant.law:
         energy += 0.4 * preload * contact_law.static_penetration(motor.contact)
     energy = max(energy, np.finfo(float).tiny * 1e100)
-    fastest = np.sqrt(2.0 * energy / masses)
+    fastest = np.sqrt(2.0 * energy / motor.stator.mass)
     slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
-    if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip since rest
-        followed = sum(mode.tip_x * (r - rest) for mode, r, rest in zip(motor.modes, state, _rest(plant), strict=False))
+    if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip
         state[plant.where("contact")] = np.clip(followed, -slide, slide) * plant.law.touching
-    along = max(abs(mode.tip_x) * v for mode, v in zip(motor.modes, fastest, strict=True))
-    towards = max(abs(mode.tip_y) * v for mode, v in zip(motor.modes, fastest, strict=True))
+    swift = float(np.abs(motor.stator.contact * fastest).max())
     carrier = []
-    for _, name in zip(carriers(plant.mount), ("tip_y", "tip_x"), strict=False):
-        lift = contact_law.static_penetration(motor.contact) + max(
-            abs(getattr(mode, name)) * a for mode, a in zip(motor.modes, amplitudes, strict=True)
-        )
+    for _, tip in zip(carriers(plant.mount), (towards, along), strict=False):
+        lift = contact_law.static_penetration(motor.contact) + float(np.abs(tip * amplitudes).max())
         carrier += [lift, lift / plant.drive.period]
-    turning = [max(along, towards) / motor.rotor.radius_m] if plant.turns else []
+    turning = [swift / motor.rotor.radius_m] if plant.turns else []
     sliders = plant.where("contact")
-    softness = stems(motor, plant.law).values()
-    stem = [size for compliance in softness for size in (compliance * preload, max(along, towards))]
+    stem = []
+    for compliance in stems(motor, plant.law).values():
+        stem += [compliance * preload, swift]
     scale = np.array([
-        *np.sqrt(2.0 * energy / stiffnesses), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem, *carrier,
-        *turning,
+        *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem,
+        *carrier, *turning,
     ])  # fmt: skip
     return Orbit(plant, state, scale)
 
@@ -483,7 +458,7 @@ class Shooting:
             point.damping, point.iterations = 1.0, 0
         threads = max(min(self.map.workers, len(every)), 1)
         part = copy(self)
-        part.map = self.map.shared_by(threads)
+        part.map = replace(self.map, workers=max(1, self.map.workers // threads))  # with a common effort
         in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
 
     def _iterate(self, active: list[Orbit]) -> None:
@@ -498,11 +473,12 @@ class Shooting:
 
     def _evaluate(self, points: Sequence[Orbit]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
-        new = [
-            (point, point.influential) for point in points if point.at_end is None and not differentiable(point.plant)
-        ]
         copies = [point.copy(point.state) for point in points]
-        copies += [copy for point, _ in new for copy in _perturbed(point)]
+        new = []
+        for point in points:
+            if point.at_end is None and not differentiable(point.plant):
+                new.append((point, point.slip.influential))
+                copies += _perturbed(point)
         traces = self.map.traces(copies)
         for point, trace in zip(points, traces, strict=False):
             point.trace = trace
@@ -511,52 +487,58 @@ class Shooting:
         found = iter(traces[len(points) :])
         for point, influential in new:
             point.differentiate([(point.trace, next(found) if one else point.trace) for one in influential])
-        mapped = [point for point in points if not point.failed]
-        kept = []
-        for point in mapped:
+        old = []
+        for point in points:
+            if point.failed:
+                continue
+            near = False
             if point.at_end is not None:
                 point.step = point.newton_step()
                 point.judge()
-                kept += (
-                    [point]
-                    if self.near and point.residual * NEWTON.neighbour_contraction < NEWTON.expected * point.tolerance
-                    else []
-                )
-        self._renew([point for point in mapped if point.exact and not (point.done or point in kept)])
+                near = self.near and point.residual * NEWTON.neighbour_contraction < NEWTON.expected * point.tolerance
+            if point.exact and not (point.done or near):
+                old.append(point)
+        self._renew(old)
 
     def _advance(self, points: list[Orbit]) -> None:
         """Try the next step of every point; evaluate the derivative anew where it is too old."""
-        trials = [point.state + point.damping * point.step * point.scale for point in points if point.step is not None]
-        traces = self.map.traces([point.copy(trial) for point, trial in zip(points, trials, strict=True)])
-        accepted = []
-        for point, trial, trace in zip(points, trials, traces, strict=True):
+        trials = []
+        for point in points:
+            assert point.step is not None
+            trials.append(point.copy(point.state + point.damping * point.step * point.scale))
+        old = []
+        for point, trial, trace in zip(points, trials, self.map.traces(trials), strict=True):
             point.iterations += 1
             point.reach = trace.reach if trace else None
-            if point.accepts(trial, trace):
-                accepted.append(point)
-            else:
+            accepted = point.accepts(trial.state, trace)
+            if not accepted:
                 point.damping *= 0.5
                 point.damped = True
                 point.failed = point.damping < NEWTON.damping
-        for point in points:
             point.failed = point.failed or (point.iterations >= NEWTON.iterations and not point.done)
-        self._renew([point for point in accepted if point.stale and not (point.done or point.failed)])
+            if accepted and point.stale and not (point.done or point.failed):
+                old.append(point)
+        self._renew(old)
 
     def _renew(self, points: Sequence[Orbit]) -> None:
         """Take new derivatives of points that have a trace: along it where the equations are known, else by copies."""
-        courses = [(point, point.trace.course) for point in points if point.trace and point.trace.course]
+        exact, courses, others, copies = list[Orbit](), list[Course](), list[Orbit](), list[Copy]()
+        for point in points:
+            if point.trace and point.trace.course:
+                exact.append(point)
+                courses.append(point.trace.course)
+            else:
+                others.append(point)
+                copies += _perturbed(point)
         with np.errstate(over="ignore", invalid="ignore"):
-            exact = derivatives([course for _, course in courses], self.map.discretisation)
-        for (point, _), derivative in zip(courses, exact, strict=True):
+            found = derivatives(courses, self.map.discretisation)
+        for point, derivative in zip(exact, found, strict=True):
             point.failed = not np.isfinite(derivative.at_end).all()  # a step far from the contact
             if not point.failed:
                 point.linearise(derivative)
-        others = [point for point in points if not point.exact]
-        found = iter(self.map.traces([copy for point in others for copy in _perturbed(point)]))
+        traces = iter(self.map.traces(copies))
         for point in others:
-            point.differentiate(
-                [(point.trace, next(found) if influential else point.trace) for influential in point.influential]
-            )
+            point.differentiate([(point.trace, next(traces) if one else point.trace) for one in point.slip.influential])
 
     def search(self) -> None:
         """Solve all points: from a given guess or harmonic balance, then from others, then after a transient.
@@ -564,7 +546,7 @@ class Shooting:
         Where there is no harmonic balance, a point starts from the free stator, or from solved neighbours. The
         derivatives of the solved points are then measured again where they were measured too far away.
         """
-        balance([point for point in self.points if not point.guessed])
+        start_balanced([point for point in self.points if not point.guessed])
         seeds = _seeds(self.points)
         self.solve(seeds)
         others = [point for point in self.points if point not in seeds]
@@ -580,7 +562,7 @@ class Shooting:
         lost = [point for point in self.points if point.failed and point.guessed]
         for point in lost:
             point.restart(start_point(point.plant).state)
-        balance(lost)
+        start_balanced(lost)
         self._retry(lost, "newton")
         lost = [point for point in self.points if point.failed]
         near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
@@ -659,5 +641,5 @@ def _rest(plant: Plant) -> Array:
 
 def _perturbed(point: Orbit) -> list[Copy]:
     """Return copies of a point, each with one of the influential states changed by :class:`Tolerances` of its scale."""
-    states = point.state + NEWTON.perturbation * np.diag(point.scale)[point.influential]
+    states = point.state + NEWTON.perturbation * np.diag(point.scale)[point.slip.influential]
     return [Copy(point.plant, state, point.begun) for state in states]

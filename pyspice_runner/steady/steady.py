@@ -509,12 +509,11 @@ def _averaged(points: Sequence[Orbit], period_map: PeriodMap) -> tuple[dict[str,
     for point in points:
         assert point.trace is not None
         several.append(means(point.plant, point.trace, period_map.discretisation))
-    found = {name: sum(one[name] for one in several) / len(several) for name in several[0]}
-    for group in "ab":
-        found[groups.named("peak", group)] = max(one[groups.named("peak", group)] for one in several)
-    found["greatest"] = max(one["greatest"] for one in several)
-    forces = [one["friction"] for one in several]
-    return found, max(forces) - min(forces)
+    values = np.array([list(one.values()) for one in several])
+    found = dict(zip(several[0], values.mean(axis=0).tolist(), strict=True))
+    maxima = dict(zip(several[0], values.max(axis=0).tolist(), strict=True))
+    found |= {name: maxima[name] for name in ("peak_a", "peak_b", "greatest")}
+    return found, float(np.ptp(values[:, list(found).index("friction")]))
 
 
 def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1) -> SteadyState:

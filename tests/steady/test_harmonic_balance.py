@@ -12,7 +12,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.steady.copies import Copy, Plant
-from pyspice_runner.steady.harmonic_balance import harmonic_starts
+from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import start_point
 
@@ -39,10 +39,9 @@ def gap(plant: Plant, state: np.ndarray) -> float:
 def test_a_motor_starts_near_its_steady_state_however_it_lifts_off(name: str, law: Law) -> None:
     motor = pr.load_motor(name)
     plants = [Plant(motor, pr.default_drive(motor), Load(0.1 * at / motor.rotor.radius_m), law) for at in (-1, 0, 3)]
-    states = harmonic_starts(plants)
-    for plant, state in zip(plants, states, strict=True):
-        assert state is not None
-        assert gap(plant, state) < START
+    for plant, balance in zip(plants, balanced(plants), strict=True):
+        assert balance is not None
+        assert gap(plant, balance.state) < START
 
 
 @pytest.mark.parametrize(
@@ -56,22 +55,22 @@ def test_a_motor_starts_near_its_steady_state_however_it_lifts_off(name: str, la
 def test_a_changed_contact_starts_near_its_steady_state(changes: dict[str, float]) -> None:
     motor = pr.load_motor("bimodal40").updated(changes)
     plants = [Plant(motor, pr.default_drive(motor), Load(speed), Law()) for speed in (0.0, 20.0)]
-    for plant, state in zip(plants, harmonic_starts(plants), strict=True):
-        assert state is not None
-        assert gap(plant, state) < START
+    for plant, balance in zip(plants, balanced(plants), strict=True):
+        assert balance is not None
+        assert gap(plant, balance.state) < START
 
 
 def test_a_free_shaft_starts_at_its_speed() -> None:
     motor = pr.load_motor("bimodal40")
     plant = Plant(motor, pr.default_drive(motor), Load(None), Law())
-    (state,) = harmonic_starts([plant])
-    assert state is not None
+    (balance,) = balanced([plant])
+    assert balance is not None
     settled = pr.steady_state(motor, pr.default_drive(motor))
     # without a load the torque is nearly flat: a mean force of 1 % of the friction force is 3 % of the speed
-    assert state[-1] == pytest.approx(settled.speed_rad_s, rel=0.05)
+    assert balance.state[-1] == pytest.approx(settled.speed_rad_s, rel=0.05)
 
 
 def test_a_free_tip_and_a_law_without_sliders_have_no_such_start() -> None:
     motor = pr.load_motor("beam40")
     plants = [Plant(motor, pr.default_drive(motor), Load(1.0), law) for law in (None, Law("coulomb"))]
-    assert harmonic_starts(plants) == [None, None]
+    assert balanced(plants) == [None, None]

@@ -16,7 +16,7 @@ from pyspice_runner.steady import shooting
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.monodromy import Derivative, derivatives, differentiable
 from pyspice_runner.steady.period_map import PeriodMap
-from pyspice_runner.steady.shooting import Orbit, Shooting, balance, start_point
+from pyspice_runner.steady.shooting import Orbit, Shooting, start_balanced, start_point
 
 STEPS = 72
 PERTURBATION = 3e-5  # of the scale of each state
@@ -53,7 +53,7 @@ def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tup
     """Return a point, its derivative along the trace, and the central quotient by perturbed copies."""
     period_map = PeriodMap(plant.drive.period, STEPS)
     point = start_point(plant)
-    balance([point])
+    start_balanced([point])
     moves = perturbation * np.diag(point.scale)
     states = [point.state, *(point.state + moves), *(point.state - moves)]
     traces = [trace for trace in period_map.traces([Copy(plant, state) for state in states]) if trace is not None]
