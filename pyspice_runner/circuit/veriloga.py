@@ -68,7 +68,7 @@ def motor_module(
         ParameterError: for a law that the module does not have, or an invalid name.
     """
     law = touching_law(contact, "The module contains the rotor.", motor.law)
-    if not law.translated:
+    if law.name not in WRITTEN:
         raise ParameterError(
             f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
             "Export a .lib for a law of your own."

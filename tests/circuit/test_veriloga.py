@@ -34,7 +34,7 @@ SAME = {
     "drift_c": ("group_thermal", "capacitance_drift"),
     "mass_1": ("mode", "mass"), "damping_1": ("mode", "damping"), "stiffness_1": ("mode", "stiffness"),
     "coupling_a_1": ("mode", "coupling_a"), "coupling_b_1": ("mode", "coupling_b"),
-    "tip_x_1": ("mode", "tip_x"), "tip_y_1": ("mode", "tip_y"),
+    "tip_x_1": ("tip", "tip_x"), "tip_y_1": ("tip", "tip_y"),
     "softening_1": ("mode_soft", "softening"), "growth_1": ("mode_soft", "growth"),
 }  # fmt: skip
 
