@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.loads import LOAD_STEP, STOP, SWEEP, EventfulDriver, driver_events, event_cautions
+from pyspice_runner.drivers.loads import LOAD_STEP, STOP, SWEEP, EventfulDriver, Events, driver_events, event_cautions
 from pyspice_runner.drivers.parts import ratings
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.point import Point
@@ -30,7 +30,7 @@ def run(source: EventfulDriver, duration: float) -> dict[str, np.ndarray]:
 
 def test_a_load_that_steps_accelerates_a_free_rotor_from_then_on() -> None:
     """Ω = −τ/C (1 − exp(−C t/J)); 0.5 % for the edge of 1 µs in 100 µs."""
-    found = run(EventfulDriver(DRIVER, load_at=1e-4, load_torque=1e-3), 2e-4)
+    found = run(EventfulDriver(DRIVER, Events(load_at=1e-4, load_torque=1e-3)), 2e-4)
     before = found["time"] < 1e-4
     assert np.abs(found["v(shaft)"][before]).max() < 1e-9
     damping, inertia = MOTOR.rotor.bearing_damping_n_m_s, MOTOR.rotor.inertia_kg_m2
@@ -39,7 +39,7 @@ def test_a_load_that_steps_accelerates_a_free_rotor_from_then_on() -> None:
 
 
 def test_a_control_that_stops_leaves_no_voltage_of_an_ideal_source() -> None:
-    found = run(EventfulDriver(DRIVER, stop_at=1e-4), 2e-4)
+    found = run(EventfulDriver(DRIVER, Events(stop_at=1e-4)), 2e-4)
     on, off = found["time"] < 1e-4, found["time"] > 1.02e-4
     assert np.abs(found["v(b)"][on]).max() == pytest.approx(50.0, rel=1e-3)
     assert np.abs(found["v(b)"][off]).max() < 1e-9
@@ -47,7 +47,7 @@ def test_a_control_that_stops_leaves_no_voltage_of_an_ideal_source() -> None:
 
 def test_a_sweep_has_the_phase_of_its_frequency() -> None:
     """2π (f t + r t²/2) in the middle of 45 to 55 kHz, the amplitude throughout."""
-    found = run(EventfulDriver(DRIVER, first=45e3, rate=10e3 / 5e-4), 5e-4)
+    found = run(EventfulDriver(DRIVER, Events(first=45e3, rate=10e3 / 5e-4)), 5e-4)
     time = found["time"]
     expected = 50.0 * np.sin(2.0 * pi * (45e3 + 0.5 * 10e3 / 5e-4 * time) * time)
     assert found["v(a)"] == pytest.approx(expected, abs=1e-3)
