@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from cmath import rect
 from dataclasses import dataclass
-from math import pi, radians
+from math import pi
 from typing import Any
 
 from PySpice.Spice.Netlist import Circuit
@@ -16,7 +15,7 @@ from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.drivers.parts import CABLE
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases
+from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases, two_phasors
 from pyspice_runner.spice.library import read_library
 
 _LIBRARY = "driver_averaged"
@@ -53,8 +52,7 @@ class AveragedDrive:
     @property
     def phasors(self) -> dict[str, complex]:
         """Voltages of the stages in V, group A at phase 0."""
-        stage = self.stage
-        return {"a": complex(stage.voltage), "b": rect(stage.voltage_b, radians(stage.phase_deg))}
+        return two_phasors(self.stage)
 
     @property
     def networks(self) -> tuple[dict[str, float], ...]:

@@ -12,10 +12,10 @@ states over the range.
 
 from __future__ import annotations
 
-from cmath import phase, rect
+from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import degrees, pi, radians, sqrt
+from math import degrees, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,7 @@ from pyspice_runner.drivers.parts import (
 )
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
@@ -477,7 +477,7 @@ def design_driver(
             "A driver is designed for a motor on its rotor. Give a law of the contact, not none, or leave the network "
             "unmatched."
         )
-    wanted = {group: abs(volts) for group, volts in _pins(spec.drive).items()}
+    wanted = {group: abs(volts) for group, volts in two_phasors(spec.drive).items()}
     choose = spec.rail is not None and spec.stage in BRIDGES and "mosfet" not in spec.parts
     # the one of the highest voltage, until the currents are known
     template = replace(spec, parts={**spec.parts, "mosfet": MOSFETS[-1]} if choose else spec.parts).driver(voltage=1.0)
@@ -536,11 +536,6 @@ def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where:
     )
 
 
-def _pins(drive: TwoPhaseDrive) -> dict[str, complex]:
-    """Return the phasors in V that are wanted at the pins, group A at phase 0."""
-    return {"a": complex(drive.voltage), "b": rect(drive.voltage_b, radians(drive.phase_deg))}
-
-
 class _Search:
     """The search for a driver over the range of a motor."""
 
@@ -557,7 +552,7 @@ class _Search:
         self.ideal, self.driver, self.rail, self.states = ideal, driver, spec.rail, states
         self.load_torque = load_torque
         self.points = tuple(range_point(name, state, None) for name, state in states.items())
-        self.pins = _pins(spec.drive)  # wanted phasors
+        self.pins = two_phasors(spec.drive)  # wanted phasors
         self.omega = 2.0 * pi * driver.frequency
         self.middle = next(point for point in self.points if point.state == OPERATING)
 
@@ -636,7 +631,8 @@ class _Search:
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
-            clamped = groups.of(self.ideal.motor.piezo.capacitances, group) + driver.cable_f(group)
+            clamped = groups.of(self.ideal.motor.piezo.capacitances, group)
+            clamped += driver.values(group, CABLE).get("capacitance", 0.0)
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:

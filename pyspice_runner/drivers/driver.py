@@ -10,12 +10,11 @@ the MOSFETs of a bridge, may be a subcircuit of the user's own (:mod:`.own_devic
 
 from __future__ import annotations
 
-from cmath import rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, pairwise
-from math import asin, inf, pi, radians, sqrt
+from math import asin, inf, pi, sqrt
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, PrivateAttr
@@ -29,6 +28,7 @@ from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated, quoted
@@ -323,10 +323,6 @@ class Driver(Stated, Source):
         """Return the amplitude in V of a group."""
         return self.voltage * (self.ratio_b if group == "b" else 1.0)
 
-    def phasors(self) -> dict[str, complex]:
-        """Return the phasors of the stage's fundamental in V: U e^{jφ}, group A at phase 0."""
-        return {"a": complex(self.amplitude("a")), "b": rect(self.amplitude("b"), radians(self.phase_deg))}
-
     def rails(self, group: str) -> tuple[float, float]:
         """Return the voltages in V of the upper and the lower rail; both 0 for ideal sources."""
         if self.kind == "ideal":
@@ -448,10 +444,6 @@ class Driver(Stated, Source):
         raised = self.raised(group)  # R + jωL beside the capacitance: (R + jωL)/(1 - ω²LC + jωRC), with ωRC small
         resistance = (resistance + values["primary_resistance"]) * values["ratio"] ** 2 * raised**2
         return self.leakage(group) * raised, resistance + values["secondary_resistance"]
-
-    def cable_f(self, group: str) -> float:
-        """Return the capacitance in F of the cable of a group; 0 without one."""
-        return self.values(group, CABLE).get("capacitance", 0.0)
 
     def leakage(self, group: str) -> float:
         """Return the leakage inductance in H of a transformer, in series with the network; 0 without one."""
@@ -581,7 +573,7 @@ class Driver(Stated, Source):
     def initial_voltages(self) -> tuple[float, float]:
         """Return the voltages of the pins at t = 0: an ideal source must not have a step at a capacitance."""
         if self.kind == "ideal" and self.network == "none":
-            volts = self.phasors()
+            volts = two_phasors(self)
             return volts["a"].imag, volts["b"].imag
         return 0.0, 0.0
 
@@ -721,7 +713,20 @@ def add_channels(circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, r
     If ``risen``, the supplies have risen before the start of the run.
     """
     for group in GROUPS:
-        _add_channel(circuit, driver, group, pins[group], risen=risen)
+        chain, output, line = _chain(driver, group), groups.named("control", group), groups.named("line", group)
+        if driver.kind != "ideal":
+            (stage, nodes), *chain = chain
+            for rail, volts in zip(RAILS, driver.rails(group), strict=True):
+                ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
+                if rail in nodes:
+                    circuit.V(groups.named(rail, group), nodes[rail], circuit.gnd, ramp if volts else "DC 0")
+            instantiate(circuit, stage.instance, stage.library, list(nodes.values()), **stage.values)
+            output = groups.named("out", group)
+        circuit.V(groups.named("out", group), output, line, "DC 0")
+        for part, nodes in chain:
+            instantiate(circuit, part.instance, part.library, list(nodes.values()), **part.values)
+            line = groups.named(part.label, group)
+        circuit.V(groups.named("pin", group), line, pins[group], "DC 0")
 
 
 def control_amplitude(driver: Driver, group: str) -> float:
@@ -733,28 +738,6 @@ def control_amplitude(driver: Driver, group: str) -> float:
         return driver.amplitude(group)
     gain = driver.parts(group)[0].values.get("gain")
     return driver.amplitude(group) / (gain * driver.ratio(group)) if gain else 1.0
-
-
-def _add_channel(circuit: Netlist, driver: Driver, group: str, pin: str, *, risen: bool) -> None:
-    """Add stage, transformer and network of one group."""
-
-    def add(part: Part, nodes: Mapping[str, str]) -> None:
-        instantiate(circuit, part.instance, part.library, list(nodes.values()), **part.values)
-
-    chain, output, line = _chain(driver, group), groups.named("control", group), groups.named("line", group)
-    if driver.kind != "ideal":
-        (first, nodes), *chain = chain
-        for rail, volts in zip(RAILS, driver.rails(group), strict=True):
-            ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
-            if rail in nodes:
-                circuit.V(groups.named(rail, group), nodes[rail], circuit.gnd, ramp if volts else "DC 0")
-        add(first, nodes)
-        output = groups.named("out", group)
-    circuit.V(groups.named("out", group), output, line, "DC 0")
-    for part, nodes in chain:
-        add(part, nodes)
-        line = groups.named(part.label, group)
-    circuit.V(groups.named("pin", group), line, pin, "DC 0")
 
 
 def _chain(driver: Driver, group: str) -> list[tuple[Part, dict[str, str]]]:

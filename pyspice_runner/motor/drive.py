@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from cmath import exp
+from cmath import exp, rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -129,6 +129,11 @@ class TwoPhaseDrive(Drive):
 def two_phases(drive: Any) -> dict[str, float]:
     """Return the values of two phases by their names, of a drive, a driver or a tracker."""
     return {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
+
+
+def two_phasors(drive: Any) -> dict[str, complex]:
+    """Return the phasors in V of two phases, group A at phase 0, of a drive, a driver or a tracker."""
+    return {"a": complex(drive.voltage), "b": rect(drive.voltage * drive.ratio_b, radians(drive.phase_deg))}
 
 
 class TwoToneDrive(Drive):

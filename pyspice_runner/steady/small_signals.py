@@ -12,7 +12,6 @@ difference between two halves of them, and the change by smaller deviations, giv
 
 from __future__ import annotations
 
-from cmath import rect
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import pi, radians, sqrt
@@ -26,7 +25,7 @@ from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive
+from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive, two_phasors
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -388,7 +387,7 @@ class _Linear:
         With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
         modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
         """
-        volts = {"a": complex(drive.voltage), "b": rect(drive.voltage_b, radians(drive.phase_deg))}
+        volts = two_phasors(drive)
         above = {group: up[group] * volts[group] for group in "ab"}
         below = {group: down[group] * volts[group].conjugate() for group in "ab"}
         turned = {group: 0.5 * (above[group] + below[group]) for group in "ab"}

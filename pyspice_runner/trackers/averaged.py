@@ -51,20 +51,6 @@ AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
 _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
 
 
-def check_averaged_tracker(source: TrackedSource, disturbance: Disturbance) -> None:
-    """Raise ParameterError for what has no averaged model: an observer, or a change of the preload."""
-    if source.tracker.kind not in ("pll", "none"):
-        raise ParameterError(
-            f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave averaged "
-            "out."
-        )
-    if disturbance.kind not in AVERAGED_DISTURBANCES:
-        raise ParameterError(
-            f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
-            f"{', '.join(AVERAGED_DISTURBANCES)}."
-        )
-
-
 def tracker_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
     """Return the parameters of ``tracker_averaged`` and ``tracker_filter`` by their names, for the compiled motor.
 
@@ -196,7 +182,16 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
 
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
-    check_averaged_tracker(run.source, run.disturbance)
+    if run.source.tracker.kind not in ("pll", "none"):
+        raise ParameterError(
+            f"The tracker {run.source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave "
+            "averaged out."
+        )
+    if run.disturbance.kind not in AVERAGED_DISTURBANCES:
+        raise ParameterError(
+            f"disturb = {run.disturbance.kind!r} has no averaged model: it must be one of "
+            f"{', '.join(AVERAGED_DISTURBANCES)}."
+        )
     least = 2 * SMOOTHED_PERIODS / run.source.tracker.frequency
     if not least <= run.duration <= LONGEST:
         raise ParameterError(

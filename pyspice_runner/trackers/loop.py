@@ -33,7 +33,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.design import network_of
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.drive import TwoPhaseDrive, two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.kernel import ac
@@ -314,7 +314,7 @@ def _edge(harmonics: Complex) -> float:
 
 
 def _volts(drive: TwoPhaseDrive) -> Complex:
-    return np.array([drive.voltage, drive.voltage_b * np.exp(1j * np.radians(drive.phase_deg))])
+    return np.array(list(two_phasors(drive).values()))
 
 
 def _copies(weights: Mapping[str, float], frequency: float) -> Complex:

@@ -234,7 +234,8 @@ class Tracking(Result):
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
             "static phase error": self._static_error(),
             "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
-            "frequency reached": f"{1e-3 * self.end_frequency_hz:.6g} kHz, by design {self._design()}",
+            "frequency reached": f"{1e-3 * self.end_frequency_hz:.6g} kHz, by design "
+            f"{1e-3 * self.design_frequency_hz:.6g} kHz",
             "running resonance": f"{1e-3 * self.resonance_reached_hz:.6g} kHz at the end, by design "
             f"{self.lag.resonance_hz / 1e3:.6g} kHz with Q = {self.lag.quality:.3g}",
             "speed": f"{self.speed_before_rad_s:.4g} rad/s before, {self.speed_after_rad_s:.4g} rad/s at the end"
@@ -275,9 +276,6 @@ class Tracking(Result):
         sensed = self.loop.sensed_phase_deg if self.loop else None
         notes = f"{self.static_phase_error_deg:.2g}° of the mode"
         return notes if sensed is None else f"{notes}, {sensed - self._wanted_deg:.2g}° of the sensed current"
-
-    def _design(self) -> str:
-        return f"{1e-3 * self.design_frequency_hz:.6g} kHz"
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,9 @@ derivative of the force, determines the loaded quality factor.
 
 from __future__ import annotations
 
-from cmath import rect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, pi, radians, sqrt, tan
+from math import inf, pi, sqrt, tan
 from operator import mul
 from typing import Any, Literal
 
@@ -39,6 +38,7 @@ from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, quantity
 from pyspice_runner.motor.refusal import Stated, checked
@@ -208,10 +208,6 @@ class Tracker(Stated, Excitation):
         lag = running_resonance(motor, self, mode=mode, contact=law is not None)
         return TrackedSource(self, mode, propose_filter(self, lag))
 
-    def phasors(self) -> dict[str, complex]:
-        """Return the voltages' phasors in V, group A at phase 0."""
-        return {"a": complex(self.voltage), "b": rect(self.voltage * self.ratio_b, radians(self.phase_deg))}
-
 
 @dataclass(frozen=True)
 class Disturbance:
@@ -282,7 +278,7 @@ class Disturbance:
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
     """Return the amplitude in N of the force on a mode."""
-    volts = tracker.phasors()
+    volts = two_phasors(tracker)
     return abs(complex(motor.stator.coupling[mode] @ [volts[group] for group in GROUPS]))
 
 
@@ -472,7 +468,7 @@ class TrackedSource(Source):
         """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
         if self.driver:
             return self.driver.initial_voltages()
-        volts = self.tracker.phasors()
+        volts = two_phasors(self.tracker)
         return volts["a"].imag, volts["b"].imag
 
     def current(self, group: str) -> tuple[str, float]:
