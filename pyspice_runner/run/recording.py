@@ -58,7 +58,7 @@ class Recording:
         """Return the vectors to record: those of some columns, or of all, and then the states of the modes too."""
         names: list[str] = []
         for name in self.all_columns if signals is None else signals:
-            names += self._current(name)[:1] if name in _CURRENTS else VECTORS[name]
+            names += self.point.source.current(_CURRENTS[name])[:1] if name in _CURRENTS else VECTORS[name]
         if signals is None:
             names += state_vectors(self.point.motor, self.point.law, kinds=("mode", "mount", "bearing"))
         return [name for name in dict.fromkeys(names) if self.point.law or name[2:-1] not in _OF_CONTACT]
@@ -67,9 +67,6 @@ class Recording:
     def all_columns(self) -> list[str]:
         """The columns that a run with these settings has."""
         return [*COLUMNS, *(HEATED if self.point.thermal else ())]
-
-    def _current(self, column: str) -> tuple[str, float]:
-        return self.point.source.current(_CURRENTS[column])
 
     def columns(self, samples: Mapping[str, Array], names: Iterable[str]) -> dict[str, Array]:
         """Return time and columns in SI units; each is the one copy that is made of the raw file's vector."""
@@ -92,7 +89,7 @@ class Recording:
                 continue
             vector_name = VECTORS[name][0] if name in VECTORS else ""
             if name in _CURRENTS:
-                vector_name, scale[name] = self._current(name)
+                vector_name, scale[name] = self.point.source.current(_CURRENTS[name])
             vector = samples.get(vector_name)
             if vector is None:  # of a contact, and there is none
                 columns[name] = np.zeros(len(columns["time_s"]))

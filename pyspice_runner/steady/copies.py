@@ -257,7 +257,7 @@ class Plant:
 
     def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
         """Return the sines at the pin of a group, with those of the probes."""
-        return (*groups.of(self.drive.tones, group), *(probe.tone for probe in probes if probe.place == group))
+        return (*self.drive.tones[GROUPS.index(group)], *(probe.tone for probe in probes if probe.place == group))
 
     def vectors(self, instance: str, shaft: str) -> list[str]:
         """Return the vectors that hold the states, in their order, for an instance and the node of its shaft."""

@@ -37,9 +37,8 @@ from pyspice_runner.steady.copies import (
     driven_states,
     driven_vectors,
 )
-from pyspice_runner.steady.period_map import CONTACT, PeriodMap, Trace, cores, current, loads
+from pyspice_runner.steady.period_map import CONTACT, PeriodMap, Trace, cores, current, in_threads, loads
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
-from pyspice_runner.steady.threads import in_threads
 
 Array = NDArray[np.float64]
 # part of the largest singular value below which a state at the start has faded before the period begins: more than the

@@ -67,7 +67,7 @@ def differentiable(plant: Plant) -> bool:
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
     """Return the derivatives of runs whose plants are differentiable."""
-    found: list[Derivative | None] = [None] * len(courses)
+    found: dict[int, Derivative] = {}
     groups: dict[tuple[Any, ...], list[int]] = {}
     for place, course in enumerate(courses):
         plant = course.plant
@@ -76,9 +76,8 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
         groups.setdefault((library, kinds, course.first, course.time.tobytes()), []).append(place)
     for places in groups.values():
         group = _Group([courses[place] for place in places], discretisation)
-        for place, derivative in zip(places, group.derivatives(), strict=True):
-            found[place] = derivative
-    return [derivative for derivative in found if derivative is not None]
+        found |= zip(places, group.derivatives(), strict=True)
+    return [found[place] for place in range(len(courses))]
 
 
 class _Group:
@@ -111,17 +110,15 @@ class _Group:
         known = {item.name: item.default for item in read_library("piezomotor_stem").parameters}
         known |= {SLIDER_TIME: rounded(self.discretisation.slider_time)}  # a law may have no slider
         # rounded as in the netlist: the rate is a small difference of two forces, over half a step
-        contacts = [(plant.motor.contact, stems(plant.motor, self.law)) for plant in self.plants]
-        return {
-            name: {
-                **known,
-                "preload": self._column([rounded(one.preload_n) if name == "stem" else 0.0 for one, _ in contacts])[
-                    :, 0
-                ],
-                "compliance": self._column([rounded(compliances[name]) for _, compliances in contacts])[:, 0],
-            }
-            for name in contacts[0][1]
-        }
+        found = {}
+        for name in stems(self.plant.motor, self.law):
+            preload, compliance = np.zeros((2, len(self.plants)))
+            for run, plant in enumerate(self.plants):
+                preload[run] = rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0
+                compliance[run] = rounded(stems(plant.motor, self.law)[name])
+            values = {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
+            found[name] = known | values
+        return found
 
     @cached_property
     def tip(self) -> Array:

@@ -14,14 +14,15 @@ import hashlib
 import os
 import shutil
 from cmath import rect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from math import atan2, ceil, degrees, nan
 from threading import Lock
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -38,7 +39,6 @@ from pyspice_runner.run.window import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, copies_bench, copy_name, drive_voltage, motor_texts, phasor_at
 from pyspice_runner.steady.monodromy import Course, differentiable
-from pyspice_runner.steady.threads import in_threads
 
 COPIES_PER_DECK = 8  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
 _SLIDERS_PER_DECK = 100  # the same of a brush: 3 copies with 32 sliders
@@ -52,6 +52,18 @@ CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 def cores() -> int:
     """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+Given = TypeVar("Given")
+Found = TypeVar("Found")
+
+
+def in_threads(task: Callable[[Given], Found], parts: Sequence[Given], workers: int) -> list[Found]:
+    """Return the results of a task for each part, in a number of threads at a time; one worker needs no thread."""
+    if min(workers, len(parts)) <= 1:
+        return [task(part) for part in parts]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(task, parts))
 
 
 @dataclass(frozen=True)
@@ -399,7 +411,7 @@ def _fundamental(plant: Plant, group: str, trace: Trace, amperes: Array) -> dict
 
     Empty for a group without a voltage, or with tones at two frequencies.
     """
-    tones = [tone for tone in groups.of(plant.drive.tones, group) if tone.amplitude]
+    tones = [tone for tone in plant.drive.tones[GROUPS.index(group)] if tone.amplitude]
     if len({tone.frequency for tone in tones}) != 1:
         return {}
     turning = np.exp(-2j * np.pi * tones[0].frequency * trace.time[1:])

@@ -26,8 +26,7 @@ from pyspice_runner.run.window import interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
-from pyspice_runner.steady.period_map import PeriodMap, Trace
-from pyspice_runner.steady.threads import in_threads
+from pyspice_runner.steady.period_map import PeriodMap, Trace, in_threads
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,6 @@ from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -40,6 +39,7 @@ from pyspice_runner.steady.period_map import (
     cores,
     current,
     extrapolated,
+    in_threads,
     means,
     phases,
     quantities,
@@ -47,7 +47,6 @@ from pyspice_runner.steady.period_map import (
     tip,
 )
 from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
-from pyspice_runner.steady.threads import in_threads
 from pyspice_runner.units import engineering
 
 Place = TypeVar("Place")
@@ -411,12 +410,12 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
     answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]
     level = dict(enumerate(_between(points, maps[0], own=True)))
-    averages = {place: _averaged(level[place], maps[0]) for place in pending if _complete(level[place])}
+    averages = _averages(level, maps[0])
     if accuracy >= ROUGH:
-        enough = {
-            place: _rough(level[place][0], maps[0], averages[place], accuracy) for place in pending if place in averages
-        }
-        answers = {place: answer for place, answer in enough.items() if answer is not None}
+        for place, (found, spread) in averages.items():  # the coarse step alone does where the contact stays closed
+            error = FROM_SPREAD * spread
+            if found["touching"] >= 1.0 and error <= accuracy * _friction(points[place]):
+                answers[place] = _answer(level[place][0], maps[0], found, error)
         pending = [place for place in pending if place not in answers]
     for refinement in range(MOST_REFINEMENTS + 1):
         if not pending:
@@ -424,7 +423,7 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
         before = averages
         maps.append(maps[0].with_steps(steps * 2**refinement))
         level = dict(zip(pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True))
-        averages = {place: _averaged(level[place], maps[-1]) for place in pending if _complete(level[place])}
+        averages = _averages(level, maps[-1])
         still = []
         for place in pending:
             if not (place in averages and place in before):
@@ -447,10 +446,6 @@ def _coarse(point: Orbit, period_map: PeriodMap) -> Answer:
     return _answer(point, period_map, means(point.plant, point.trace, period_map.discretisation), float("nan"))
 
 
-def _complete(copies: Sequence[Orbit]) -> bool:
-    return len(copies) == OFFSETS and all(point.done for point in copies)
-
-
 def _friction(point: Orbit) -> float:
     """Return the friction force under the preload, N."""
     return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
@@ -460,17 +455,6 @@ def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], err
     """Return the answer for means and the error of the friction force in N."""
     torque_error = point.plant.motor.rotor.radius_m * error
     return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
-
-
-def _rough(
-    point: Orbit, period_map: PeriodMap, averaged: tuple[Mapping[str, float], float], accuracy: float
-) -> Answer | None:
-    """Return the answer of the coarse step alone, if the contact stays closed and the error is allowed."""
-    found, spread = averaged
-    error = FROM_SPREAD * spread
-    if found["touching"] < 1.0 or error > accuracy * _friction(point):
-        return None
-    return _answer(point, period_map, found, error)
 
 
 def _between(points: Sequence[Orbit], period_map: PeriodMap, *, own: bool) -> list[list[Orbit]]:
@@ -503,17 +487,23 @@ def _corrected(copies: Sequence[Orbit | None], period_map: PeriodMap, *, near: b
     return list(copies)
 
 
-def _averaged(points: Sequence[Orbit], period_map: PeriodMap) -> tuple[dict[str, float], float]:
-    """Return the means over copies, and the largest difference (N) of their mean friction forces."""
-    several = []
-    for point in points:
-        assert point.trace is not None
-        several.append(means(point.plant, point.trace, period_map.discretisation))
-    values = np.array([list(one.values()) for one in several])
-    found = dict(zip(several[0], values.mean(axis=0).tolist(), strict=True))
-    maxima = dict(zip(several[0], values.max(axis=0).tolist(), strict=True))
-    found |= {name: maxima[name] for name in ("peak_a", "peak_b", "greatest")}
-    return found, float(np.ptp(values[:, list(found).index("friction")]))
+def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> dict[int, tuple[dict[str, float], float]]:
+    """Return the means over the copies of each point, and the largest difference (N) of their mean friction forces.
+
+    A point of which a copy is not solved has none.
+    """
+    averages = {}
+    for place, copies in level.items():
+        solved = [(copy.plant, copy.trace) for copy in copies if copy.done and copy.trace]
+        several = [means(plant, trace, period_map.discretisation) for plant, trace in solved]
+        if len(several) < OFFSETS:
+            continue
+        values = np.array([list(one.values()) for one in several])
+        found = dict(zip(several[0], values.mean(axis=0).tolist(), strict=True))
+        for name in ("peak_a", "peak_b", "greatest"):
+            found[name] = float(values[:, list(found).index(name)].max())
+        averages[place] = found, float(np.ptp(values[:, list(found).index("friction")]))
+    return averages
 
 
 def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1) -> SteadyState:
@@ -526,15 +516,22 @@ def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap
         audit = Audit(audit_point(setup.motor, found, step))
         if setup.solver.audit:
             audit.withhold(f"steady state at {speed_rad_s:.4g} rad/s")
+    simulated_s, solver_seconds, period_maps, decks = 0.0, 0.0, 0, ""
+    for period_map in maps:
+        effort = period_map.effort
+        simulated_s += effort.simulated_s
+        solver_seconds += effort.seconds
+        period_maps += effort.evaluations
+        decks += effort.hashes()
     provenance: dict[str, Any] = {
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
         "run": setup.to_dict(),
         "ngspice_version": maps[0].effort.ngspice_version,
-        "simulated_s": sum(period_map.effort.simulated_s for period_map in maps) / points,
-        "deck_sha256": hashlib.sha256("".join(period_map.effort.hashes() for period_map in maps).encode()).hexdigest(),
-        "period_maps": sum(period_map.effort.evaluations for period_map in maps),
-        "solver_seconds": sum(period_map.effort.seconds for period_map in maps),
+        "simulated_s": simulated_s / points,
+        "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
+        "period_maps": period_maps,
+        "solver_seconds": solver_seconds,
         "audit": audit.to_dict(),
     }
     return SteadyState(
@@ -575,7 +572,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
     samples |= trace.pins
     for group in "ab" if not trace.pins else ():
         name, sign = setup.source.current(group)
-        samples[f"v({group})"] = drive_voltage(groups.of(plant.drive.tones, group), trace.time)
+        samples[f"v({group})"] = drive_voltage(plant.tones(group), trace.time)
         samples[name] = sign * current(plant, group, trace)
     recording = Recording(setup, discretisation, started=False)
     waves = recording.columns(samples, COLUMNS)

@@ -7,7 +7,8 @@ points between them, from the mean of their solved neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import product
 from math import prod
 from typing import TYPE_CHECKING, Any, Literal, Unpack
@@ -28,11 +29,10 @@ from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.branch import dataset_of
-from pyspice_runner.steady.period_map import cores
+from pyspice_runner.steady.period_map import Found, cores
 from pyspice_runner.steady.shooting import Orbit, between
 from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates
 from pyspice_runner.steady.steady import Part, SteadyState, check_accuracy, divided, solve_part, steady_states
-from pyspice_runner.steady.threads import as_ready
 from pyspice_runner.units import linear_name, with_linear
 
 if TYPE_CHECKING:
@@ -227,10 +227,38 @@ def _solved(setups: Mapping[Index, Point], accuracy: float, progress: Progress) 
             starts = [_start([found[other] for other in beside[index]]) for index in part.setups]
             return solve_part(part, accuracy, starts, processes)
 
-        for number, states in as_ready(solved, needs, cores() + 2):
+        for number, states in _as_ready(solved, needs, cores() + 2):
             found |= zip(parts[number].setups, states, strict=True)
             progress(len(found), len(setups))
     return found
+
+
+def _as_ready(
+    task: Callable[[int], Found], needs: Sequence[Collection[int]], workers: int
+) -> Iterator[tuple[int, Found]]:
+    """Yield the numbers and results of tasks as they end, each begun after the tasks that it needs have been yielded.
+
+    A task needs only tasks with smaller numbers.
+    """
+    if workers <= 1:
+        yield from ((number, task(number)) for number in range(len(needs)))
+        return
+    waiting = {number: set(several) for number, several in enumerate(needs)}
+    running: dict[Future[Found], int] = {}
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            while waiting or running:
+                for number in [one for one, several in waiting.items() if not several]:
+                    del waiting[number]
+                    running[pool.submit(task, number)] = number
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    ended = running.pop(future)
+                    yield ended, future.result()
+                    for several in waiting.values():
+                        several.discard(ended)
+        finally:
+            for future in running:
+                future.cancel()
 
 
 def _neighbours(index: Index, stride: int) -> Iterator[Index]:
