@@ -11,14 +11,12 @@ import pytest
 from scipy.optimize import brentq
 
 from pyspice_runner.averaged.library import (
-    HARMONICS,
-    PHASES,
     averaged_contact,
     check_resolution,
     contact_pins,
 )
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.spice.library import definitions, read_library
+from pyspice_runner.spice.library import definitions
 from tests.circuit.batch import measured
 
 CONTACT = {"normal_stiffness": 5e9, "compliance": 4e-7, "mu": 0.25, "radius": 0.012, "preload": 6.0, "damping": 0.4}
@@ -154,10 +152,3 @@ def test_contact_gives_the_sums_of_the_law_over_a_period(
             assert found[f"{axis}_re{order}"] == pytest.approx(part.real, abs=bound)
             assert found[f"{axis}_im{order}"] == pytest.approx(part.imag, abs=bound)
     assert found["open"] == pytest.approx((law["normal"] == 0.0).mean(), abs=1.0 / phases)
-
-
-def test_averaged_contact_has_the_parameters_of_a_phase() -> None:
-    library = averaged_contact()
-    assert library.parameters == read_library("piezomotor_averaged_phase").parameters
-    assert list(library.pin_names) == contact_pins(HARMONICS)
-    assert library.subcircuit.count("\nXphase") == PHASES

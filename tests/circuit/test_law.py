@@ -91,17 +91,6 @@ def test_a_slider_that_sticks_is_displaced_by_the_motion_since_the_tip_touched(a
         assert float(vectors[name][-1].real) == pytest.approx(along * (9.0 - gap / 0.1), rel=2e-4)
 
 
-def test_only_friction_that_falls_with_the_velocity_has_the_exponential() -> None:
-    contact = load_motor("andersen2002").contact
-    plain = contact_library(Law(), contact)
-    falling = contact_library(Law(), contact.model_copy(update={"sliding_ratio": 0.7}))
-    assert "Bfriction friction 0 V=V(grip)/sqrt(max(V(factor),1m))\n" in plain.subcircuit
-    assert "exp(" in falling.subcircuit
-    assert {item.name for item in falling.parameters} - {item.name for item in plain.parameters} == {
-        "sliding", "stribeck"
-    }  # fmt: skip
-
-
 WORN = load_motor("beam40").contact.model_copy(update={"worn_flat_radius_m": 60e-6, "preload_n": 4.0})
 
 

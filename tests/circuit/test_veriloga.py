@@ -90,15 +90,6 @@ def test_a_rotational_shaft_has_the_access_functions_of_its_discipline(law: Cont
     assert "rotational_omega" not in electrical
 
 
-def test_options_of_a_motor_become_parameters() -> None:
-    motor = pr.load_motor("beam40").updated({"mount": None, "contact.sliding_ratio": 0.7})
-    found = parameters(motor_module(motor, thermal=pr.Thermal(frequency_drift_per_k=-2e-4)))
-    assert (found["mounted"]["value"], found["sliding"]["value"], found["drift_f"]["value"]) == ("0", "0.7", "-0.0002")
-    assert {"creep", "sliding"} & set(
-        parameters(motor_module(motor.updated({"contact.sliding_ratio": 1.0}), contact="coulomb"))
-    ) == {"creep"}
-
-
 def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) -> None:
     file = pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", name="left")
     assert "\nmodule left(a, b, com, shaft, temperature);\n" in file.read_text(encoding="utf-8")

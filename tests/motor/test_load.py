@@ -210,30 +210,6 @@ def test_arms_draw_the_current_that_they_state(load: Callable[[Document], Motor]
         assert item.mass_kg == 0.005
 
 
-def test_the_electrical_values_of_a_mode_give_the_same_mode(load: Callable[[Document], Motor]) -> None:
-    modes = []
-    for item in (MODE, SIDE):
-        squared = item["coupling_a_n_per_v"] ** 2
-        modes.append(
-            {
-                "name": item["name"],
-                "resistance_ohm": item["damping_n_s_per_m"] / squared,
-                "inductance_h": item["mass_kg"] / squared,
-                "capacitance_f": squared / item["stiffness_n_per_m"],
-                "coupling_ratio": item["coupling_b_n_per_v"] / item["coupling_a_n_per_v"],
-                "mass_kg": item["mass_kg"],
-                "tip_x": item["tip_x"],
-                "tip_y": item["tip_y"],
-            }
-        )
-    document = {key: value for key, value in MODES.items() if key != "modes"}
-    for found, item in zip(load(document | {"arms": modes}).modes, (MODE, SIDE), strict=True):
-        assert found.name == item["name"]
-        for key in ("mass_kg", "stiffness_n_per_m", "damping_n_s_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v"):
-            assert getattr(found, key) == pytest.approx(item[key], rel=1e-12)
-        assert (found.tip_x, found.tip_y) == (item["tip_x"], item["tip_y"])
-
-
 def test_contact_by_materials_has_hertz_and_mindlins_constants(load: Callable[[Document], Motor]) -> None:
     subject = load(MODES | {"contact": {"friction": 0.2, "preload_n": 3.0, "materials": MATERIALS}})
     modulus = law.effective_modulus(300e9, 0.21, 110e9, 0.34)
@@ -243,11 +219,6 @@ def test_contact_by_materials_has_hertz_and_mindlins_constants(load: Callable[[D
     rotor = law.tangential_compliance(110e9, 0.34, modulus, radius)
     assert subject.contact.tangential_compliance_tip_m_per_n23 == pytest.approx(tip)
     assert subject.contact.tangential_compliance_rotor_m_per_n23 == pytest.approx(rotor)
-
-
-def test_whole_numbers_are_accepted_as_numbers(load: Callable[[Document], Motor]) -> None:
-    assert load(changed(MODES, "contact.preload_n", 7)).contact.preload_n == 7.0
-    assert load(changed(MODES, "rotor.bearing_damping_n_m_s", 0)).rotor.bearing_damping_n_m_s == 0.0
 
 
 # --- provenance ----------------------------------------------------------------------------------------------

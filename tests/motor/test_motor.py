@@ -66,12 +66,6 @@ def test_motor_is_frozen_hashable_by_value_and_survives_a_pickle() -> None:
     assert pickle.loads(pickle.dumps(subject)) == subject == motor()
 
 
-def test_the_representation_has_one_line_with_the_modes() -> None:
-    line = repr(load_motor("andersen2002")).replace("\N{NO-BREAK SPACE}", " ")
-    assert line.startswith("Motor(name: andersen2002, modes: 13.5 kHz (Q 56.7), 51.7 kHz (Q 58.8), preload: 5 N")
-    assert "\n" not in line
-
-
 def test_frequency_and_quality_are_those_of_an_oscillator() -> None:
     item = mode("m", 33e3, 0.002, 123.0)
     assert item.frequency_hz == pytest.approx(33e3, rel=1e-14)

@@ -169,11 +169,6 @@ def test_json_has_the_keys_that_others_rely_on(run: Waveforms, tmp_path: Path) -
     assert set(summary["state_fractions"]) == {"separated", "stick", "slip"}
 
 
-def test_picture_is_written(run: Waveforms, tmp_path: Path) -> None:
-    run.plot(tmp_path / "run.png")
-    assert (tmp_path / "run.png").stat().st_size > 20_000
-
-
 @pytest.mark.parametrize(
     ("settings", "says"),
     [

@@ -38,11 +38,6 @@ def code(text: str) -> list[str]:
 # --- headers -------------------------------------------------------------------------------------------------
 
 
-def test_the_parts_of_a_motor_are_there() -> None:
-    parts = ("contact", "group", "mode", "mount", "normal", "rotor", "tip")
-    assert set(LIBRARIES) >= {f"piezomotor_{part}" for part in parts}
-
-
 @pytest.mark.parametrize("name", LIBRARIES)
 def test_header_and_subcircuit_agree(name: str) -> None:
     library = read_library(name)
