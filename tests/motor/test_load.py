@@ -370,8 +370,8 @@ def test_file_that_may_not_be_read_is_rejected(tmp_path: Path, monkeypatch: pyte
 # --- mistakes in a document ----------------------------------------------------------------------------------
 
 TOP = (
-    "name, description, ceramic, patches, tip, damping, drive, piezo, contact, rotor, slider, mount, limits, beam, "
-    "solid, modes, arms"
+    "name, description, ceramic, patches, tip, damping, law, drive, piezo, contact, rotor, slider, mount, limits, "
+    "beam, solid, modes, arms"
 )
 MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "rottor", {}), "there is no 'rottor'. Did you mean 'rotor'?"),
