@@ -19,7 +19,6 @@ is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping
 from math import inf, sqrt
@@ -28,13 +27,14 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor import beam as beam_model
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.motor.motor import (
     ALIASES,
+    KINDS,
     MOVED,
     SECTIONS,
     Motor,
@@ -47,19 +47,15 @@ from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
     Damping,
-    Limits,
     Mode,
-    Mount,
     Parameters,
     Patch,
-    Piezo,
     Rotor,
     Tip,
     label,
     quantity,
 )
 from pyspice_runner.motor.refusal import as_table, build, check_keys, checked, limited, quoted
-from pyspice_runner.motor.save import KINDS
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
 from pyspice_runner.motor.solid.store import stator_of
 
@@ -190,11 +186,8 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
     if isinstance(source, str) and path.suffix != ".toml" and len(path.parts) == 1:
         path = SETS / f"{source}.toml"
         if source not in available_motors():
-            close = difflib.get_close_matches(source, available_motors(), n=1)
-            hint = f"Did you mean {close[0]!r}?" if close else "Give one of these or the path of a TOML file."
-            raise ParameterError(
-                f"There is no parameter set {quoted(source)}; there are {', '.join(available_motors())}. {hint}"
-            )
+            hint = did_you_mean(source, available_motors(), "Give the path of a TOML file or one of")
+            raise ParameterError(f"There is no parameter set {quoted(source)}. {hint}")
     try:
         found = path.is_file()
     except OSError:  # such as a name that is too long
@@ -241,11 +234,11 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
     contact = _resolve_contact(plain["contact"], radius, where)
     contact |= _softening(contact, structure, provenance, where)
-    kinds: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, moved: MOVED[moved], "limits": Limits}
-    kinds |= {"beam": Beam, "tip": Tip} if ways[0] == "beam" else {}
-    kinds |= {"mount": Mount} if "mount" in plain else {}
     resolved = {"piezo": piezo, "contact": contact}
+    kinds: dict[str, type[Parameters]] = {**SECTIONS, "beam": Beam, "tip": Tip}
     for section, kind in kinds.items():
+        if section not in plain and section != "limits":
+            continue
         for name, field in kind.model_fields.items():
             if not field.is_required() and name not in resolved.get(section, ()):
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))

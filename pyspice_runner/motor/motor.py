@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -44,7 +45,6 @@ from pyspice_runner.motor.parameters import (
     quantity,
 )
 from pyspice_runner.motor.refusal import build, checked, limited, quoted, refusal
-from pyspice_runner.motor.save import motor_toml
 from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, carriers, unknown_recoil
 from pyspice_runner.units import engineering
@@ -128,6 +128,9 @@ class Ringing(Parameters):
 
     frequency_hz: float = quantity("natural frequency", "Hz", ge=LOWEST_FREQUENCY, le=HIGHEST_FREQUENCY)
     quality_factor: float = quantity("mechanical quality factor", "1", gt=LOWEST_QUALITY, le=HIGHEST_QUALITY)
+
+
+KINDS = ("given", "derived", "assumed")  # of the origin of a value in a file
 
 
 @dataclass(frozen=True)
@@ -390,7 +393,7 @@ class Motor(Shown, Parameters):
             heading: words for the first lines, as a comment.
         """
         document = self.model_dump() | ({"drive": self.drive} if self.drive else {})
-        return motor_toml(document, self.provenance, heading=heading)
+        return _toml(document, self.provenance, heading)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``).
@@ -451,6 +454,33 @@ class Motor(Shown, Parameters):
         changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
         document["drive"] = self.drive
         return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
+
+
+def _toml(document: Mapping[str, Any], provenance: Mapping[str, Provenance], heading: str) -> str:
+    """Return a motor as TOML: every value as set, with its origin if known."""
+
+    def entries(path: str, table: Mapping[str, Any]) -> list[str]:
+        found = []
+        for key, value in table.items():
+            text, origin = _written(value), provenance.get(f"{path}.{key}")
+            if origin is not None and origin.kind in KINDS:
+                text = f"{{ value = {text}, {origin.kind} = {_written(origin.note)} }}"
+            found += [] if value is None else [f"{key} = {text}"]
+        return found
+
+    lines = [*(f"# {line}".rstrip() for line in heading.splitlines()), "# USE: piezomotor simulate THIS.toml"]
+    lines += ["", f"name = {_written(document['name'])}"]
+    for index, mode in enumerate(document["modes"]):
+        lines += ["", "[[modes]]", *entries(f"modes.{index}", mode)]
+    for section, table in document.items():
+        if isinstance(table, Mapping):
+            lines += ["", f"[{section}]", *entries(section, table)]
+    return "\n".join(lines) + "\n"
+
+
+def _written(value: object) -> str:
+    """Return a number or a text as TOML; the syntax is that of JSON, except for DEL."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _check_mode(mode: Mode) -> None:

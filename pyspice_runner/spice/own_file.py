@@ -103,7 +103,7 @@ class OwnFile:
 
     def _needs(self) -> tuple[str, ...]:
         """Return the libraries of ``behavioral/`` on the ``NEEDS`` lines."""
-        names = Header(self._path, self._text).needs()
+        names = self._header.needs()
         for name in names:
             if name not in library_names():
                 raise ParameterError(
