@@ -14,7 +14,7 @@ from tools.notebooks import NOTEBOOKS, ROOT, notebook_of
 NOTEBOOK = Path(__file__).resolve().parents[2] / "examples" / "notebook.ipynb"
 SHOWN = ("Motor", "Waveforms", "Admittance", "SpectrumFit", "TwoPortFit", "Trend", "Curves", "Sweep", "SteadyState",
          "AveragedRun", "DriveReport",
-         "Tracking", "Impact")  # fmt: skip
+         "Tracking")  # fmt: skip
 
 
 @pytest.mark.soak
