@@ -162,7 +162,7 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
 
 
 def state_names(modes: int, moving: int, harmonics: int = HARMONICS, *, tracked: bool = False) -> list[str]:
-    """Return the names of the states of an averaged motor, in their order; those of a network are behind them.
+    """Return the names of the states of an averaged motor, in their order; the states of a network follow them.
 
     The carrier moves in ``moving`` directions; a loop has the two voltages of its filter.
     """

@@ -50,7 +50,7 @@ _SAVED = {
 
 
 def spice_rows(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str, Array], list[float]]:
-    """Return what the compiled motor records, of a run of ngspice, and the greatest displacement of each mode, m."""
+    """Return the records of the compiled motor from a run of ngspice, and the maximum displacement of each mode, m."""
     samples = outcome.vectors()
 
     def amplitude(name: str) -> NDArray[np.complex128]:
@@ -113,7 +113,7 @@ def missing_energy(columns: Mapping[str, Array], stored: Array) -> float:
 
 
 def mode_amplitudes(motor: Motor, samples: Mapping[str, Array], harmonics: int) -> list[float]:
-    """Return the greatest displacement of each mode's coordinate at the end of a run of ngspice, m."""
+    """Return the maximum displacement of each mode's coordinate at the end of a run of ngspice, m."""
     found = []
     for index in range(1, len(motor.modes) + 1):
         moves = [

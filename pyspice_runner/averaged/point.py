@@ -153,13 +153,13 @@ class AveragedPoint:
     def deck(
         self, vectors: Sequence[str], timing: Mapping[str, Any], bench: Callable[[], Bench] | None = None
     ) -> Callable[[], str | None]:
-        """Return what writes the netlist of a transient: ``None`` with a course that ngspice cannot follow."""
+        """Return the writer of the netlist of a transient; ``None`` for a schedule that ngspice cannot follow."""
         if "preload" in self.settings:
             return lambda: None
         return partial(deck_of, bench or self.bench, vectors, timing)
 
     def run_settings(self) -> dict[str, Any]:
-        """Return what the results state of the run, JSON-ready."""
+        """Return the description of the run in its results, JSON-ready."""
         return {
             **PAPER_LAW.to_dict(),
             "load_torque_n_m": self.point.load.torque,
