@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
+from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.trackers.loop import resonator_loop
-from pyspice_runner.trackers.track import measured_loop_gain
-from pyspice_runner.trackers.tracker import running_resonance
+from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
 BEGIN, END = "<!-- margins by python -m docs.tracker_margins -->", "<!-- end of the margins -->"
@@ -75,6 +76,41 @@ class Margins:
     designed: tuple[float, float]
     printed: tuple[float, float]
     measured: tuple[float, float]
+
+
+def measured_loop_gain(
+    motor: pr.Motor,
+    tracker: pr.Tracker,
+    frequency_hz: float,
+    *,
+    begin: float,
+    contact: ContactLaw | None = PAPER_LAW,
+    amplitude_hz: float = 150.0,
+    cycles: int = 5,
+    step: float | None = None,
+    driver: pr.Driver | None = None,
+) -> complex:
+    """Measure the gain of a running loop over some cycles from a time on, by a small sine in front of its oscillator.
+
+    At an unloaded voltage node of the loop, the ratio of returned to injected voltage is minus the loop gain
+    (R. D. Middlebrook, Int. J. Electronics 38 (1975) 485). The amplitude, as a frequency of the oscillator, is large
+    enough that the phase swings by several time steps, the resolution of the detector's edges.
+    """
+    mode = len(motor.modes) - 1
+    lag = running_resonance(motor, tracker, contact=contact is not None)
+    window = cycles / frequency_hz
+    inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
+    source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver, inject=inject)
+    setup = Point(motor, source, law=law_of(contact, motor.law), solver=Solver(step))
+    vectors = setup.run(begin + window, ["v(control)", "v(tuning)", "v(tuned)"]).vectors()
+    time = vectors["time"]
+    grid = np.linspace(time[-1] - window, time[-1], 4096 * cycles + 1)
+    turns = np.exp(-2j * np.pi * frequency_hz * grid)
+    after, before = (
+        np.trapezoid((values - values.mean()) * turns, grid)
+        for values in (np.interp(grid, time, vectors[name]) for name in ("v(control)", "v(tuning)"))
+    )
+    return complex(-after / before)
 
 
 def measured(case: Case) -> Margins:

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.control.controllers import STANDS, LoopController, NearStandstill, dead_band, near_standstill
+from pyspice_runner.control.controllers import STANDS, LoopController, dead_band
 from pyspice_runner.control.simulate import simulate_controlled
 from pyspice_runner.control.state_space import at_speed, by_input, small_signals_at
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -41,14 +41,13 @@ LEAST_MARGIN, MOST_MARGIN = 5.0, 120.0  # deg
 STEPPED = 5  # samples before the step
 CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its least number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
-SLOW = 0.1  # of the speed, or of the angle in a radian of the crossover: set point near standstill
 SMALL_DEG = 0.2  # step of the phase
 _OF_POINT = ("load.", "temperature", "speed")  # of the paths of a spread, those that are not of the motor
-# quantity → names and units of the gains, unit of the quantity
-GAINS: dict[str, tuple[tuple[str, str], tuple[str, str], str]] = {
-    "speed": (("proportional", "V·s/rad"), ("integral", "V/rad"), "rad/s"),
-    "position": (("proportional", "V/rad"), ("derivative", "V·s/rad"), "rad"),
-    "phase": (("proportional", "Hz/deg"), ("integral", "Hz/(deg·s)"), "deg"),
+# quantity → names and units of the gains
+GAINS: dict[str, dict[str, str]] = {
+    "speed": {"proportional": "V·s/rad", "integral": "V/rad"},
+    "position": {"proportional": "V/rad", "derivative": "V·s/rad"},
+    "phase": {"proportional": "Hz/deg", "integral": "Hz/(deg·s)"},
 }
 
 
@@ -99,8 +98,6 @@ class ControlLoop(Result):
         provenance: motor, drive, operating point and settings, JSON-ready.
         spread: the loop at other operating points, which is a schedule of the gains as well.
         dead_band_v: amplitude of group A below which the motor stands at this load; ``None`` for a phase.
-        near_standstill: the loop at a small set point, without and with this amplitude as a compensation; none for a
-            phase.
     """
 
     quantity: Quantity
@@ -121,13 +118,12 @@ class ControlLoop(Result):
     provenance: dict[str, Any] = field(repr=False)
     spread: tuple[SpreadPoint, ...] = ()
     dead_band_v: float | None = None
-    near_standstill: tuple[NearStandstill, ...] = ()
 
     @property
     def gain_units(self) -> dict[str, str]:
         """Units of the gains."""
-        *named, _ = GAINS[self.quantity]
-        return {name: linear_unit(unit) if self.linear else unit for name, unit in named}
+        units = GAINS[self.quantity]
+        return {name: linear_unit(unit) if self.linear else unit for name, unit in units.items()}
 
     def _limits(self) -> Iterator[str]:
         """Yield the cautions of the simulated step, and operating points at which the loop is not stable."""
@@ -146,35 +142,27 @@ class ControlLoop(Result):
         """Return gains, margins and overshoot."""
         shown = {f"{name} gain": f"{value:.4g} {self.gain_units[name]}" for name, value in self.gains.items()}
         bound = "none" if self.gain_margin_db is None else f"{self.gain_margin_db:.3g} dB"
-        rows = {}
+        shown |= {
+            "crossover": f"{self.crossover_hz:.4g} Hz",
+            "phase margin": f"{self.phase_margin_deg:.3g}°",
+            "gain margin": bound,
+            "overshoot": f"{100.0 * self.overshoot:.3g} %, averaged motor {100.0 * self.overshoot_simulated:.3g} %",
+        }
         if margins := [one.phase_margin_deg for one in self.spread if one.phase_margin_deg is not None]:
             places = [one.crossover_hz for one in self.spread if one.crossover_hz is not None]
-            rows["over the spread"] = (
+            shown["over the spread"] = (
                 f"{min(margins):.3g} to {max(margins):.3g}° at {min(places):.4g} to {max(places):.4g} Hz, "
                 f"{len(margins)} of {len(self.spread)} points"
             )
-        unit = linear_unit(GAINS[self.quantity][2]) if self.linear else GAINS[self.quantity][2]
         if self.dead_band_v is not None:
-            rows["dead band"] = f"{self.dead_band_v:.3g} V"
-        for one in self.near_standstill:
-            words = "compensated" if one.compensation_v else "not compensated"
-            rows[f"at {one.set_point:.3g} {unit}, {words}"] = one.words(unit)
-        return (
-            shown
-            | rows
-            | {
-                "crossover": f"{self.crossover_hz:.4g} Hz",
-                "phase margin": f"{self.phase_margin_deg:.3g}°",
-                "gain margin": bound,
-                "overshoot": f"{100.0 * self.overshoot:.3g} %, averaged motor {100.0 * self.overshoot_simulated:.3g} %",
-            }
-        )
+            shown["dead band"] = f"{self.dead_band_v:.3g} V"
+        return shown
 
     def to_dict(self) -> dict[str, Any]:
         """Return gains, margins, overshoot, step responses and settings, JSON-ready."""
         names = (
             "gains", "gain_units", "crossover_hz", "phase_margin_deg", "gain_margin_db", "overshoot",
-            "overshoot_simulated", "trusted", "dead_band_v", "near_standstill",
+            "overshoot_simulated", "trusted", "dead_band_v",
         )  # fmt: skip
         step = self._entries("time_s", "step_predicted", "step_simulated")
         spread = {"spread": [asdict(one) for one in self.spread]} if self.spread else {}
@@ -275,6 +263,7 @@ def sampled_loop(
         frequency_hz=frequency, plant=responses, loop_gain=loop,
         time_s=np.linspace(0.0, sample_time * (count - 1), count), step_predicted=predicted, step_simulated=np.zeros(0),
         trusted=False, model_cautions=(),
+        dead_band_v=None if quantity == "phase" else dead_band(motor, drive, load_torque),
         provenance={
             "motor": motor.to_dict(),
             "drive": drive.model_dump(),
@@ -284,25 +273,9 @@ def sampled_loop(
             },
         },
     )  # fmt: skip
-    whole = replace(designed, spread=_spread(designed, motor, drive, (gain, ratio), over)) if over else designed
-    return _simulated(_near_standstill(whole, motor, drive), motor, drive)
-
-
-def _near_standstill(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> ControlLoop:
-    """Return a loop with the dead band, and what it does at a small set point with and without its compensation."""
-    if loop.quantity == "phase":
-        return loop
-    run = loop.provenance["run"]
-    band = dead_band(motor, drive, run["load_torque_n_m"])
-    speed = run["operating_point"]["speed"]
-    set_point = SLOW * speed if loop.quantity == "speed" else SLOW * speed / (2.0 * pi * run["crossover_hz"])
-    runs = [
-        near_standstill(
-            motor, drive, loop.quantity, loop.gains, run=run, set_point=set_point, compensation=compensation
-        )
-        for compensation in (0.0, band)
-    ]
-    return replace(loop, dead_band_v=band, near_standstill=tuple(runs))
+    if over:
+        designed = replace(designed, spread=_spread(designed, motor, drive, (gain, ratio), over))
+    return _simulated(designed, motor, drive)
 
 
 def _spread(
@@ -353,7 +326,7 @@ def _spread(
 
 def _named(quantity: Quantity, gain: float, ratio: float, sample_time: float) -> dict[str, float]:
     """Return the gains of a controller in its units."""
-    (first, _), (second, _), _ = GAINS[quantity]
+    first, second = GAINS[quantity]
     return {first: gain, second: gain * (ratio * sample_time if quantity == "position" else ratio / sample_time)}
 
 

@@ -492,66 +492,6 @@ def _check_together(
         )
 
 
-@checked
-def measured_loop_gain(
-    motor: Motor,
-    tracker: Tracker,
-    frequency_hz: float,
-    *,
-    mode: int | None = None,
-    contact: ContactLaw | None = PAPER_LAW,
-    amplitude_hz: float = 150.0,
-    cycles: int = 5,
-    step: float | None = None,
-    driver: Driver | None = None,
-    begin: float | None = None,
-    timeout: float | None = None,
-) -> complex:
-    """Measure the gain of a running phase-locked loop, by a small sine in front of its oscillator.
-
-    At an unloaded voltage node of the loop, the ratio of returned to injected voltage is minus the loop gain
-    (R. D. Middlebrook, Int. J. Electronics 38 (1975) 485).
-
-    Args:
-        motor: the motor.
-        tracker: the tracker, a ``"pll"``.
-        frequency_hz: frequency of the sine.
-        mode: index of the mode to follow, from 0; by default the last.
-        contact: law of the contact; ``None`` for a free tip.
-        amplitude_hz: amplitude of the sine, as a frequency of the oscillator; large enough that the phase swings by
-            several time steps, the resolution of the detector's edges.
-        cycles: number of measured cycles, after the loop has settled.
-        step: largest time step, s.
-        driver: circuit between tracker and the motor's pins, as in :func:`track`.
-        begin: time in s at which the measurement begins; by default when the tracker has settled. A light rotor may
-            take longer to reach its speed.
-        timeout: wall time in s after which the run is ended.
-
-    Raises:
-        ParameterError: for an invalid value.
-        SimulationError: if ngspice fails or its result cannot be trusted.
-    """
-    if tracker.kind != "pll":
-        raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
-    mode = len(motor.modes) - 1 if mode is None else mode
-    lag = running_resonance(motor, tracker, mode=mode, contact=contact is not None)
-    window = cycles / frequency_hz
-    duration = (_settled(tracker, "load") if begin is None else begin) + window
-    inject = f"SIN(0 {amplitude_hz / tracker.gain_hz_per_v!r} {frequency_hz!r})"
-    source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver, inject=inject)
-    setup = Point(motor, source, law=law_of(contact, motor.law), solver=Solver(step, timeout=timeout))
-    _check_duration(setup, source, duration)
-    vectors = setup.run(duration, _vectors(mode, "v(control)", "v(tuning)")).vectors()
-    time = vectors["time"]
-    grid = np.linspace(time[-1] - window, time[-1], 4096 * cycles + 1)
-    turns = np.exp(-2j * pi * frequency_hz * grid)
-    after, before = (
-        np.trapezoid((values - values.mean()) * turns, grid)
-        for values in (np.interp(grid, time, vectors[name]) for name in ("v(control)", "v(tuning)"))
-    )
-    return complex(-after / before)
-
-
 def _track_full(run: TrackedRun) -> Tracking:
     """Track the full motor."""
     setup, source, disturbance, duration = run.setup, run.source, run.disturbance, run.duration

@@ -111,24 +111,6 @@ def test_the_full_motor_stands_in_the_dead_band_and_turns_above(motor: pr.Motor,
         assert abs(late) < 2e-6 or turns
 
 
-def test_the_compensation_of_the_dead_band_moves_a_position_that_would_stand(
-    motor: pr.Motor, drive: pr.TwoPhaseDrive
-) -> None:
-    loop = pr.control_loop(motor, drive, **DESIGNS["position"])
-    without, compensated = loop.near_standstill
-    assert without.static_error == pytest.approx(without.set_point, rel=1e-3)  # its output stays below the dead band
-    assert abs(compensated.static_error) < 0.01 * compensated.set_point
-    assert compensated.compensation_v == loop.dead_band_v
-    assert loop.to_dict()["near_standstill"][1]["static_error"] == compensated.static_error
-
-
-def test_the_compensation_of_the_dead_band_shortens_the_start(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
-    without, compensated = pr.control_loop(motor, drive, **DESIGNS["slow speed"]).near_standstill
-    assert without.settling_s is not None
-    assert compensated.settling_s is not None
-    assert compensated.settling_s < 0.5 * without.settling_s
-
-
 def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
     """By a sine in the running loop with the gains of the design; 3 % and 1.5°, as it is not infinitely small."""
     wanted = DESIGNS["slow speed"]
