@@ -21,8 +21,7 @@ import numpy as np
 
 import pyspice_runner as pr
 from benchmarks.steady_state import cpu_seconds
-from pyspice_runner.control.controllers import LoopController
-from pyspice_runner.control.loop import ControlLoop
+from pyspice_runner.control.loop import ControlLoop, LoopController
 from pyspice_runner.control.run import ControlledRun
 
 PAGE = Path(__file__).with_name("averaged.md")

@@ -301,15 +301,17 @@ class Driver(Stated, Source):
         return min((2.0 * pi * sqrt(one.inductance * one.capacitance) / RINGING_POINTS for one in rings), default=inf)
 
     def ringing(self, motor: Motor, group: str) -> Ringing | None:
-        """Return the inductance and capacitance behind the stage of a group; ``None`` without an inductance."""
+        """Return inductance and capacitance behind the stage of a group; ``None`` where their resistance damps them."""
         inductance, capacitance = self.leakage(group), groups.of(motor.piezo.capacitances, group)
+        resistance = 0.0
         for part in self.parts(group):
             if part.label == self.network:
-                inductance += part.values[_SERIES[part.label][0]]
+                coil, ohms = (part.values[name] for name in _SERIES[part.label])
+                inductance, resistance = inductance + coil, resistance + ohms
                 capacitance += part.values.get("parallel_capacitance", 0.0)
                 series = part.values.get("series_capacitance", part.values.get("capacitance", inf))
                 capacitance = 1.0 / (1.0 / capacitance + 1.0 / series)
-        return Ringing(inductance, capacitance) if inductance else None
+        return Ringing(inductance, capacitance) if 4.0 * inductance > resistance**2 * capacitance else None
 
     @property
     def label(self) -> str:

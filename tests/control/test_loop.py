@@ -14,7 +14,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.control.controllers import dead_band
+from pyspice_runner.control.loop import dead_band
 
 MEASURED = run_path(str(Path(__file__).resolve().parents[2] / "docs" / "averaged_loops.py"))
 DESIGNS: dict[str, dict[str, Any]] = MEASURED["DESIGNS"]
