@@ -15,7 +15,7 @@ from __future__ import annotations
 from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import degrees, pi, sqrt
+from math import copysign, degrees, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -47,9 +47,11 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.steady import SteadyState, steady_states
+from pyspice_runner.units import engineering
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
 WARM = "operating point, warm"  # the motor at its temperature, the frequency following its drift
@@ -217,10 +219,16 @@ class Design:
     def to_dict(self) -> dict[str, Any]:
         """Return the design without the driver, which its report has, JSON-ready."""
         names = ("parts", "feasible", "reason", "starts", "wanted_v", "share", "unmatched", "points")
-        found = {name: getattr(self, name) for name in names}
-        found["parts"] = [part.__dict__ for part in self.parts]
-        for name in ("unmatched", "points"):
-            found[name] = [{**point.__dict__, "a": point.a.__dict__, "b": point.b.__dict__} for point in found[name]]
+        return {name: json_ready(getattr(self, name)) for name in names}
+
+    def summary(self) -> dict[str, str]:
+        """Return the states of the range, whether the design is feasible, and whether the motor starts."""
+        found = {}
+        for point in self.points:
+            pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in GROUPS)
+            found[point.state] = f"{point.speed_rad_s:.4g} rad/s, {engineering(point.torque_n_m, 'N·m')}; pins {pins}"
+        found["design"] = f"{'feasible' if self.feasible else 'not feasible'}: {self.reason}"
+        found["starts from rest"] = {True: "yes", False: "no", None: "not simulated"}[self.starts]
         return found
 
     def ran(
@@ -250,14 +258,16 @@ class Design:
 
         It has, or it turns towards it and the torque of the steady states beyond its speed accelerates it on.
         """
-        target = next(point for point in self.points or self.unmatched if point.state == OPERATING)
-        if abs(target.speed_rad_s) < STANDS:
+        target = next(point for point in self.points or self.unmatched if point.state == OPERATING).speed_rad_s
+        if abs(target) < STANDS:
             return True
-        reached = speed_rad_s / target.speed_rad_s
-        sign = 1.0 if target.speed_rad_s > 0.0 else -1.0
-        ahead = [point for point in self.points if point.speed_rad_s / target.speed_rad_s < 1.0]
-        spare = [sign * (point.torque_n_m - self.load_torque_n_m) > 0.0 for point in ahead]
-        return reached >= ARRIVED or (reached >= TURNING and bool(spare) and all(spare))
+        reached, sign = speed_rad_s / target, copysign(1.0, target)
+        spare = [
+            sign * (point.torque_n_m - self.load_torque_n_m)
+            for point in self.points
+            if point.speed_rad_s / target < 1.0
+        ]
+        return reached >= ARRIVED or (reached >= TURNING and min(spare, default=0.0) > 0.0)
 
 
 ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
@@ -406,18 +416,16 @@ def driver_state(
     pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
     ideal = Point.of(point.motor, pins, **settings)
     (pins_held,) = steady_states([ideal], accuracy=ACCURACY)
-    starts = [pins_held.solution, None] if pins_held.solution is not None else [None]
-    for start in starts:
-        (state,) = steady_states([point], accuracy=ACCURACY, waveforms=True, starts=[start])
-        if state.converged and (state.stable or state.held_by_friction):
-            found = range_point("", state, driver)
-            of_groups = {
-                groups.column(name, group, unit): getattr(found.group(group), f"{name}_{unit}")
-                for group in GROUPS for name, unit in (("voltage", "v"), ("current", "a"))
-            }  # fmt: skip
-            names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
-            return {name: getattr(found, name) for name in names} | of_groups
-    raise SimulationError("There is no stable steady state behind this driver.")
+    (state,) = _solved([point], [pins_held.solution])
+    if not _steady(state):
+        raise SimulationError("There is no stable steady state behind this driver.")
+    found = range_point("", state, driver)
+    of_groups = {
+        groups.column(name, group, unit): getattr(found.group(group), f"{name}_{unit}")
+        for group in GROUPS for name, unit in (("voltage", "v"), ("current", "a"))
+    }  # fmt: skip
+    names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
+    return {name: getattr(found, name) for name in names} | of_groups
 
 
 PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
@@ -512,10 +520,14 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 
 
-def _solved(points: Sequence[Point], starts: Sequence[Orbit | None], *, surely: bool) -> list[SteadyState]:
-    """Return steady states behind a driver; if ``surely``, those that Newton's method does not find at once, too."""
+def _steady(state: SteadyState) -> bool:
+    return state.converged and (state.stable or state.held_by_friction)
+
+
+def _solved(points: Sequence[Point], starts: Sequence[Orbit | None]) -> list[SteadyState]:
+    """Return steady states behind a driver; one that is not found from its start is searched for from rest."""
     found = steady_states(points, accuracy=ACCURACY, waveforms=True, starts=starts)
-    lost = [place for place, state in enumerate(found) if surely and not state.converged]
+    lost = [place for place, state in enumerate(found) if not _steady(state)]
     again = steady_states([points[place] for place in lost], accuracy=ACCURACY, waveforms=True)
     for place, state in zip(lost, again, strict=True):
         found[place] = state
@@ -524,15 +536,13 @@ def _solved(points: Sequence[Point], starts: Sequence[Orbit | None], *, surely: 
 
 def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where: str) -> str:
     """Return in a sentence at which state there is no stable steady state; an empty text if there is at all."""
-    lost = [
-        name for name, state in states.items() if not (state.converged and (state.stable or state.held_by_friction))
-    ]
-    if not lost:
-        return ""
+    lost = [name for name, state in states.items() if not _steady(state)]
     volts = " and ".join(f"{value:.4g} V" for value in wanted.values())
     return (
         f"At {', '.join(lost)} there is no stable steady state {where} ({volts}), so that no design can be checked. "
         "Change the frequency or the voltage, and look at the motor with simulate."
+        if lost
+        else ""
     )
 
 
@@ -711,13 +721,13 @@ class _Search:
         behind = [
             replace(self.ideal, source=driver.equivalent, load=Load(speed=point.speed_rad_s)) for point in self.points
         ]
-        starts, surely = [state.solution for state in self.states.values()], share == 0.0
+        starts = [state.solution for state in self.states.values()]
         found = replace(draft, driver=driver, share=share)
-        states = dict(zip(self.states, _solved(behind, starts, surely=surely), strict=True))
+        states = dict(zip(self.states, _solved(behind, starts), strict=True))
         lost = _lost(states, draft.wanted_v, where := "behind this driver; the voltages wanted at the pins")
         if (rise := self.rise) and not lost:
             warm = warmed(behind[1], driver.equivalent, rise)
-            states[WARM] = _solved([warm], starts[1:2], surely=surely)[0]
+            states[WARM] = _solved([warm], starts[1:2])[0]
             lost = _lost(states, draft.wanted_v, where)
         if lost:
             return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
@@ -761,12 +771,7 @@ class _Search:
         )
         notes = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
         notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
-        if self.driver.network == "inductor" and share == 0.0 and not self.driver.switched:
-            notes += (
-                f" No series network is proposed: the voltages would change by more than {100.0 * PIN_BAND:.0f} %, or "
-                "the power factor fall. An LLCC filter can raise it."
-            )
-        elif self.driver.network == "inductor" and share < 1.0:
+        if self.driver.network == "inductor" and share < 1.0:
             notes += (
                 f" The network cancels {100.0 * share:.0f} % of the reactance at the operating point; with more the "
                 f"voltages would change by more than {100.0 * PIN_BAND:.0f} %, or the power factor fall."

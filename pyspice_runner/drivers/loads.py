@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from math import pi, radians
+from math import inf, pi, radians
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,12 @@ class PartLoad:
     unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
     peak_voltage_v: float | None  # greatest voltage across it
     peak_current_a: float | None  # greatest current through it
+
+    def words(self) -> str:
+        """Return value and maxima for a summary."""
+        peaks = ((self.value, self.unit), (self.peak_voltage_v, "V"), (self.peak_current_a, "A"))
+        value, *borne = (engineering(much, unit.removesuffix("1")).rstrip() for much, unit in peaks if much is not None)
+        return f"{value}; bears {', '.join(borne)}" if borne else value
 
     def largest(self, others: Iterable[PartLoad]) -> PartLoad:
         """Return the part with the largest voltage and current of several runs."""
@@ -236,25 +242,18 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if resonance < FEWEST_TIMES * frequency
     ]
     for part in parts:
-        if part.name.startswith(TRANSISTOR) and driver.mosfet in MOSFETS:
-            most, borne = ratings(driver.mosfet).breakdown_v, part.peak_voltage_v or 0.0
-            if borne > most:
-                notes.append(
-                    f"The {part.name} bears {borne:.4g} V; it breaks down at {most:g} V. Take another one or lower the "
-                    "rail."
-                )
+        volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
+        breakdown = ratings(driver.mosfet).breakdown_v if driver.mosfet in MOSFETS else inf
+        if part.name.startswith(TRANSISTOR) and volts > breakdown:
+            notes.append(f"The {part.name} bears {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
-            volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
             winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
             notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
     return notes
 
 
 ON, OFF = 0.8, 0.6  # V, of the ramp of a leg at which a gate rises and falls through half its voltage, in the libraries
-ZERO = (
-    0.05  # of the rails, voltage left below which a transistor turns on without voltage: less than 0.3 % of the energy
-)
-_BEFORE, _AFTER = 0.5, 1.0  # of a dead time around it, in the picture of an edge
+ZERO = 0.05  # of the rails, voltage left below which a transistor turns on without voltage: 0.3 % of the energy
 
 
 @dataclass(frozen=True)
@@ -266,9 +265,7 @@ class TurnOn:
     voltage_left_v: float  # across the transistor when it turns on
     current_a: float  # of the leg when the other transistor turns off; positive where it helps
     charge_c: float | None  # to be moved over the whole swing; ``None`` for a MOSFET of the user's own
-    dead_time_s: (
-        float | None
-    )  # in which that current moves the charge; ``None`` where it does not help, or is not known
+    dead_time_s: float | None  # in which that current moves the charge; ``None`` where it does not, or is not known
     hard_switching_w: float | None  # loss in the channel by the voltage that is left
 
 
@@ -320,36 +317,19 @@ def turn_ons(driver: Driver, samples: Mapping[str, Array], window: Window) -> tu
     found: list[TurnOn] = []
     for group in GROUPS if driver.kind in BRIDGES else ():
         for switch in _switches(driver, group):
-            edges = [edge for edge in _edges(samples, switch) if edge[0] >= window.start]
-            if edges:
-                found.append(_turn_on(driver, switch, edges, samples, driver.swing(group)))
+            offs, ons = _edges(samples, switch)
+            late = offs >= window.start
+            if late.any():
+                found.append(_turn_on(driver, switch, (offs[late], ons[late]), samples, driver.swing(group)))
     return tuple(found)
 
 
-def edge_waveforms(driver: Driver, samples: Mapping[str, Array]) -> dict[str, Array]:
-    """Return time, voltage and current of the first leg of group A around its last turn-on; empty for another stage."""
-    if driver.kind not in BRIDGES:
-        return {}
-    switch = _switches(driver, "a")[0]
-    edges = _edges(samples, switch)
-    if not edges:
-        return {}
-    off, on = edges[-1]
-    time = samples["time"]
-    near = (time >= off - _BEFORE * (on - off)) & (time <= on + _AFTER * (on - off))
-    sign = 1.0 if driver.kind == "push-pull" else -switch.helping
-    return {
-        "time_s": time[near] - off, "leg_voltage_v": samples[switch.voltage][near],
-        "leg_current_a": sign * samples[switch.current][near], "turn_on_s": np.array([on - off]),
-    }  # fmt: skip
-
-
-def _edges(samples: Mapping[str, Array], switch: _Switch) -> list[tuple[float, float]]:
+def _edges(samples: Mapping[str, Array], switch: _Switch) -> tuple[Array, Array]:
     """Return the times at which the other transistor turns off and this one turns on, for every edge."""
     time, ramp = samples["time"], samples[switch.ramp] * (1.0 if switch.rising else -1.0)
     offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
     places = np.searchsorted(offs, ons) - 1
-    return [(float(offs[place]), float(on)) for place, on in zip(places, ons, strict=True) if place >= 0]
+    return offs[places[places >= 0]], ons[places >= 0]
 
 
 def _crossings(time: Array, values: Array, level: float) -> Array:
@@ -360,14 +340,10 @@ def _crossings(time: Array, values: Array, level: float) -> Array:
 
 
 def _turn_on(
-    driver: Driver,
-    switch: _Switch,
-    edges: list[tuple[float, float]],
-    samples: Mapping[str, Array],
-    swing: float,
+    driver: Driver, switch: _Switch, edges: tuple[Array, Array], samples: Mapping[str, Array], swing: float
 ) -> TurnOn:
     """Return the mean over the edges of a transistor."""
-    time, offs, ons = samples["time"], *(np.array(times) for times in zip(*edges, strict=True))
+    time, (offs, ons) = samples["time"], edges
     volts = np.interp(ons, time, samples[switch.voltage])
     left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
     current = switch.helping * float(np.mean(np.interp(offs, time, samples[switch.current])))

@@ -184,22 +184,21 @@ def beyond(
         frequency_hz: frequency of the drive, Hz.
         winding_f: capacitance of the winding of a coil, F.
     """
-    found: list[tuple[str, float, float, str]] = []
-    if unit == "H":
-        found.append(("inductance", value, largest_inductance(frequency_hz, winding_f), "H"))
-        found.append(("flux linkage", value * amperes, LARGEST_FLUX, "V·s"))
-        found.append(("voltage", volts, HIGHEST_COIL_VOLTAGE, "V"))
-    else:
-        found.append(("capacitance", value, LARGEST_CAPACITANCE, "F"))
-        found.append(("voltage", volts, HIGHEST_CAPACITOR_VOLTAGE, "V"))
-    notes = [
-        f"The {name} has a {what} of {engineering(much, of)}; the limit is {engineering(most, of)}."
-        for what, much, most, of in found
-        if much > most * (1.0 + 1e-9)
-    ]
-    if unit == "F" and value < SMALLEST_CAPACITANCE:
-        least = engineering(SMALLEST_CAPACITANCE, "F")
-        notes.append(f"The {name} has a capacitance of {engineering(value, 'F')}; the least is {least}.")
-    if unit == "H" and value < SMALLEST_INDUCTANCE:
-        notes.append(f"The {name} has an inductance of {engineering(value, 'H')}; the least is 1 µH.")
-    return tuple(notes)
+    largest = largest_inductance(frequency_hz, winding_f)
+    limits = {
+        "H": [
+            ("inductance", value, SMALLEST_INDUCTANCE, largest, "H"),
+            ("flux linkage", value * amperes, 0.0, LARGEST_FLUX, "V·s"),
+            ("voltage", volts, 0.0, HIGHEST_COIL_VOLTAGE, "V"),
+        ],
+        "F": [
+            ("capacitance", value, SMALLEST_CAPACITANCE, LARGEST_CAPACITANCE, "F"),
+            ("voltage", volts, 0.0, HIGHEST_CAPACITOR_VOLTAGE, "V"),
+        ],
+    }[unit]
+    return tuple(
+        f"The {name} has a {what} of {engineering(much, of)}; "
+        f"the limit is {engineering(low if much < low else high, of)}."
+        for what, much, low, high, of in limits
+        if not low <= much <= high * (1.0 + 1e-9)
+    )

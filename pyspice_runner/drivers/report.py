@@ -25,7 +25,6 @@ from pyspice_runner.drivers.loads import (
     PartLoad,
     TurnOn,
     driver_events,
-    edge_waveforms,
     event_cautions,
     load_vectors,
     maxima,
@@ -115,7 +114,6 @@ class DriveReport(Result):
         settling: relative change of the motor's power from the first to the second half of the window.
         maxima: maxima of pins, stages and parts over the whole run from power-up.
         switching: turn-on of each transistor of a bridge.
-        edge: voltage and current of a leg over time around a turn-on; empty without a bridge.
         design: the design of the driver, completed by the run; ``None`` for a driver that was given.
         waveforms: time and the voltages and currents of outputs and groups over the window.
         solver_seconds: wall time that ngspice took.
@@ -146,7 +144,6 @@ class DriveReport(Result):
     to_come: dict[str, float | None]
     maxima: dict[str, Any]
     switching: tuple[TurnOn, ...]
-    edge: dict[str, Array] = field(repr=False)
     design: Design | None
     waveforms: dict[str, Array] = field(repr=False)
     solver_seconds: float
@@ -217,19 +214,8 @@ class DriveReport(Result):
                 )
         if self.design and not self.design.feasible:
             yield f"Do not build this driver. {self.design.reason}"
-        yield from (*self.overloads, *self.event_faults, *self.ceramic.get("cautions", ()))
-
-    @property
-    def _by_step(self) -> str:
-        error = self.mean_torque_error_n_m
-        return "" if error is None else f" ± {engineering(error, 'N·m')} by the step"
-
-    @property
-    def overloads(self) -> list[str]:
-        """Limits of coils and capacitors that the run exceeds; a design has them in its reason."""
-        if self.design:
-            return []
-        return list(self.maxima["exceeded"])
+        overloads = [] if self.design else self.maxima["exceeded"]  # a design has them in its reason
+        yield from (*overloads, *self.event_faults, *self.ceramic.get("cautions", ()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report, JSON-ready."""
@@ -254,6 +240,7 @@ class DriveReport(Result):
 
     def summary(self) -> dict[str, str]:
         """Return driver, powers, losses, efficiency, speed, torque, the parts with what they bear, and the design."""
+        error = self.mean_torque_error_n_m
         found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
@@ -263,7 +250,8 @@ class DriveReport(Result):
             "power factor": f"{self.power_factor:.3f}",
             "shaft power": engineering(self.shaft_power_w, "W"),
             "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
-            "mean torque": engineering(self.mean_torque_n_m, "N·m") + self._by_step,
+            "mean torque": engineering(self.mean_torque_n_m, "N·m")
+            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step"),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
@@ -274,43 +262,17 @@ class DriveReport(Result):
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
                 f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
             )
-            field = self.maxima[groups.column("field", group, "v_per_m")]
-            found[f"group {group}, greatest"] = (
-                f"{engineering(self.maxima[f'voltage_{group}_v'], 'V')} after "
-                f"{engineering(self.maxima[f'voltage_{group}_at_s'], 's')}"
-                + ("" if field is None else f", {1e-3 * field:.3g} V/mm")
-                + f"; {engineering(self.maxima[f'current_{group}_a'], 'A')}"
-            )
-            for event, most in self.events.items():
+            for event, most in {"greatest": self.maxima, **self.events}.items():
                 found[f"group {group}, {event}"] = (
                     f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
                 )
         for edge in self.switching:
             how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
-            needs = "" if edge.charge_c is None else f"; {engineering(edge.charge_c, 'C')} to move"
-            if edge.dead_time_s is not None:
-                needs += f", {engineering(edge.dead_time_s, 's')} by {engineering(edge.current_a, 'A')}"
-            loss = "" if edge.hard_switching_w is None else f"; loses {engineering(edge.hard_switching_w, 'W')}"
-            found[f"turn-on of {edge.transistor}"] = f"{how}{needs}{loss}"
-        loads = self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]
-        for load in loads:
-            value = f"{load.value:.4g}" if load.unit == "1" else engineering(load.value, load.unit)
-            borne = [
-                engineering(peak, unit)
-                for peak, unit in ((load.peak_voltage_v, "V"), (load.peak_current_a, "A"))
-                if peak is not None
-            ]
-            found[load.name] = f"{value}; bears {', '.join(borne)}" if borne else value
+            found[f"turn-on of {edge.transistor}"] = how
+        for load in self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]:
+            found[load.name] = load.words()
         if self.design:
-            for point in self.design.points:
-                pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in GROUPS)
-                found[point.state] = (
-                    f"{engineering(point.speed_rad_s, 'rad/s')}, {engineering(point.torque_n_m, 'N·m')}; pins {pins}; "
-                    f"power factor {point.power_factor:.2f}"
-                )
-            found["design"] = f"{'feasible' if self.design.feasible else 'not feasible'}: {self.design.reason}"
-            started = {True: "yes", False: "no", None: "not simulated"}[self.design.starts]
-            found["starts from rest"] = started
+            found |= self.design.summary()
         return self._localised(found)
 
 
@@ -407,7 +369,6 @@ def drive_report(
         to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
         maxima=maxima(motor, driver, samples),
         switching=turn_ons(driver, samples, window),
-        edge=edge_waveforms(driver, samples),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,

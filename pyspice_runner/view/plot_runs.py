@@ -242,8 +242,6 @@ def drive_report(report: DriveReport) -> Sheet:
         "spectrum": partial(_harmonics, report),
         "powers": partial(_powers, report),
     }
-    if report.edge:
-        panels["edge"] = partial(_edge, report)
     return Sheet(panels, 1, (6.5, 3.0), report.motor["name"])
 
 
@@ -258,22 +256,6 @@ def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -
         for place, dash, name in (("group", "-", "pin"), ("output", ":", "stage"))
     ]  # fmt: skip
     draw_lines(ax, (LABELS["time_us"], time), label, lines, title, fontsize="small", ncols=2)
-
-
-def _edge(report: DriveReport, ax: Axes) -> None:
-    """Draw voltage and current of a leg around a turn-on; vertical lines are the turn-off before it and the turn-on."""
-    edge, time = report.edge, Label("time since the turn-off", "ns", 1e9)
-    line = [(edge["leg_voltage_v"], {"color": BLUE, "label": "leg voltage"})]
-    first = report.switching[0].transistor if report.switching else ""
-    draw_lines(ax, (time, edge["time_s"]), LABELS["voltage_v"], line, f"Turn-on of {first}")
-    other = ax.twinx()
-    current = 1e3 * edge["leg_current_a"]
-    other.plot(1e9 * edge["time_s"], current, color=VERMILION, linestyle="--", label="leg current")
-    other.set_ylabel("current in mA")
-    for moment in (0.0, float(edge["turn_on_s"][0])):
-        ax.axvline(1e9 * moment, color=GREY, linestyle=":", linewidth=1.0)
-    handles = [*ax.get_lines()[:1], *other.get_lines()]
-    ax.legend(handles, ["leg voltage", "leg current"], fontsize="small")
 
 
 def _harmonics(report: DriveReport, ax: Axes) -> None:

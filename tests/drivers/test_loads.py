@@ -120,13 +120,6 @@ def test_a_dead_time_that_moves_the_charge_leaves_no_voltage_and_a_shorter_one_d
     assert sum(edge.hard_switching_w or 0.0 for edge in short.switching) < sum(short.losses_w.values())
 
 
-def test_a_picture_shows_one_edge(tmp_path: Path) -> None:
-    found = bridge(400e-9)
-    assert 0.0 < found.edge["turn_on_s"][0] < 1e-6
-    found.plot(tmp_path / "edge.png")
-    assert (tmp_path / "edge.png").stat().st_size > 20_000
-
-
 def test_a_linear_stage_has_no_switching() -> None:
     driver = pr.Driver(kind="linear", voltage=50.0, frequency=51.7e3)
     assert pr.drive_report(pr.load_motor("andersen2002"), driver, 2e-4).to_dict()["switching"] == []
