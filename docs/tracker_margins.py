@@ -18,7 +18,6 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.run.point import Point, Solver
-from pyspice_runner.trackers.loop import resonator_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, running_resonance
 
 PAGE = Path(__file__).with_name("tracking.md")
@@ -133,7 +132,7 @@ def measured(case: Case) -> Margins:
     shift = -np.log(abs(gain)) / slope
     crossover = loop.crossover_hz * float(np.exp(shift))
     margin = 180.0 + float(np.degrees(np.angle(gain)) + turning * shift)
-    alone = resonator_loop(tracker, found.lag, found.loop_filter)
+    alone = pr.control_loop(motor, tracker)
     return Margins(
         (alone.crossover_hz, alone.phase_margin_deg), (loop.crossover_hz, loop.phase_margin_deg), (crossover, margin)
     )

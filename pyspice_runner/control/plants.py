@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, pi
-from typing import Protocol
 
 import numpy as np
 from PySpice.Spice.Netlist import Circuit
@@ -156,16 +155,6 @@ class State:
     energy: float = 0.0  # J, electrical, into both groups since the start
 
 
-class Plant(Protocol):
-    """A running motor."""
-
-    def advance(self, until: float) -> State:
-        """Run to a time in s."""
-
-    def alter(self, name: str, value: float) -> None:
-        """Set a command from now on."""
-
-
 def first(course: Schedule) -> float:
     """Return the value of a course at the start."""
     return float(np.interp(0.0, *np.transpose(course)))
@@ -218,3 +207,6 @@ class Compiled:
     def alter(self, name: str, value: float) -> None:
         """Set a command from now on."""
         self._motor.set(**{INPUT_OF[name]: value})
+
+
+Plant = Spice | Compiled

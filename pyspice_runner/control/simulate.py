@@ -53,7 +53,6 @@ from pyspice_runner.run.window import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.process import Session
 
-IDEAL_ROUNDING = Rounding(IDEAL)
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
 MOST_RECORDS = 1000  # between two samples
@@ -264,7 +263,8 @@ class Loop:
                 if until > now.time:
                     now = self.plant.advance(until)
                 if records > 1:
-                    ideal = vars(_sample(now, seen)) | {"load_position_rad": now.load_position}
+                    ideal = vars(_sample(now, seen, Rounding(IDEAL), seen.position, 0.0))
+                    ideal |= {"load_position_rad": now.load_position}
                     between.append([ideal[name] for name in RECORDS])
                     seen = now
             reference = self.reference(now.time)
@@ -300,9 +300,8 @@ class Loop:
 
 
 def _sample(
-    now: State, last: State, rounding: Rounding = IDEAL_ROUNDING, measured: float | None = None,
-    reference: float = 0.0, *, linear: bool = False,
-) -> Sample:  # fmt: skip
+    now: State, last: State, rounding: Rounding, measured: float, reference: float, *, linear: bool = False
+) -> Sample:
     """Return the sample between two states; ``measured`` is the angle that was measured at the last one, rad."""
     interval = now.time - last.time
     position = rounding.position(now.position, linear=linear)
@@ -310,9 +309,8 @@ def _sample(
     currents = [rounding.current((after - before) / interval) for after, before in charges]
     voltages = [rounding.voltage((after - before) / interval) for after, before in fluxes]
     current_a, current_b = ((abs(current), degrees(cmath.phase(current))) for current in currents)
-    before = last.position if measured is None else measured
     return Sample(
-        now.time, (position - before) / interval, position, *current_a, now.temperature, reference, *current_b,
+        now.time, (position - measured) / interval, position, *current_a, now.temperature, reference, *current_b,
         *map(abs, voltages),
     )  # fmt: skip
 

@@ -47,27 +47,6 @@ LARGEST_GATE_EDGE = 0.125  # of the dead time; a longer edge would begin before 
 _OWN = "driver"  # label of the user's own stage
 
 
-class _Slot(NamedTuple):
-    """Place of a built-in part in a channel: label of its parameters, library, and first part of its instance name."""
-
-    label: str
-    library: str
-    instance: str
-
-
-_STAGES = {
-    "linear": _Slot("amplifier", "driver_amplifier", "stage"),
-    "half-bridge": _Slot("bridge", "driver_half_bridge", "stage"),
-    "full-bridge": _Slot("bridge", "driver_full_bridge", "stage"),
-    "push-pull": _Slot("bridge", "driver_push_pull", "stage"),
-}
-_TRANSFORMER = _Slot("transformer", "driver_transformer", "transformer")
-_CABLE = _Slot(CABLE, "driver_cable", "cable")
-_NETWORKS = {
-    "inductor": _Slot("inductor", "driver_inductor", "network"),
-    "llcc": _Slot("llcc", "driver_llcc", "network"),
-}
-
 # At switching edges ngspice chooses the steps. With its default tolerances they fall to a picosecond and less where the
 # reverse current of a body diode breaks off, and the run ends with "Timestep too small". An error of 3e-15 C (reltol
 # times chgtol) is nothing against the nanocoulombs of a gate. 0.3 µA (trtol times abstol) in a capacitance are 30 µW at
@@ -364,7 +343,7 @@ class Driver(Stated, Source):
     @property
     def transformer_label(self) -> str:
         """The part with the parameters of the transformer: that of a push-pull stage belongs to the stage."""
-        return _STAGES[self.kind].label if self.kind == "push-pull" else _TRANSFORMER.label
+        return "bridge" if self.kind == "push-pull" else "transformer"
 
     def ratio(self, group: str) -> float:
         """Return the voltage ratio of the transformer of a group; 1 without one."""
@@ -406,12 +385,8 @@ class Driver(Stated, Source):
             volts = 4.0 / pi * (high - low) * self.ratio(group) * sqrt(1.0 - level**2)
         elif self.kind == "half-bridge":
             volts = 2.0 / pi * (high - low) * self.ratio(group)
-        return volts * self._open(group)
-
-    def _open(self, group: str) -> float:
-        """Return the voltage of an open transformer over that of its ratio; 1 without one."""
         values = self._transformer(group)
-        return values["coupling"] * self.raised(group) if values else 1.0
+        return volts * values["coupling"] * self.raised(group) if values else volts
 
     def raised(self, group: str) -> float:
         """Return the factor by which the capacitance of a transformer's winding raises the voltage behind its leakage.
@@ -516,11 +491,10 @@ class Driver(Stated, Source):
         For a part of both groups it is that of either.
         """
         found = [self._located(one) for one in of_groups(path) or (path,)]
-        limits = [
-            (part.values[name], (parameter.least, parameter.greatest))
+        return any(
+            part.values[name] in (parameter.least, parameter.greatest)
             for part, name in found for parameter in part.library.parameters if parameter.name == name
-        ]  # fmt: skip
-        return any(value in ends for value, ends in limits)
+        )  # fmt: skip
 
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin; a cable if one of its parameters is set."""
@@ -536,19 +510,19 @@ class Driver(Stated, Source):
         return next((part.values for part in self.parts(group) if part.label == label), {})
 
     def _chain_of(self, group: str) -> tuple[Part, ...]:
-        own = [self._part(_OWN, self._stage, groups.named("stage", group), group)] if self._stage else []
-        between = self.transformer or self.kind == "full-bridge"
-        slots = (_STAGES.get(self.kind), _TRANSFORMER if between else None)
-        labels = {path.partition(".")[0] for path in self.settings}
-        cable = _CABLE if {CABLE, groups.named(CABLE, group)} & labels else None
-        chain = [slot for slot in (*slots, _NETWORKS.get(self.network), cable) if slot]
-        return (
-            *own,
-            *(
-                self._part(slot.label, read_library(slot.library), groups.named(slot.instance, group), group)
-                for slot in chain
-            ),
-        )
+        chain = list[tuple[str, str, Library]]()  # first part of the instance's name, label, library
+        if self._stage:
+            chain.append(("stage", _OWN, self._stage))
+        elif self.kind != "ideal":
+            label, name = ("amplifier", "amplifier") if self.kind == "linear" else ("bridge", self.kind)
+            chain.append(("stage", label, read_library(f"driver_{name.replace('-', '_')}")))
+        if self.transformer or self.kind == "full-bridge":
+            chain.append(("transformer", "transformer", read_library("driver_transformer")))
+        if self.network != "none":
+            chain.append(("network", self.network, read_library(f"driver_{self.network}")))
+        if {CABLE, groups.named(CABLE, group)} & {path.partition(".")[0] for path in self.settings}:
+            chain.append((CABLE, CABLE, read_library("driver_cable")))
+        return tuple(self._part(label, library, groups.named(name, group), group) for name, label, library in chain)
 
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""

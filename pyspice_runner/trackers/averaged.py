@@ -28,12 +28,12 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.kernel import Outcome, transient, transient_timing
+from pyspice_runner.run.kernel import Outcome, ac, transient, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.trackers.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, averaged_loop, crossing
+from pyspice_runner.trackers.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, crossing
 from pyspice_runner.trackers.tracker import (
     RAIL,
     SMOOTHED_PERIODS,
@@ -49,19 +49,6 @@ from pyspice_runner.trackers.tracker import (
 
 AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
 _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
-
-
-def tracker_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
-    """Return the parameters of ``tracker_averaged`` and ``tracker_filter`` by their names, for the compiled motor.
-
-    Without a tracker the pump has no current, and the filter keeps its voltage.
-    """
-    own, tracker = source.loop_filter, source.tracker
-    values = _loop_values(motor, source) | {
-        "resistance": own.resistance_ohm, "capacitance": own.capacitance_f, "ripple": own.ripple_f,
-        "start": tracker.start_v,
-    }  # fmt: skip
-    return values if tracker.kind == "pll" else values | {"current": 0.0}
 
 
 def averaged_front(source: TrackedSource) -> AveragedDrive:
@@ -200,10 +187,6 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
     return _compiled(run) if averaged_engine(engine) == "compiled" else _spice(run)
 
 
-def _bench(run: TrackedRun) -> Bench:
-    return averaged_tracked_bench(run.setup.motor, run.source, run.disturbance, run.setup.load)
-
-
 # --- the compiled motor ---
 
 
@@ -211,10 +194,16 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
     setup, source, disturbance = run.setup, run.source, run.disturbance
     tracker, motor, front = source.tracker, setup.motor, averaged_front(source)
     stage = front.stage
-    longest = max(run.duration / LONGEST_STEPS["compiled"], source.period)
+    longest, own = max(run.duration / LONGEST_STEPS["compiled"], source.period), source.loop_filter
+    values = _loop_values(motor, source) | {
+        "resistance": own.resistance_ohm, "capacitance": own.capacitance_f, "ripple": own.ripple_f,
+        "start": tracker.start_v,
+    }  # fmt: skip
+    if tracker.kind == "none":  # without current of the pump the filter keeps its voltage
+        values["current"] = 0.0
     running = AveragedMotor(
         motor, thermal=disturbance.drifting, speed=setup.load.speed, longest=longest,
-        loop=Loop(tracker_values(motor, source), source.mode), networks=front.networks,
+        loop=Loop(values, source.mode), networks=front.networks,
     )  # fmt: skip
     courses: dict[str, Schedule] = {"target": target_points(tracker, disturbance)}
     if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
@@ -244,6 +233,7 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
     currents = phasors("current")
     voltages = phasors("pin") if front.networks else front.phasors
     amplitudes, normal_force, heat = running.mode_amplitudes(), running.get("normal_force"), running.get("heat")
+    bench = motor, source, disturbance, setup.load
     timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
     return AveragedTrack(
         curves={ours: rows[theirs] for ours, theirs in names.items()},
@@ -255,7 +245,7 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
         find_loop=partial(_compiled_loop, run, running),
         seconds=seconds,
         ngspice_version=None,
-        deck=deck_of(partial(_bench, run), ["all"], timing),
+        deck=deck_of(partial(averaged_tracked_bench, *bench), ["all"], timing),
         deck_sha256=None,
     )
 
@@ -291,8 +281,9 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
 def _spice(run: TrackedRun) -> AveragedTrack:
     setup, source, disturbance = run.setup, run.source, run.disturbance
     motor = setup.motor
+    bench = averaged_tracked_bench(motor, source, disturbance, setup.load)
     outcome = transient(
-        _bench(run), ["all"], step=source.period, duration=run.duration,
+        bench, ["all"], step=source.period, duration=run.duration,
         longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
     )  # fmt: skip
     vectors, last = outcome.vectors(), outcome.last()
@@ -335,5 +326,13 @@ def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
         Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
         thermal=run.disturbance.drifting,
     )  # fmt: skip
-    guess = {name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)}
-    return averaged_loop(source.tracker, source.loop_filter, held, guess)
+    tracker, reach = source.tracker, 10**SWEPT_DECADES
+    vectors = ac(
+        held, ["v(phase)"], guess={name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)},
+        variation="dec", number_of_points=POINTS_PER_DECADE, start_frequency=tracker.bandwidth_hz / reach,
+        stop_frequency=tracker.bandwidth_hz * reach,
+    ).phasors()  # fmt: skip
+    frequency = vectors["frequency"].real
+    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
+    gain = -pump * source.loop_filter.impedance(2j * pi * frequency) * vectors["v(phase)"]
+    return crossing(tracker, source.loop_filter, frequency, gain)

@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.design import network_of
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -36,13 +35,11 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import json_ready
-from pyspice_runner.run.kernel import ac
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, small_signals
 from pyspice_runner.trackers.tracker import (
     LoopFilter,
-    StatorLag,
     TrackedSource,
     Tracker,
     loop_gain,
@@ -105,32 +102,11 @@ def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, cont
     if tracker.kind != "pll":
         raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
     lag = running_resonance(motor, tracker, mode=mode, contact=contact)
-    return resonator_loop(tracker, lag, propose_filter(tracker, lag))
-
-
-def resonator_loop(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter) -> LoopDesign:
-    """Return the loop gain of a filter in front of a resonator alone. Raise SimulationError unless it crosses 1."""
+    loop_filter = propose_filter(tracker, lag)
     steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
     frequency = tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps)
     gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
     return crossing(tracker, loop_filter, frequency, gain)
-
-
-def averaged_loop(tracker: Tracker, loop_filter: LoopFilter, bench: Bench, guess: Mapping[str, float]) -> LoopDesign:
-    """Return the loop gain with an averaged motor, from ``.ac`` of a bench with the loop open.
-
-    ``guess`` has voltages of nodes near the operating point. Raise SimulationError as of :func:`loop_design`.
-    """
-    reach = 10**SWEPT_DECADES
-    vectors = ac(
-        bench, ["v(phase)"], guess=guess, variation="dec", number_of_points=POINTS_PER_DECADE,
-        start_frequency=tracker.bandwidth_hz / reach, stop_frequency=tracker.bandwidth_hz * reach,
-    ).phasors()  # fmt: skip
-    frequency = vectors["frequency"].real
-    pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
-    return crossing(
-        tracker, loop_filter, frequency, -pump * loop_filter.impedance(2j * pi * frequency) * vectors["v(phase)"]
-    )
 
 
 def crossing(
@@ -156,7 +132,6 @@ Complex = NDArray[np.complex128]
 # frequencies at which the running motor is modulated; of a free resonator splines between seven are within 0.7 %
 POINTS = 7
 REACH = 4.0  # from the bandwidth to the lowest and to the highest of them
-POINTS_PER_DECADE = 100  # of the loop gain
 EDGE_STEPS = 20  # of Newton's method
 
 

@@ -71,26 +71,6 @@ class Sensing:
     phase_drift_deg_per_k: float
     frequency_drift_hz_per_k: float
 
-    def words(self) -> str:
-        """Return the drift in a line."""
-        if not self.capacitance_drift_per_k:
-            return "copies of the clamped capacitances follow the temperature"
-        return (
-            f"copies of the clamped capacitances stay cold: {self.phase_drift_deg_per_k:.2g}° and "
-            f"{engineering(self.frequency_drift_hz_per_k, 'Hz')} per kelvin"
-        )
-
-    @property
-    def off(self) -> str:
-        """A caution where the drift matters, else empty."""
-        if abs(self.phase_drift_deg_per_k) * WARM_K <= LOCKED_DEG:
-            return ""
-        return (
-            f"The copies of the clamped capacitances do not warm up: {WARM_K:g} K move the phase by "
-            f"{WARM_K * self.phase_drift_deg_per_k:.2g}°. Let the copies follow the temperature (--compensate), or "
-            "match them where the motor runs."
-        )
-
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Result):
@@ -212,8 +192,12 @@ class Tracking(Result):
             )
         if self.no_loop:
             yield f"The loop gain of the running motor is not known: {self.no_loop}"
-        if self.sensing is not None and (off := self.sensing.off):
-            yield off
+        moved = WARM_K * self.sensing.phase_drift_deg_per_k if self.sensing else 0.0
+        if abs(moved) > LOCKED_DEG:
+            yield (
+                f"The copies of the clamped capacitances do not warm up: {WARM_K:g} K move the phase by {moved:.2g}°. "
+                "Let the copies follow the temperature (--compensate), or match them where the motor runs."
+            )
         yield from self.ceramic.get("cautions", ())
 
     def columns(self) -> dict[str, Array]:
@@ -232,7 +216,7 @@ class Tracking(Result):
             "locked": "yes" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
-            "static phase error": self._static_error(),
+            "static phase error": f"{self.static_phase_error_deg:.2g}° of the mode",
             "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
             "frequency reached": f"{1e-3 * self.end_frequency_hz:.6g} kHz, by design "
             f"{1e-3 * self.design_frequency_hz:.6g} kHz",
@@ -250,13 +234,16 @@ class Tracking(Result):
             rows["stall torque"] = engineering(self.stall_torque_n_m, "N·m")
         if self.settings["tracker"]["kind"] == "pll":
             parts, units = asdict(self.loop_filter), ("Ω", "F", "F")
-            designed = f"for {engineering(self.settings['tracker']['bandwidth_hz'], 'Hz')}"
-            rows["loop filter"] = f"{', '.join(map(engineering, parts.values(), units))}, {designed}"
+            rows["loop filter"] = ", ".join(map(engineering, parts.values(), units))
         if self.sensing is not None:
-            rows["sensing"] = self.sensing.words()
+            drift = engineering(self.sensing.frequency_drift_hz_per_k, "Hz")
+            rows["drift of the sensing"] = f"{self.sensing.phase_drift_deg_per_k:.2g}° and {drift} per kelvin"
         if self.loop is not None:
             error = "" if self.loop.margin_error_deg is None else f" ± {self.loop.margin_error_deg:.1g}°"
             rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}°{error} at {self.loop.crossover_hz:.4g} Hz"
+            if self.loop.sensed_phase_deg is not None:
+                sensed = self.loop.sensed_phase_deg - self._wanted_deg
+                rows["static phase error"] += f", {sensed:.2g}° of the sensed current"
         return self._localised(rows)
 
     @property
@@ -271,11 +258,6 @@ class Tracking(Result):
         return (
             float(self.settings["tracker"]["target_deg"] + step) if self.settings["tracker"]["kind"] == "pll" else 0.0
         )
-
-    def _static_error(self) -> str:
-        sensed = self.loop.sensed_phase_deg if self.loop else None
-        notes = f"{self.static_phase_error_deg:.2g}° of the mode"
-        return notes if sensed is None else f"{notes}, {sensed - self._wanted_deg:.2g}° of the sensed current"
 
 
 @dataclass(frozen=True)
