@@ -251,7 +251,7 @@ class Loop:
         fixed = [name for name in COMMANDS if len(self.settings[name]) > 1]
         rows, between = list[list[float]](), list[list[float]]()
         last = seen = now = State(0.0)
-        measured = 0.0  # the last measured angle
+        measured, exact = 0.0, Rounding(IDEAL)  # the last measured angle; of the records
         for number in range(1, count + 1):
             begin, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
             for part in range(1, records + 1):
@@ -263,7 +263,7 @@ class Loop:
                 if until > now.time:
                     now = self.plant.advance(until)
                 if records > 1:
-                    ideal = vars(_sample(now, seen, Rounding(IDEAL), seen.position, 0.0))
+                    ideal = vars(_sample(now, seen, exact, seen.position, 0.0))
                     ideal |= {"load_position_rad": now.load_position}
                     between.append([ideal[name] for name in RECORDS])
                     seen = now
