@@ -572,18 +572,15 @@ def _tracker(motor: Motor, kind: str, duration: float, what: str) -> str:
     )  # fmt: skip
 
 
-def average_bench(
-    tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, *, closed: bool, target: str = "DC 0", title: str = ""
-) -> Circuit:
-    """Return the averaged loop: closed, or open at the oscillator's input and driven there by ``AC 1``.
+def average_bench(tracker: Tracker, lag: StatorLag, loop_filter: LoopFilter, title: str = "averaged loop") -> Circuit:
+    """Return the averaged loop, open at the oscillator's input and driven there by ``AC 1``.
 
-    The voltage at ``control`` of the open loop is minus the loop gain. In the closed loop ``phase`` follows ``target``,
-    both in rad.
+    The voltage at ``control`` is minus the loop gain.
     """
-    circuit = Circuit(title or "averaged loop")
+    circuit = Circuit(title)
     circuit.raw_spice += "\n".join(read_library(f"tracker_{part}").subcircuit for part in ("average", "filter")) + "\n"
-    circuit.V("target", "target", circuit.gnd, target)
-    _add_average(circuit, tracker, lag, loop_filter, source=None if closed else "DC 0 AC 1")
+    circuit.V("target", "target", circuit.gnd, "DC 0")
+    _add_average(circuit, tracker, lag, loop_filter, source="DC 0 AC 1")
     return circuit
 
 
@@ -614,7 +611,7 @@ def _tracking_loop(motor: Motor) -> str:
     tracker = Tracker(kind="pll", voltage=50.0, ratio_b=2.0, frequency=51.7e3)
     lag = running_resonance(motor, tracker, mode=1)
     lag, loop_filter = _rounded(lag, propose_filter(tracker, lag))
-    circuit = average_bench(tracker, lag, loop_filter, closed=False, title=f"{motor.name}: loop gain of the tracker")
+    circuit = average_bench(tracker, lag, loop_filter, f"{motor.name}: loop gain of the tracker")
     # FIND takes the real part; the real part of a second loop, driven 90 degrees later, is the imaginary part
     _add_average(circuit, tracker, lag, loop_filter, suffix="_later", source="DC 0 AC 1 -90")
     measures = {

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.driver import control_amplitude
 from pyspice_runner.drivers.parts import MOSFETS, ratings, suited
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.point import Point
@@ -241,12 +240,6 @@ def test_supply_follows_from_the_voltage_asked_for() -> None:
     assert driver("ideal").rails("a") == (0.0, 0.0)
 
 
-def test_controls_give_the_voltage_asked_for() -> None:
-    assert control_amplitude(driver("linear", ratio_b=0.5, settings={"amplifier.gain": 10.0}), "b") == 2.5
-    assert control_amplitude(driver("half-bridge"), "a") == 1.0
-    assert control_amplitude(driver("ideal"), "a") == 50.0
-
-
 def test_settings_reach_one_group_or_both() -> None:
     some = driver("linear", network="inductor", settings={"inductor.resistance": 3.0, "inductor_b.inductance": 2e-3})
     values = [some.parts(group)[1].values for group in ("a", "b")]
@@ -279,19 +272,6 @@ def test_errors_name_the_value_and_what_is_allowed(kind: str, changes: dict[str,
     with pytest.raises(pr.ParameterError) as caught:
         driver(kind, **changes)
     assert sentence in str(caught.value)
-
-
-PARTS = ("amplifier", "half_bridge", "full_bridge", "inductor", "llcc", "transformer", "cable")
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_losses_feeds_and_stores_are_nodes(name: str) -> None:
-    library = read_library(f"driver_{name}")
-    assert library.losses
-    for kind, entries in (("loss", library.losses), ("feed", library.feeds), ("store", library.stores)):
-        for entry, meaning in entries:
-            assert f"\nB{kind}_{entry} {kind}_{entry} 0 V=" in library.subcircuit
-            assert meaning
 
 
 @pytest.mark.parametrize(("kind", "label"), [("full-bridge", "transformer"), ("push-pull", "bridge")])
@@ -385,33 +365,3 @@ def test_drivers_power_up_in_corners_of_their_ranges(kind: str, network: str) ->
         corner = {name: generator.choice(end) for name, end in ends.items()} | {"frequency": 51.7e3}
         report = powered_up(kind, network, corner)
     assert abs(report.balance_residual) < 0.01, corner
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "network", "prefixes"),
-    [
-        pytest.param(
-            "linear",
-            "inductor",
-            ("amplifier.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s"),
-            marks=pytest.mark.soak,
-        ),
-        pytest.param(
-            "half-bridge",
-            "inductor",
-            ("bridge.", "inductor.", "frequency", "voltage", "phase_deg", "supply_rise_s"),
-            marks=pytest.mark.soak,
-        ),
-        pytest.param("half-bridge", "llcc", ("llcc.",), marks=pytest.mark.soak),
-        ("full-bridge", "inductor", ("transformer.ratio",)),
-    ],
-)
-def test_drivers_power_up_at_the_ends_of_every_range(kind: str, network: str, prefixes: tuple[str, ...]) -> None:
-    """Each end by itself, of each part once; `python -m docs.drive_grid` has every kind with every network."""
-    for name, end in ranges(kind, network).items():
-        if name.startswith(prefixes):
-            for value in end:
-                if (name, value) != ("frequency", 1e3):
-                    report = powered_up(kind, network, {name: value})
-                    assert report is None or abs(report.balance_residual) < 0.01, (name, value)
