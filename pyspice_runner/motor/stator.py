@@ -102,18 +102,21 @@ class Stator:
 
         Args:
             stiffness: of each contact along x₁, y₁, x₂ and so on, without R, in N/m.
-            damping: of each contact likewise, in N·s/m.
+            damping: of each contact likewise, in N·s/m, in parallel with that stiffness and so in series with R; of first
+                order in the damping.
             surface_kg: mass of the rotor at its surface.
             surface_n_s_per_m: damping of its bearing there.
         """
         springs = np.diag(np.asarray(stiffness, dtype=float))
-        springs = springs @ np.linalg.inv(np.eye(len(springs)) + self.residual @ springs)
+        share = np.linalg.inv(np.eye(len(springs)) + self.residual @ springs)  # of a motion, not taken up by R
+        springs = springs @ share
         found = self._extended(1)
         found.mass[-1, -1], found.damping[-1, -1] = surface_kg, surface_n_s_per_m
         found.contact[::2, -1] = -1.0
         along, held = found.contact, springs @ self.residual_per_volt  # ``held``: forces of the contacts per volt
+        taken = share @ along
         return replace(
-            found, damping=found.damping + (along.T * np.asarray(damping)) @ along,
+            found, damping=found.damping + (taken.T * np.asarray(damping)) @ taken,
             stiffness=found.stiffness + along.T @ springs @ along, coupling=found.coupling - along.T @ held,
             capacitance=self.capacitance - self.residual_per_volt.T @ held, carriers=0,
         )  # fmt: skip
