@@ -156,13 +156,8 @@ def solve_resonator(
 ) -> Resonator:
     """Return the ``count`` lowest bending modes, from ``shapes`` sines, with or without patches.
 
-    Raise ParameterError if the parts do not fit together, or ``count`` does not fit ``shapes``.
+    Raise ParameterError if the parts do not fit together.
     """
-    if not 1 <= count <= shapes:
-        raise ParameterError(
-            f"count = {count} modes cannot be computed from shapes = {shapes} shape functions: "
-            "count must be from 1 to shapes, and much less for accurate modes."
-        )
     if tip.position_m > beam.length_m * (1 + _LENGTH_TOLERANCE):
         raise ParameterError(
             f"tip.position_m = {tip.position_m:g} m lies beyond beam.length_m = {beam.length_m:g} m; "

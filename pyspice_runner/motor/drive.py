@@ -220,19 +220,23 @@ def check_together(motor: Motor, drive: Drive) -> None:
         )
 
 
+def _fastest(radius_m: float | None) -> tuple[float, str, str]:
+    """Return the greatest speed of a rotor, or of a slider, its unit, and what happens above it."""
+    if radius_m is None:
+        return FASTEST_SLIDER, "m/s", "at which a stator breaks"
+    return min(FASTEST_SHAFT, FASTEST_SURFACE / radius_m), "rad/s", "above which its rim bursts"
+
+
 def too_fast(motor: Mapping[str, Any], speed: float) -> tuple[str, ...]:
     """Return in a sentence that a rotor turns faster, in rad/s, than a shaft may be held; nothing if it does not.
 
     The motor is stated as by :meth:`.Motor.to_dict`; with a slider the speed is in m/s.
     """
-    if "slider" in motor:
-        told = f"The slider moves at {speed:.4g} m/s; the limit is {FASTEST_SLIDER:g} m/s, at which a stator breaks."
-        return (f"{told} Lower the load.",) if abs(speed) > FASTEST_SLIDER else ()
-    highest = min(FASTEST_SHAFT, FASTEST_SURFACE / motor["rotor"]["radius_m"])
-    if not abs(speed) > highest:
+    moved = "slider" if "slider" in motor else "rotor"
+    fastest, unit, reason = _fastest(motor[moved].get("radius_m"))
+    if not abs(speed) > fastest:
         return ()
-    told = f"The rotor turns at {speed:.4g} rad/s; the limit is {highest:.3g} rad/s, above which its rim bursts."
-    return (f"{told} Lower the load torque.",)
+    return (f"The {moved} moves at {speed:.4g} {unit}; the limit is {fastest:.3g} {unit}, {reason}. Lower the load.",)
 
 
 @dataclass(frozen=True)
@@ -245,24 +249,12 @@ class Load:
 
     def check(self, motor: Motor) -> None:
         """Raise ParameterError for a value out of range for a motor's shaft, or for speed and torque together."""
-        if self.speed is not None and motor.slider:
-            if not abs(self.speed) <= FASTEST_SLIDER:
-                raise ParameterError(
-                    f"speed = {self.speed:g} m/s is not valid: of a slider it must be a number from "
-                    f"{-FASTEST_SLIDER:g} to {FASTEST_SLIDER:g} m/s."
-                )
-        elif self.speed is not None:
-            if not abs(self.speed) <= FASTEST_SHAFT:
-                raise ParameterError(
-                    f"speed = {self.speed:g} rad/s is not valid: it must be a number from -1e6 to 1e6 rad/s."
-                )
-            radius = motor.rotor.radius_m
-            surface, highest = abs(self.speed) * radius, FASTEST_SURFACE / radius
-            if surface > FASTEST_SURFACE:
-                raise ParameterError(
-                    f"speed = {self.speed:g} rad/s is not valid for rotor.radius_m = {radius:g} m: its rim would move "
-                    f"at {surface:.3g} m/s, where every rotor bursts. Give at most {highest:.3g} rad/s."
-                )
+        fastest, unit, reason = _fastest(None if motor.slider else motor.rotor.radius_m)
+        if self.speed is not None and not abs(self.speed) <= fastest:
+            raise ParameterError(
+                f"speed = {self.speed:g} {unit} is not valid for the {motor.moved} of {motor.name}: it must be a "
+                f"number from {-fastest:.3g} to {fastest:.3g} {unit}, {reason}."
+            )
         if not abs(self.torque) <= 1e6:
             unit = "N" if motor.slider else "N·m"
             raise ParameterError(

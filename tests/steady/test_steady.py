@@ -164,7 +164,7 @@ def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]
     assert run(["steady", "andersen2002", "--load", "100"]) == 0
     # the closed form of a rotor that slips: (μ F₀ R − load) / damping of the bearing; at most 1 km/s over the radius
     speed = (friction_torque(PAPER) - 100.0) / PAPER.rotor.bearing_damping_n_m_s
-    assert f"The rotor turns at {speed:.4g} rad/s; the limit is 1e+05 rad/s" in capsys.readouterr().err
+    assert f"The rotor moves at {speed:.4g} rad/s; the limit is 1e+05 rad/s" in capsys.readouterr().err
     drive = pr.default_drive(PAPER)
     chart = pr.working_points(PAPER, drive, over={"load.torque": [0.0, 100.0]}, objective="speed")
     assert chart.allowed.values.tolist() == [True, False]

@@ -699,7 +699,7 @@ def test_progress_shows_the_time_left(
         (["--over", "drive.voltage=1,nan"], "it must be one or more numbers"),
         (["--over", "drive.voltag=1"], "Did you mean 'drive.voltage'?"),
         (["--over", "contact.prelod_n=1"], "Did you mean 'contact.preload_n'?"),
-        (["--over", "modes.7.tip_x=1"], "There is no mode '7'"),
+        (["--over", "modes.7.tip_x=1"], "There is no parameter 'modes.7.tip_x'"),
         (["--over", "modes.0.name=1"], "is not a number"),
         (["--over", "wings=1"], "There is no parameter 'wings'"),
         (["--over", "run.duraton=1"], "Did you mean 'run.duration'?"),

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from math import ceil
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,35 +27,11 @@ _NEAR = 1e-6  # of an element: places that are meant to coincide
 Mask = NDArray[np.bool_]
 
 
-class Places(Protocol):
-    """A mesh, and where its parts are; ``name`` is the path of an item, for messages."""
-
-    mesh: Any
-    element: Any
-
-    def restrict(self, cells: Indices) -> None:
-        """Keep these cells only."""
-
-    def cells(self, item: Placed, name: str) -> Mask:
-        """Return which cells lie in an item."""
-
-    def facets(self, item: Placed, name: str) -> Indices:
-        """Return the facets of the boundary that an item covers, none of a point."""
-
-    def nodes(self, basis: Any, item: Placed, name: str) -> Mask:
-        """Return which nodes of the elements an item covers. Raise ParameterError if there are none."""
-
-    def side(self, electrode: Electrode, box: Box) -> int | None:
-        """Return 0 for an electrode on the upper face of a plate, 1 on its lower face, None otherwise."""
-
-
-def places_of(solid: Solid) -> Places:
-    """Return the mesh of a stator, built or read. Raise ParameterError for too many elements or an unfit file."""
-    return _Blocks(solid) if solid.mesh is None else _Regions(solid)
-
-
 class _Blocks:
-    """Boxes along the axes, cut into cells no longer than ``element_m``."""
+    """A mesh of boxes along the axes, cut into cells no longer than ``element_m``, and where its parts are.
+
+    ``name`` is the path of an item, for messages.
+    """
 
     def __init__(self, solid: Solid) -> None:
         from skfem import ElementHexS2, ElementQuadS2, MeshHex, MeshQuad
@@ -95,22 +71,27 @@ class _Blocks:
         return np.asarray(np.all((points >= low - self._near) & (points <= high + self._near), axis=0))
 
     def restrict(self, cells: Indices) -> None:
+        """Keep these cells only."""
         self.mesh = self.mesh.restrict(cells)
 
     def cells(self, item: Placed, name: str) -> Mask:  # noqa: ARG002
+        """Return which cells lie in an item."""
         return self._inside(item, self.mesh.p[:, self.mesh.t].mean(axis=1))
 
     def facets(self, item: Placed, name: str) -> Indices:  # noqa: ARG002
+        """Return the facets of the boundary that an item covers, none of a point."""
         facets = self.mesh.boundary_facets()
         return np.asarray(facets[self._inside(item, self.mesh.p[:, self.mesh.facets[:, facets]]).all(axis=0)])
 
     def nodes(self, basis: Any, item: Placed, name: str) -> Mask:
+        """Return which nodes of the elements an item covers. Raise ParameterError if there are none."""
         found = self._inside(item, basis.doflocs)
         if not found.any():
             raise ParameterError(f"solid.{name} touches no box; correct its from_m and to_m.")
         return found
 
     def side(self, electrode: Electrode, box: Box) -> int | None:
+        """Return 0 for an electrode on the upper face of a plate, 1 on its lower face, None otherwise."""
         (_, _, low), (_, _, high) = electrode.corners
         for row, height in enumerate((box.corners[1][2], box.corners[0][2])):
             if abs(low - height) <= self._near and abs(high - height) <= self._near:
@@ -123,7 +104,7 @@ _WHAT = ("points", "curves", "surfaces", "volumes")
 
 
 class _Regions:
-    """The cells of a mesh file by gmsh, with its physical groups."""
+    """The cells of a mesh file by gmsh, with its physical groups; the same questions as to :class:`_Blocks`."""
 
     def __init__(self, solid: Solid) -> None:
         assert solid.mesh is not None
@@ -197,6 +178,14 @@ class _Regions:
         if not len(corners):
             raise ParameterError(f"{stated} touches no box; correct it.")
         return dimension, corners
+
+
+Places = _Blocks | _Regions
+
+
+def places_of(solid: Solid) -> Places:
+    """Return the mesh of a stator, built or read. Raise ParameterError for too many elements or an unfit file."""
+    return _Blocks(solid) if solid.mesh is None else _Regions(solid)
 
 
 def _read(source: MeshFile) -> Any:
