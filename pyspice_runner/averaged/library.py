@@ -9,7 +9,6 @@ at N phases of the period, and sums over the phases give the mean and the harmon
 
 from __future__ import annotations
 
-import re
 from cmath import rect
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -150,28 +149,31 @@ ALL_TERMS = Terms()
 def averaged_phase(terms: Terms) -> Library:
     """Return ``piezomotor_averaged_phase`` with the terms that a motor has."""
     library = read_library(_PHASE)
-    text, absent = library.subcircuit, list[str]()
+    lines, absent = {line.partition(" 0 V=")[0]: line for line in library.subcircuit.splitlines()}, list[str]()
+    left: list[tuple[str, str]] = []  # terms that are left out, and what stands for them
     if not terms.series:
-        text = re.sub(r"(?m)^B(hold|depth) .*\n", "", text)
-        text = re.sub(r"(?m)^Bfree free 0 V=(.*)\+{damping\*series}.*$", r"Bhold hold 0 V=min(uramp(\1),4)", text)
-        text = re.sub(r"(?m)^(Bnormal .*?\*)uramp.*$", r"\1V(hold)*V(depth)**1.5", text)
-        text = text.replace(" series=0", "").replace("+1e6*series*preload", "")
-        text = text.replace("Bapproach approach", "Bdepth depth")
+        del lines["Bhold hold"], lines["Bdepth depth"]
+        factor = lines["Bfree free"].partition(" 0 V=")[2].partition("+{damping*series}")[0]
+        lines["Bfree free"] = f"Bhold hold 0 V=min(uramp({factor}),4)"
+        lines["Bnormal normal"] = lines["Bnormal normal"].partition("uramp")[0] + "V(hold)*V(depth)**1.5"
+        left += [(" series=0", ""), ("+1e6*series*preload", ""), ("Bapproach approach", "Bdepth depth")]
         absent.append("series")
     if not terms.series_x:
-        text = text.replace(" series_x=0", "").replace("-{1e6*series_x}*V(friction)", "")
-        text = text.replace("{1e6*series_x}*V(friction)+", "")
-        text = re.sub(r"(?m)^Bbound .*\n", "", text)
-        text = re.sub(r"\blimit\b", "bound", text)
-        held = re.search(r"(?m)^Bslider slider 0 V=(.*)$", text)
-        assert held is not None
-        clipped = held[1]
-        text = re.sub(r"(?m)^B(friction|slipped) .*$", lambda line: line[0].replace(clipped, "V(slider)"), text)
+        del lines["Bbound bound"]
+        left += [(" series_x=0", ""), ("-{1e6*series_x}*V(friction)", ""), ("{1e6*series_x}*V(friction)+", "")]
+        clipped = "max(-V(limit),min(V(limit),V(moved)"
+        for name in ("Bfriction friction", "Bslipped slipped"):
+            lines[name] = lines[name].replace(f"{clipped}-{{1e6*series_x}}*V(friction)))", "V(slider)")
+            lines[name] = lines[name].replace(f"{clipped}))", "V(slider)")
+        left += [(" limit ", " bound "), ("(limit)", "(bound)")]
         absent.append("series_x")
     if not terms.falling:
-        text = re.sub(r"(?m)^B(slipped|fallen) .*\n", "", text).replace("*V(fallen)", "")
-        text = text.replace(" sliding=1 stribeck=50m", "")
+        del lines["Bslipped slipped"], lines["Bfallen fallen"]
+        left += [("*V(fallen)", ""), (" sliding=1 stribeck=50m", "")]
         absent += ["sliding", "stribeck"]
+    text = "\n".join(lines.values())
+    for term, instead in left:
+        text = text.replace(term, instead)
     parameters = tuple(item for item in library.parameters if item.name not in absent)
     return replace(library, subcircuit=text, parameters=parameters)
 

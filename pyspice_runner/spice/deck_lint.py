@@ -28,14 +28,16 @@ _OPTIONS = frozenset(
     )
 )
 
-_READ = ".xvi"  # first letters of the statements that are checked
-_READ_OR_JOINED = _READ + "+;$/"  # and of continuations and comments; of an empty line, too
-_LINES = re.compile(rf"^[^\S\n]*[{_READ};$/].*$", re.M)  # those of them where no line is a continuation
-_CONTINUATION = re.compile(r"^[^\S\n]*\+", re.M)
-_COMMENT = re.compile(r";|\s\$\s|//")
-_EQUALS = re.compile(r"\s*=\s*")
-_SPACED = re.compile(r"\s=|=\s")
-_INNERMOST = re.compile(r"\{[^{}]*\}")
+# what is taken out of a netlist in lower case, in this order, and what stands for it
+_READING = (
+    (re.compile(r"^[^\S\n]*[*$].*\n?", re.M), ""),  # comments
+    (re.compile(r"(?:;|\s\$\s|//).*"), ""),
+    (re.compile(r"^[^\S\n]*\.control.*?(?:^[^\S\n]*\.endc.*?$|\Z)", re.M | re.S), ""),
+    (re.compile(r"\n\s*\+"), " "),  # the start of a continued line
+    (re.compile(r"'[^'\n]*'|\"[^\"\n]*\""), "0"),
+)
+_INNERMOST = re.compile(r"\{[^{}\n]*(?:\}|$)", re.M)
+_EQUALS = re.compile(r"[^\S\n]*=[^\S\n]*")
 
 
 def silent_fault(deck: str) -> str | None:
@@ -49,56 +51,14 @@ def _statements(deck: str) -> list[str]:
 
     They are in lower case; expressions in braces or quotes are replaced by 0.
     """
-    statements, control = [], False
-    for line in _joined(deck):
-        if line.startswith(".control"):
-            control = True
-        elif line.startswith(".endc"):
-            control = False
-        elif not control:
-            line = _without_expressions(line)
-            statements.append(_EQUALS.sub("=", line).strip() if _SPACED.search(line) else line)
-    return statements
-
-
-def _joined(deck: str) -> list[str]:
-    """Return these statements in lower case, without comments, with continuations joined."""
-    joined: list[str] = []
-    read = False  # whether the last statement is one of these
     text = deck.lower().partition("\n")[2]
-    for raw in text.split("\n") if _CONTINUATION.search(text) else _LINES.findall(text):
-        line = raw.lstrip()
-        if line[:1] not in _READ_OR_JOINED:
-            read = read and line.startswith("*")
-            continue
-        if ";" in raw or "$" in raw or "//" in raw:
-            line = _COMMENT.split(raw, maxsplit=1)[0]
-        line = line.strip()
-        if line.startswith("+"):
-            if read:
-                joined[-1] += " " + line[1:]
-        elif line and not line.startswith("*"):
-            read = line[0] in _READ
-            if read:
-                joined.append(line)
-    return joined
-
-
-def _without_expressions(line: str) -> str:
-    if "'" not in line and '"' not in line:
-        line = _INNERMOST.sub("0", line)
-        if "{" not in line and "}" not in line:
-            return line
-    kept, depth = [], 0
-    for piece in re.split(r"([{}])", re.sub(r"'[^']*'|\"[^\"]*\"", "0", line)):
-        if piece == "{":
-            kept += [] if depth else ["0"]
-            depth += 1
-        elif piece == "}":
-            depth = max(depth - 1, 0)
-        elif not depth:
-            kept.append(piece)
-    return "".join(kept)
+    for pattern, instead in _READING:
+        text = pattern.sub(instead, text)
+    lines = map(str.strip, text.split("\n"))
+    text = "\n".join(line for line in lines if line.startswith((".", "x", "v", "i")))
+    while (inner := _INNERMOST.sub("0", text)) != text:
+        text = inner
+    return _EQUALS.sub("=", text).split("\n") if text else []
 
 
 def _names(words: list[str]) -> list[str]:

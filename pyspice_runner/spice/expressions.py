@@ -195,9 +195,13 @@ def _across(plus: str, minus: str) -> str:
 
 def _has_sum(expression: str) -> bool:
     """Return whether an expression is a sum or a difference, outside of its parentheses."""
-    while (inner := re.sub(r"[({][^(){}]*[)}]", "", expression)) != expression:
-        expression = inner
-    return re.search(r"(?<![eE*/])[+-]", expression) is not None
+    depth, before = 0, ""
+    for token in TOKEN.findall(expression):
+        depth += (token in "({") - (token in ")}")
+        if depth == 0 and token in "+-" and before not in ("*", "/", "**"):
+            return True
+        before = token
+    return False
 
 
 def equations(library: Library) -> Equations:

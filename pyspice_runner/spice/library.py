@@ -20,6 +20,7 @@ from decimal import Decimal
 from functools import cache
 from math import inf, isfinite
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 from pyspice_runner.errors import ParameterError, did_you_mean
@@ -168,7 +169,7 @@ def parse_library(name: str, text: str) -> Library:
         title=title,
         pins=pins,
         parameters=parameters,
-        usage=re.sub(r"^\*(   ?)?", "", usage.group(1), flags=re.M),
+        usage=dedent("".join(line[1:] for line in usage.group(1).splitlines(keepends=True))),
         subcircuit=text[begin.start() : end.end()],
         text=text,
         needs=header.needs(),
@@ -277,7 +278,7 @@ def definition_texts(*libraries: Library, prefix: str = PREFIX) -> dict[str, str
 
 def part_name(name: str, prefix: str = PREFIX) -> str:
     """Return the name of a library's subcircuit in a netlist whose motor's parts begin with ``prefix``."""
-    return re.sub(rf"^{PREFIX}_", f"{prefix}_", name)
+    return name.replace(PREFIX, prefix, 1) if name.startswith(f"{PREFIX}_") else name
 
 
 _OF_SLIDER = {

@@ -72,9 +72,11 @@ class OwnFile:
 
     def _squeezed(self, count: int, line: str) -> str:
         """Return a line without the blanks in its braces."""
-        if re.sub(r"[^{}]", "", line).replace("{}", ""):
+        pieces = re.split(r"(\{[^{}]*\})", line)
+        if any("{" in piece or "}" in piece for piece in pieces[::2]):
             self._fail(count, f"the braces of {short(line)} do not match, or are nested")
-        return re.sub(r"\{[^}]*\}", lambda found: found.group().replace(" ", ""), line)
+        pieces[1::2] = [piece.replace(" ", "") for piece in pieces[1::2]]
+        return "".join(pieces)
 
     def _library(
         self,
@@ -165,8 +167,8 @@ class OwnFile:
             if re.search(pattern, text, re.I):
                 self._fail(line, f"{short(text)} is not allowed: {why.format(what=self._rules.what)}")
         for expression in re.findall(r"\{([^}]*)\}", text.lower()):
-            for name in re.findall(r"(?<![\w.])[a-z_]\w*", re.sub(r"\b[vi]\([^()]*\)", "", expression)):
-                if name not in known and name not in _FUNCTIONS | _FREE:
+            for name in re.findall(r"\b[vi]\([^()]*\)|(?<![\w.])([a-z_]\w*)", expression):
+                if name and name not in known and name not in _FUNCTIONS | _FREE:
                     self._fail(line, f"the expression reads {name}, which is not a parameter of the {self._rules.what}")
 
     def _part(self, text: str) -> str:
@@ -179,7 +181,8 @@ class OwnFile:
 
 def words_of(text: str) -> list[str]:
     """Return the words of a ``.subckt`` or X line, ``name=value`` as one; the word ``params:`` is left out."""
-    return [word for word in re.sub(r"\s*=\s*", "=", text).split() if word.lower() != "params:"]
+    joined = "=".join(piece.strip() for piece in text.split("="))
+    return [word for word in joined.split() if word.lower() != "params:"]
 
 
 def short(text: str) -> str:
