@@ -89,10 +89,6 @@ def require_averaged(motor: Motor) -> None:
         raise ParameterError(
             f"contact.worn_flat_radius_m = {flat:g} has no averaged model: it must be 0. Set it, or use the full motor."
         )
-    _check_penetration(motor)
-
-
-def _check_penetration(motor: Motor) -> None:
     penetration = contact_law.static_penetration(motor.contact)
     if penetration > DEEPEST_M:
         raise ParameterError(

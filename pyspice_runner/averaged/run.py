@@ -272,7 +272,8 @@ def short_bursts(
     on = np.concatenate([[running], amplitude != 0.0])
     begins = np.flatnonzero(~on[:-1] & on[1:])
     ends = np.flatnonzero(on[:-1] & ~on[1:])
-    lengths = [(time[next_end] - time[begin], time[begin]) for begin, next_end in _paired(begins, ends)]
+    # the last burst of a run may have no end
+    lengths = [(time[ends[ends > begin][0]] - time[begin], time[begin]) for begin in begins if (ends > begin).any()]
     if not lengths or min(lengths)[0] * frequency >= FEWEST_PERIODS:
         return ()
     length, begin = min(lengths)
@@ -312,13 +313,3 @@ def limit_cycle(
         "standstill, in which a small error shifts all later samples. Compensate the dead band, or lower the gains."
     )
     return (caution,)
-
-
-def _paired(begins: NDArray[np.intp], ends: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """Return each begin with the end after it; the last burst of a run may have none."""
-    found = []
-    for begin in begins:
-        after = ends[ends > begin]
-        if after.size:
-            found.append((int(begin), int(after[0])))
-    return found

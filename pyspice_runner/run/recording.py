@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -148,10 +148,17 @@ class _Terms:
         self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
         self.share = recording._courses(samples, "bearing")
         self.penetration = recording._penetration(samples)
-        self.temperature = samples.get("v(temperature)") if recording.point.thermal else None
         self.stator = motor.stator
-        self.softening = np.array([[mode.softening_per_m2] for mode in motor.modes])
-        self.growth = np.array([[mode.damping_growth_per_m2] for mode in motor.modes])
+        rotor, thermal = motor.rotor, recording.point.thermal
+        self.bearing = rotor.bearing_damping_n_m_s * waves["rotor_speed_rad_s"]  # its torque, N·m
+        if len(self.share):
+            self.bearing = self.bearing + rotor.bearing_friction_n_m * self.share.sum(axis=0)
+        # temperature above that at which the parameters hold, K; ``None`` for a motor that does not drift
+        temperature = samples.get("v(temperature)") if thermal else None
+        self.warm: Array | None = None
+        if thermal is not None and temperature is not None:
+            before = np.full(len(self.time) - len(temperature), thermal.ambient_k)
+            self.warm = np.concatenate((before, temperature))
 
     def work(self, power: Array) -> float:
         """Return the energy that a power in W carries over the run."""
@@ -161,19 +168,24 @@ class _Terms:
         """Return all terms."""
         waves, motor, load = self.waves, self.motor, self.recording.point.load
         squared = self.displacement**2
+        softening = np.array([[mode.softening_per_m2] for mode in motor.modes])
+        growth = np.array([[mode.damping_growth_per_m2] for mode in motor.modes])
+        hertz = contact_law.elastic_force(motor.contact, self.penetration)
+        pressed = contact_law.elastic_energy(motor.contact, self.penetration)
         normal, rotor_speed = waves["normal_force_n"], waves["rotor_speed_rad_s"]
         electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
         passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(self.time))
-        to_load = self.load()
+        grip = motor.rotor.radius_m * waves["friction_force_n"] - self.bearing  # torque on what holds the shaft
+        to_load = self.work((load.torque if load.speed is None else grip) * rotor_speed)
         mount, mount_damping = self.mount()
         return EnergyBalance(
             electrical=self.work(electrical),
             dielectric=self.dielectric(),
             kinetic=_change(0.5 * self.stator.mass @ self.velocity**2),
-            elastic=_change(0.5 * self.stator.stiffness @ (squared - 0.5 * self.softening * squared**2)),
-            damping=self.work(self.stator.damping @ (self.velocity**2 * (1.0 + self.growth * squared))),
-            contact_elastic=self.contact_elastic(),
-            contact_damping=float(np.trapezoid(normal - self.hertz, self.penetration)),
+            elastic=_change(0.5 * self.stator.stiffness @ (squared - 0.5 * softening * squared**2)),
+            damping=self.work(self.stator.damping @ (self.velocity**2 * (1.0 + growth * squared))),
+            contact_elastic=_change(pressed + 0.5 * motor.contact.series_compliance_m_per_n * normal**2),
+            contact_damping=float(np.trapezoid(normal - hertz, self.penetration)),
             friction=self.friction(),
             mount=mount,
             mount_damping=mount_damping,
@@ -185,26 +197,6 @@ class _Terms:
             passed=float(np.abs(passed).max()) + max(-to_load, 0.0),
             rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if self.recording.point.law else 0.0,
         )
-
-    @cached_property
-    def warm(self) -> Array | None:
-        """Temperature above that at which the parameters hold, K; ``None`` for a motor that does not drift."""
-        thermal = self.recording.point.thermal
-        if thermal is None or self.temperature is None:
-            return None
-        return np.concatenate((np.full(len(self.time) - len(self.temperature), thermal.ambient_k), self.temperature))
-
-    @cached_property
-    def hertz(self) -> Array:
-        """Normal force of the penetration alone, N."""
-        return contact_law.elastic_force(self.motor.contact, self.penetration)
-
-    @cached_property
-    def bearing(self) -> Array:
-        """Torque of the bearing, N·m."""
-        rotor = self.motor.rotor
-        viscous = rotor.bearing_damping_n_m_s * self.waves["rotor_speed_rad_s"]
-        return np.asarray(viscous + rotor.bearing_friction_n_m * self.share.sum(axis=0)) if len(self.share) else viscous
 
     def dielectric(self) -> float:
         """Return the energy in the clamped capacitances and their loss."""
@@ -251,12 +243,6 @@ class _Terms:
             loss += self.work(damping[at, at] * rise**2)
         return change, loss
 
-    def contact_elastic(self) -> float:
-        """Return the change of the elastic energy of the contact and of the compliance in series."""
-        compliance = self.motor.contact.series_compliance_m_per_n
-        pressed = contact_law.elastic_energy(self.motor.contact, self.penetration)
-        return _change(pressed + 0.5 * compliance * self.waves["normal_force_n"] ** 2)
-
     def friction(self) -> float:
         """Return the work of the friction force on the motion of the tip against the rotor."""
         vx, vy = self.stator.contact @ self.velocity
@@ -270,13 +256,6 @@ class _Terms:
         cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
         tangential = vx * cosine + vy * sine
         return self.work(self.waves["friction_force_n"] * (tangential - radius * self.waves["rotor_speed_rad_s"]))
-
-    def load(self) -> float:
-        """Return the energy that the load takes."""
-        load, speed = self.recording.point.load, self.waves["rotor_speed_rad_s"]
-        if load.speed is None:
-            return self.work(load.torque * speed)
-        return self.work((self.motor.rotor.radius_m * self.waves["friction_force_n"] - self.bearing) * speed)
 
 
 def _change(stored: Array) -> float:

@@ -202,11 +202,6 @@ class Waveforms(Result):
         }
 
     @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.provenance["motor"]
-
-    @property
     def speed_m_s(self) -> Array:
         """Speed of the slider, or of the rotor's rim, m/s."""
         return self.rotor_radius_m * self.rotor_speed_rad_s

@@ -109,7 +109,9 @@ class BatchSimulator(CircuitSimulator):
         if axis:
             common[axis] = _waveform(axis, vectors.pop(next(iter(vectors))).real)
         for name, values in vectors.items():
-            common[_kind(name)].append(_waveform(_plain(name), values, common.get(axis)))
+            kind = "internal_parameters" if "@" in name else "branches" if name.startswith("i(") else "nodes"
+            wrapped = name[:2] in ("v(", "i(") and name.endswith(")")  # PySpice calls v(x) and i(x) x
+            common[kind].append(_waveform(name[2:-1] if wrapped else name, values, common.get(axis)))
         return analysis(**common)
 
 
@@ -125,15 +127,3 @@ def _waveform(name: str, values: Any, abscissa: Any = None) -> WaveForm:
     waveform = WaveForm(name, None, values.shape, dtype=values.dtype, abscissa=abscissa)
     waveform[...] = values
     return waveform
-
-
-def _kind(name: str) -> str:
-    """Return the kind of a vector in PySpice's analyses."""
-    if "@" in name:
-        return "internal_parameters"
-    return "branches" if name.startswith("i(") else "nodes"
-
-
-def _plain(name: str) -> str:
-    """Return ``x`` for ``v(x)`` and ``i(x)``, as PySpice names its waveforms."""
-    return name[2:-1] if name[:2] in ("v(", "i(") and name.endswith(")") else name
