@@ -23,11 +23,9 @@ from pathlib import Path
 
 import pytest
 import xarray
-from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.commands.common import say
 from tests.processes import (
     LONGEST,
     ROOT,
@@ -439,17 +437,6 @@ def test_too_many_open_files_are_named(folder: Path) -> None:
     status, output, said = command("bash", "-c", words, cwd=folder, shell=True)
     assert (status, output) == (2, "")
     assert said == "piezomotor: Too many files are open. Raise the limit, as by `ulimit -n 1024`.\n"
-
-
-def test_a_table_shows_its_numbers_in_full_where_lines_are_short(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """In eighty columns, rich's default where the output is not a terminal, speed-torque printed ``9.376e-…``."""
-    monkeypatch.setenv("COLUMNS", "20")
-    table = Table("quantity", "value")
-    table.add_row("a quantity with a long name", "9.376e-10 W")
-    say(table)
-    assert "9.376e-10 W" in capsys.readouterr().out
 
 
 def test_a_missing_folder_for_temporary_files_is_reported(folder: Path) -> None:

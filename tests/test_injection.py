@@ -227,17 +227,8 @@ def test_the_name_of_a_spectrum_is_shown_literally(capsys: pytest.CaptureFixture
     assert name in " ".join(shown.out.split())
     assert shown.err == ""  # such as the warning that a font has no bomb
     harmless(Path("fit.lib").read_text(encoding="utf-8"))
-    words = [
-        "compare",
-        name,
-        "measured.csv",
-        "--modes=2",
-        "--label=$x^{",
-        "--at=1",
-        "--output=table.csv",
-        "--plot=fit.png",
-    ]
-    assert run(words) == 0
+    words = ["compare", name, "measured.csv", "--modes=2", "--label=$x^{", "--at=1"]
+    assert run([*words, "--output=table.csv", "--plot=fit.png"]) == 0
     with Path("table.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.reader(file))
     assert {row[0] for row in rows[1:]} == {name}

@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +14,7 @@ from matplotlib.figure import Figure
 import pyspice_runner as pr
 from pyspice_runner.datasets import Curves, Dataset, as_result
 from pyspice_runner.result import Audit, Result
-from pyspice_runner.units import engineering, unit_in
+from pyspice_runner.units import engineering
 from pyspice_runner.view.draw import plain
 
 pytestmark = pytest.mark.xdist_group("results")  # they are shared
@@ -189,34 +186,6 @@ def test_a_figure_says_what_to_know_before_using_it(tmp_path: Path) -> None:
     assert Curves(curves()).plot(tmp_path / "plot.svg").figure.get_supxlabel() == ""  # type: ignore[union-attr]
 
 
-@pytest.mark.soak
-def test_a_command_plots_with_any_backend_named_in_the_environment(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "pyspice_runner", "show", "andersen2002", "--plot", tmp_path / "modes.png"],
-        env=os.environ | {"MPLBACKEND": "module://not_installed.backend_inline"},
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    told = [f"piezomotor: {caution}" for caution in pr.load_motor("andersen2002").cautions]
-    assert (done.returncode, done.stderr.splitlines()) == (0, told)
-    assert (tmp_path / "modes.png").stat().st_size > 10_000
-
-
-def test_a_name_that_ends_in_a_means_ampere(results: dict[str, Result]) -> None:
-    """The group stands before the unit: ``current_a_a`` is the current of group A in ampere."""
-
-    def names(document: object) -> set[str]:
-        items = list(document.items()) if isinstance(document, dict) else []
-        items += list(enumerate(document)) if isinstance(document, list | tuple) else []
-        found = {key for key, _ in items if isinstance(key, str)}
-        return found.union(*(names(value) for _, value in items))
-
-    every = set[str]().union(*(names(result.to_dict()) | set(result.columns()) for result in results.values()))
-    assert {"current_a_a", "coupling_a_n_per_v_kg05"} <= every
-    assert [name for name in every if name.endswith("_a") and "current" not in name] == []
-    assert unit_in("current_a_a") == "A"
-    assert unit_in("power_a_w") == "W"
-
-
 def test_values_are_written_with_the_prefix_of_their_unit() -> None:
     written = {(0.0123, "N·m"): "12.3 mN·m", (45.2e3, "Hz"): "45.2 kHz", (0.045, "rad/s"): "0.045 rad/s"}
     for (value, unit), text in written.items():
@@ -229,20 +198,3 @@ def test_a_value_with_its_unit_is_drawn_without_a_box() -> None:
         plain(f"a tension of {engineering(1.9e9, 'Pa')}\x07 and $")
         == "a tension of 1.9 GPa\N{REPLACEMENT CHARACTER} and \\$"
     )
-
-
-def test_every_summary_names_the_law_of_the_contact() -> None:
-    motor = pr.load_motor("andersen2002")
-    drive = pr.default_drive(motor)
-    law = pr.Law("brush", 4)
-    for result in (
-        pr.simulate(motor, drive, 1e-4, contact=law),
-        pr.steady_state(motor, drive, speed=1.0, contact=law),
-        pr.speed_torque(motor, drive, speeds=[1.0], contact=law).piezomotor,
-        pr.small_signals(motor, drive, frequencies=[1e3], speed=1.0, contact=law),
-    ):
-        assert result.summary()["contact law"] == "brush, 4 sliders"
-    assert pr.simulate_averaged(motor, drive, 1e-3).summary()["contact law"] == "spring-slider"
-    controlled = pr.simulate_controlled(motor, drive, lambda _: {}, 2e-3, sample_time=1e-3)
-    assert controlled.summary()["contact law"] == "spring-slider"
-    assert "contact law" not in pr.simulate(motor, drive, 1e-4, contact=None).summary()

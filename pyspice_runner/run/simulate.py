@@ -156,7 +156,10 @@ def _run(
         inexact: list[str] = []
         if balanced:
             energy = recording.energy(waves, samples)
-            inexact = list(_delivering(energy))
+            losses = {"friction_loss_w": energy.friction, "normal_loss_w": energy.contact_damping}
+            rest = dict.fromkeys(("power_b_w", "shaft_power_w", "damping_loss_w", "dielectric_loss_w"), 0.0)
+            # energies stand for the powers of a point
+            inexact = list(delivering([{"power_a_w": energy.passed, **losses, **rest}]))
             findings = audit_run(motor, waves, energy, step=setup.step, contact=setup.law is not None)
             if findings and setup.solver.audit and complete:
                 Audit(findings).withhold("run")
@@ -224,13 +227,6 @@ def _run(
             raise Interrupted(ended, found) from None
         with listening():
             return waveforms(outcome, complete=True, coarser=coarser)
-
-
-def _delivering(energy: EnergyBalance) -> tuple[str, ...]:
-    """Return a sentence for each loss that is negative over the run; energies stand for the powers of a point."""
-    losses = {"friction_loss_w": energy.friction, "normal_loss_w": energy.contact_damping}
-    rest = dict.fromkeys(("power_b_w", "shaft_power_w", "damping_loss_w", "dielectric_loss_w"), 0.0)
-    return delivering([{"power_a_w": energy.passed, **losses, **rest}])
 
 
 def points_per_period(accuracy: float) -> float:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from time import process_time
@@ -15,7 +14,6 @@ import pyspice_runner as pr
 from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.averaged.run import AveragedRun, short_bursts
 from pyspice_runner.averaged.simulate import simulate_averaged
-from pyspice_runner.cli import run
 from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
 from tests.runs import simulated
@@ -180,12 +178,6 @@ def test_the_load_torque_is_that_of_the_course_or_of_the_holding_shaft(motor: pr
     assert run.load_torque_n_m == pytest.approx(run.torque_n_m - 4.0 * rotor.bearing_damping_n_m_s)
 
 
-def test_a_course_changes_the_frequency_during_the_run(motor: pr.Motor) -> None:
-    run = simulate_averaged(motor, FAST, 6e-3, courses={"frequency": [(2e-3, 54e3), (3e-3, 55.5e3)]})
-    assert run.frequency_hz[0] == 54e3
-    assert run.frequency_hz[-1] == pytest.approx(55.5e3)
-
-
 def test_heat_raises_the_temperature_by_the_closed_form(motor: pr.Motor) -> None:
     """Constant losses on a shaft that is held: P R (1 − exp(−t/RC)) while the drift is small."""
     thermal = pr.Thermal(
@@ -214,25 +206,11 @@ def test_malformed_input_is_an_error(motor: pr.Motor, changes: dict[str, object]
     arguments = {"duration": 1e-3} | changes
     with pytest.raises(pr.ParameterError, match=message):
         simulate_averaged(motor, FAST, **arguments)  # type: ignore[arg-type]
-
-
-def test_two_tones_are_an_error_that_names_simulate(motor: pr.Motor) -> None:
     tones = pr.TwoToneDrive(voltage_1=50.0, frequency_1=13.5e3, voltage_2=50.0, frequency_2=27e3)
     with pytest.raises(pr.ParameterError, match="use simulate"):
         simulate_averaged(motor, tones, 1e-3)
-
-
-@pytest.mark.soak
-def test_run_is_saved_by_its_ending(spin_up: AveragedRun, tmp_path: Path) -> None:
-    for ending in ("csv", "json", "nc", "cir"):
-        assert spin_up.save(tmp_path / f"run.{ending}").stat().st_size > 0
-    spin_up.plot(tmp_path / "run.png")
-    assert spin_up.to_dict()["mean_rotor_speed_rad_s"] == spin_up.rotor_speed_rad_s[-1]
-
-
-def test_the_command_averages_and_prints_one_json_object(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["simulate", "andersen2002", "--averaged", "--duration", "2e-3", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["run"]["contact"] == "spring-slider"
+    with pytest.raises(pr.ParameterError, match="worn_flat_radius_m = 1e-05 has no averaged model"):
+        simulate_averaged(motor.updated({"contact.worn_flat_radius_m": 1e-5}), FAST, 1e-3)
 
 
 def test_exported_library_runs_by_its_own_example(motor: pr.Motor, tmp_path: Path) -> None:
@@ -316,12 +294,6 @@ def test_friction_of_the_bearing_and_friction_that_falls_are_those_of_the_full_m
     assert abs(without.rotor_speed_rad_s[-1] / reference - 1.0) > 0.1
 
 
-def test_a_loss_without_an_averaged_model_is_an_error() -> None:
-    worn = pr.load_motor("beam40").updated({"contact.worn_flat_radius_m": 1e-5})
-    with pytest.raises(pr.ParameterError, match="worn_flat_radius_m = 1e-05 has no averaged model"):
-        pr.simulate_averaged(worn, pr.default_drive(worn), 1e-3)
-
-
 def test_a_preload_that_presses_the_tip_too_deep_is_an_error() -> None:
     """A phase of the averaged contact stops at 1 mm, where the normal force would be that of a smaller preload."""
     motor = pr.load_motor("beam40")
@@ -331,13 +303,6 @@ def test_a_preload_that_presses_the_tip_too_deep_is_an_error() -> None:
     soft = motor.updated({"contact.normal_stiffness_n_per_m15": 4e5, **compliances})
     with pytest.raises(pr.ParameterError, match=r"presses the tip 0\.642 mm into the rotor; .* takes up to 0\.5 mm"):
         pr.simulate_averaged(soft, pr.default_drive(soft), 1e-3)
-
-
-def test_the_json_has_the_cautions_of_the_averaged_model() -> None:
-    opening = pr.load_motor("beam40")
-    run = simulate_averaged(opening, pr.default_drive(opening), 2e-3)
-    assert any("open for up to" in caution for caution in run.cautions)
-    assert run.to_dict()["cautions"] == list(run.cautions)
 
 
 UNINTENDED, SERIES = "andersen2002-unintended-mode", "contact.series_compliance_m_per_n"
@@ -387,7 +352,10 @@ def test_a_compression_that_remembers_the_force_for_many_periods_begins_at_that_
 
 def test_a_plate_whose_contact_opens_is_not_trusted() -> None:
     plate = pr.load_motor(PLATE)
-    assert not simulate_averaged(plate, pr.default_drive(plate), 5e-3, speed=0.0).trusted
+    run = simulate_averaged(plate, pr.default_drive(plate), 5e-3, speed=0.0)
+    assert not run.trusted
+    assert any("open for up to" in caution for caution in run.cautions)
+    assert run.to_dict()["cautions"] == list(run.cautions)
 
 
 @pytest.mark.parametrize(

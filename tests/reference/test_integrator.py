@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson, quad
 from scipy.optimize import brentq
 
+from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.selection import mostly
 
@@ -340,56 +340,15 @@ def test_held_shaft_drags_the_tip_with_the_friction_of_coulomb(speed: float) -> 
     assert run.slip_energy_j == pytest.approx(FRICTION * PRELOAD * RADIUS * 2.0 * 30e-3, rel=0.01)
 
 
-@njit
-def _projection(columns, x_2, voltage, frequency, dt, steps, every, hertz, compliance):
-    """The same law with no events: leapfrog, and u cut off at ±u_lim after every half step."""
-    k, m, c, theta_a, theta_b = columns
-    mu, preload, radius, inertia, bearing = 0.3, 5.0, 0.01, 2e-6, 1e-6
-    gap = radius - (preload / hertz) ** (2 / 3) - preload / k[0]
-    kappa = mu * compliance * hertz ** (2 / 3)
-    r, v = np.array([-preload / k[0], 0.0]), np.zeros(2)
-    u = speed = 0.0
-    out = np.zeros((steps // every + 1, 4))
-    out[0, 1] = r[0]
-    for i in range(steps):
-        t = (i + 0.5) * dt
-        r += 0.5 * dt * v
-        x, h = x_2 * r[1], gap - r[0]
-        d = np.sqrt(x * x + h * h)
-        delta = max(radius - d, 0.0)
-        ex, ey = x / d, h / d
-        u += 0.5 * dt * (x_2 * v[1] * ey + v[0] * ex - radius * speed)
-        u = min(max(u, -kappa * delta), kappa * delta)
-        f_n = hertz * delta**1.5
-        f_t = np.sign(u) * mu * f_n * (1 - (1 - abs(u) / (kappa * delta)) ** 1.5) if delta > 0 else 0.0
-        w = 2 * np.pi * frequency
-        force = theta_a * voltage * np.sin(w * t) + theta_b * voltage * np.sin(w * t + 0.5 * np.pi) - k * r
-        force[0] += -f_n * ey - f_t * ex
-        force[1] += x_2 * (f_n * ex - f_t * ey)
-        v = ((m - 0.5 * dt * c) * v + dt * force) / (m + 0.5 * dt * c)
-        speed += dt * (radius * f_t - bearing * speed) / inertia
-        u += 0.5 * dt * (x_2 * v[1] * ey + v[0] * ex - radius * speed)
-        r += 0.5 * dt * v
-        if (i + 1) % every == 0:
-            limit = kappa * max(radius - np.sqrt((x_2 * r[1]) ** 2 + (gap - r[0]) ** 2), 0.0)
-            row = (i + 1) // every
-            out[row, 0], out[row, 1], out[row, 2], out[row, 3] = x_2 * r[1], r[0], min(max(u, -limit), limit), speed
-    return out
-
-
 @pytest.mark.parametrize("name", ["mostly slip", pytest.param("opening", marks=pytest.mark.soak)])
 def test_a_cut_off_instead_of_events_comes_to_the_same(name: str) -> None:
-    motor = _motor()
     run = _operate(name, duration=1e-3, output_step=1e-6)
-    (tone,), _ = OPERATING_POINTS[name]["tones"]
-    keys = ("stiffness_n_per_m", "mass_kg", "damping_n_s_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v")
-    columns = np.array([[mode[key] for mode in motor["modes"]] for key in keys])
-    drive = (tone.amplitude_v, tone.frequency_hz)
+    tones = [[(t.amplitude_v, t.frequency_hz, t.phase_rad) for t in some] for some in OPERATING_POINTS[name]["tones"]]
     errors = []
-    for every in (250, 1000):  # steps of 4 ns, 1 ns
-        crude = _projection(columns, 0.8, *drive, 1e-6 / every, 1000 * every, every, HERTZ, COMPLIANCE)
-        ours = (run.tip_x_m, run.tip_y_m, run.contact_displacement_m, run.rotor_speed_rad_s)
-        errors.append([np.std(crude[:, i] - q) / np.std(q) for i, q in enumerate(ours)])
+    for step in (4e-9, 1e-9):
+        crude = integrate_damped(_motor(), *tones, duration=1e-3, output_step=1e-6, step=step)
+        names = ("tip_x_m", "tip_y_m", "rotor_speed_rad_s")
+        errors.append([np.std(getattr(crude, one) - getattr(run, one)) / np.std(getattr(run, one)) for one in names])
     assert max(errors[1][:2]) < 1e-5  # the tip
     assert max(errors[1]) < 2e-4
     assert all(fine < 0.5 * coarse for coarse, fine in zip(*errors, strict=True))

@@ -66,26 +66,18 @@ def audited(missing: float = 0.0, step: float = 1e-7, **changed: float) -> tuple
     return audit_run(MOTOR, waves(**changed), EnergyBalance(**balance(missing)), step=step, contact=True)
 
 
-def test_a_sound_run_passes() -> None:
-    assert audited() == ()
-    assert audited(missing=0.99 * ENERGY_BOUND * 1e-3) == ()
-
-
-@pytest.mark.parametrize("missing", [1.01 * ENERGY_BOUND * 1e-3, -1.01 * ENERGY_BOUND * 1e-3])
-def test_energy_that_is_missing_or_too_much_is_found(missing: float) -> None:
-    (finding,) = audited(missing=missing)
-    assert finding.startswith("The energy balance misses 1.01e-05 of 0.001 J; the limit is 1 %.")
-
-
-def test_tension_is_found() -> None:
-    (finding,) = audited(normal_force_n=-0.01, friction_force_n=0.0)
-    assert finding.startswith("The contact pulls with 0.01 N")
-
-
-@pytest.mark.parametrize("force", [1.51, -1.51])
-def test_friction_beyond_coulomb_is_found(force: float) -> None:
-    (finding,) = audited(friction_force_n=force)
-    assert finding.startswith("Friction exceeds mu F_N by 0.01 N")
+@pytest.mark.parametrize(("changed", "found"), [
+    ({}, ""),
+    ({"missing": 0.99 * ENERGY_BOUND * 1e-3}, ""),
+    ({"missing": 1.01 * ENERGY_BOUND * 1e-3}, "The energy balance misses 1.01e-05 of 0.001 J; the limit is 1 %."),
+    ({"missing": -1.01 * ENERGY_BOUND * 1e-3}, "The energy balance misses 1.01e-05 of 0.001 J; the limit is 1 %."),
+    ({"normal_force_n": -0.01, "friction_force_n": 0.0}, "The contact pulls with 0.01 N"),
+    ({"friction_force_n": 1.51}, "Friction exceeds mu F_N by 0.01 N"),
+    ({"friction_force_n": -1.51}, "Friction exceeds mu F_N by 0.01 N"),
+])  # fmt: skip
+def test_waveforms_that_cannot_be_true_are_found(changed: dict[str, float], found: str) -> None:
+    findings = audited(**changed)
+    assert [finding[: len(found)] for finding in findings] == ([found] if found else [])
 
 
 def test_a_step_too_coarse_for_the_greatest_force_is_found_and_one_that_is_allowed_is_named() -> None:
@@ -111,19 +103,8 @@ def test_a_run_that_fails_is_withheld_unless_asked_for_and_then_marked() -> None
 
 
 def test_the_command_says_so_too(capsys: pytest.CaptureFixture[str]) -> None:
-    words = [
-        "simulate",
-        "andersen2002",
-        "--voltage",
-        "150",
-        "--frequency",
-        "13500",
-        "--phase",
-        "0",
-        "--duration",
-        "1e-3",
-    ]
-    words += ["--step", str(STEP), "--json"]
+    words = ["simulate", "andersen2002", "--voltage", "150", "--frequency", "13500", "--phase", "0", "--json"]
+    words += ["--duration", "1e-3", "--step", str(STEP)]
     assert run(words) == 3
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -172,14 +153,6 @@ def test_a_run_that_gives_back_more_than_it_took_has_a_finite_residual() -> None
     run = pr.simulate(MOTOR, pr.TwoPhaseDrive(voltage=50.0, frequency=1000.0, phase_deg=135.0), duration=2e-4)
     assert run.energy_residual < ENERGY_BOUND
     json.dumps(run.to_dict(), allow_nan=False)
-
-
-def test_a_contact_that_pulls_throughout_is_found() -> None:
-    pulls = np.full(9, -5.0)
-    pulled = waves() | {"normal_force_n": -waves()["normal_force_n"]}
-    (finding, *_) = audit_run(MOTOR, pulled, EnergyBalance(**balance(0.0)), step=1e-7, contact=True)
-    assert finding.startswith("The contact pulls with 5 N")
-    assert audit_contact(0.3, pulls, 0.0 * pulls)[0].startswith("The contact pulls with 5 N")
 
 
 # --- points on the dynamometer ---
@@ -260,15 +233,8 @@ def test_a_point_that_is_not_true_is_withheld_or_marked(
     assert not curve["audit_passed"].any()
     assert json.loads(curve.attrs["audit"]) == marked
     words = ["speed-torque", "andersen2002", "--frequency", "51700", "--speeds", "2", "--patience", "4", "--json"]
-    words += [
-        "--mode",
-        "settle",
-        "--tolerance",
-        "0.1",
-        "--step",
-        "4e-7",
-        *(f"--set=modes.{n}.damping_n_s_per_m=200" for n in range(2)),
-    ]
+    words += ["--mode", "settle", "--tolerance", "0.1", "--step", "4e-7"]
+    words += [f"--set=modes.{n}.damping_n_s_per_m=200" for n in range(2)]
     assert run(words) == 3
     assert capsys.readouterr().out == ""
     assert run([*words, "--no-audit"]) == 0

@@ -112,17 +112,6 @@ def test_state_of_a_brush_lies_between_stick_and_slip() -> None:
     assert ours("stick", "coulomb").contact_displacement_m.any() == np.False_
 
 
-def test_command_chooses_the_law(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["simulate", "andersen2002", "--duration", "2e-4", "--contact"]
-    for law in ("brush", "coulomb", "spring-slider", "none"):
-        assert command([*words, law, *(["--sliders", "4"] if law == "brush" else []), "--json"]) == 0
-        run = json.loads(capsys.readouterr().out)["run"]
-        assert run["contact"] == (None if law == "none" else law)
-        assert run.get("sliders") == (4 if law == "brush" else None)
-    assert command([*words, "glue"]) == 2
-    assert "glue" in capsys.readouterr().err
-
-
 # --- stall torque and no-load speed, as docs/contact.md has them ---
 
 PAGE = Path(__file__).parents[2] / "docs" / "contact.md"
@@ -190,17 +179,6 @@ def test_exported_library_runs_by_the_law_it_was_asked_for(
     assert found["speed_rad_s"] == pytest.approx(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s), rel=0.01)
     with pytest.raises(pr.ParameterError, match=r"contact = None \(free tip\) is not valid here"):
         motor_library(MOTOR, contact=None)
-
-
-@pytest.mark.soak
-def test_sweep_goes_by_the_law_it_was_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["sweep", "andersen2002", "--set", "mount=none", "--over", "drive.voltage=50", "--frequency", "51.7e3"]
-    words += ["--duration", "2e-4", "--store", str(tmp_path), "--workers", "1", "--json"]
-    assert command([*words, "--contact", "brush", "--sliders", "4"]) == 0
-    (speed,) = json.loads(capsys.readouterr().out)["quantities"]["mean_rotor_speed_rad_s"]
-    run = pr.simulate(MOTOR, DRIVES["slip"], duration=2e-4, contact=Law("brush", 4))
-    assert speed == pytest.approx(run.mean_rotor_speed_rad_s, rel=1e-9)
-    assert speed != pytest.approx(simulated(MOTOR, DRIVES["slip"], duration=2e-4).mean_rotor_speed_rad_s, rel=1e-3)
 
 
 def test_unknown_law_is_refused() -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cache
 from math import hypot, pi
 
@@ -21,8 +21,7 @@ from pyspice_runner.motor.contact import (
     tangential_stiffness_at_preload,
 )
 from pyspice_runner.run.audit import delivering
-from pyspice_runner.run.simulate import _delivering
-from pyspice_runner.run.waveforms import EnergyBalance, Waveforms
+from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, Tone, integrate
 from tests.runs import simulated
@@ -307,10 +306,3 @@ def test_a_stalled_motor_whose_friction_delivers_power_says_so_and_the_brush_doe
     assert any(text.startswith("Friction delivers") for text in spring.cautions)
     assert not any("delivers" in text for text in brush.cautions)
     assert spring.efficiency == 0.0
-
-
-def test_a_run_whose_friction_delivers_energy_says_so() -> None:
-    nothing = dict.fromkeys((item.name for item in fields(EnergyBalance)), 0.0)
-    assert _delivering(EnergyBalance(**nothing | {"passed": 1.0, "friction": -0.0009})) == ()
-    (told,) = _delivering(EnergyBalance(**nothing | {"passed": 1.0, "friction": -0.0075}))
-    assert told.startswith("Friction delivers 0.75 % of the power put in")

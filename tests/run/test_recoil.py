@@ -185,28 +185,6 @@ def test_steady_state_and_averaged_motor_agree_on_a_carrier_that_moves_along_the
 
 
 @pytest.mark.soak
-def test_the_dynamometer_balances_the_powers_of_a_carrier_that_moves_along_the_rotor() -> None:
-    motor = FLAGSHIP.updated(
-        {"modes.bending-2.recoil_x_kg": 0.02, "mount.tangential_stiffness_n_per_m": 2e4,
-         "mount.tangential_damping_n_s_per_m": 50.0}
-    )  # fmt: skip
-    settled = pr.speed_torque(motor, two_phase(110.0, 40.5e3, 120.0), speeds=[15.0], mode="settle")
-    assert abs(float(settled["balance_residual"][0])) < 1e-5
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("speed", [5.0, 15.0])
-def test_the_averaged_motor_is_right_on_a_light_carrier(speed: float) -> None:
-    """2 % of the friction torque, the bound for a trusted run: the carrier moves at the drive's harmonics."""
-    motor = pr.load_motor("beam40").updated({"mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})
-    drive = two_phase(40.0, 40.1e3, 120.0)
-    run = pr.simulate_averaged(motor, drive, 30e-3, speed=speed)
-    state = pr.steady_state(motor, drive, speed=speed)
-    assert run.trusted
-    assert run.torque_n_m[-1] == pytest.approx(state.torque_n_m, abs=0.02 * 0.3 * 6.5 * 0.015)
-
-
-@pytest.mark.soak
 @pytest.mark.parametrize(("voltage", "frequency"), [(80.0, 40.1e3), (40.0, 42e3), (110.0, 40.6e3)])
 def test_a_trusted_averaged_motor_on_a_light_carrier_is_the_full_motor(voltage: float, frequency: float) -> None:
     motor = FLAGSHIP.updated({"modes.bending-1.recoil_kg": 1e-3, "mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.cli import run
 from pyspice_runner.datasets import Curves, WorkingPoints
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.steady.speed_torque import held_point
-from pyspice_runner.units import linear_name, linear_words, with_linear
+from pyspice_runner.units import linear_name, with_linear
 from tests.motors import sliding, turning
 from tests.runs import simulated
 
@@ -47,13 +46,6 @@ def beside(document: Any) -> list[tuple[str, Any, Any]]:
 )  # fmt: skip
 def test_a_quantity_of_a_slider_is_named_after_that_of_the_rotor(rotary: str, linear: str) -> None:
     assert linear_name(rotary) == linear
-
-
-def test_words_and_units_become_those_of_a_slider() -> None:
-    told = "mean torque 5 mN·m, load 2 N.m at 3 rad/s; the rotor turns. Set rotor.radius_m or load.torque, not torque."
-    assert linear_words(told) == (
-        "mean force 5 mN, load 2 N at 3 m/s; the slider turns. Set rotor.radius_m or load.torque, not force."
-    )
 
 
 def test_a_table_keeps_what_it_states_itself() -> None:
@@ -120,19 +112,6 @@ def test_a_curve_has_force_and_speed_beside_the_rotary_ones() -> None:
 
 
 @pytest.mark.soak
-def test_the_table_of_a_curve_is_in_newton_and_metres_per_second(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "stage.toml").write_text(STAGE.to_toml(), encoding="utf-8")
-    assert run(["speed-torque", str(tmp_path / "stage.toml"), "--speeds", "0,0.2", "--step", "4e-7"]) == 0
-    title, head, along, *rows = capsys.readouterr().out.splitlines()
-    assert title.startswith("beam40: speed and force, ")
-    assert head.split()[0] == "force_n"
-    assert along.split() == ["speed_m_s"]
-    assert [row.split()[0] for row in rows] == ["0.0", "0.2"]
-
-
-@pytest.mark.soak
 def test_a_point_of_a_sweep_has_force_and_speed() -> None:
     point = held_point(STAGE, DRIVE, speed=0.1, step=4e-7)
     assert point["force_n"] == point["torque_n_m"]
@@ -142,14 +121,6 @@ def test_a_point_of_a_sweep_has_force_and_speed() -> None:
     assert [swept[name].attrs["units"] for name in ("speed_m_s", "force_n", "slider.mass_kg")] == ["m/s", "N", "kg"]
     assert np.isfinite(swept["force_n"].values).all()
     assert abs(swept["speed_m_s"].values[0]) > abs(swept["speed_m_s"].values[1])
-
-
-@pytest.mark.soak
-def test_the_command_sweeps_force_and_speed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "stage.toml").write_text(STAGE.to_toml(), encoding="utf-8")
-    words = ["sweep", str(tmp_path / "stage.toml"), "--over", "slider.mass_kg=0.01,0.02", "--duration", "1e-4"]
-    assert run([*words, "--store", str(tmp_path / "store"), "--json"]) == 0
-    assert set(json.loads(capsys.readouterr().out)["quantities"]) == {"speed_m_s", "force_n", "settled", "accurate"}
 
 
 def test_a_map_has_force_and_speed() -> None:

@@ -20,7 +20,7 @@ import pytest
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.spice import ngspice, process
-from pyspice_runner.spice.ngspice import SpiceRun, find_ngspice, ngspice_version, run_deck
+from pyspice_runner.spice.ngspice import SpiceRun, find_ngspice, run_deck
 
 GOOD = """a low-pass
 V1 in 0 SIN(0 2 1k) AC 1
@@ -145,10 +145,6 @@ def test_a_title_or_a_node_may_be_named_like_an_error_message(word: str) -> None
     assert run_deck(deck, vectors=[f"v({node})"]).raw.points > 10
 
 
-def test_version_is_a_number() -> None:
-    assert int(ngspice_version().split(".")[0]) >= process.OLDEST_VERSION
-
-
 # --- what ngspice says, or does not say ----------------------------------------------------------------------
 
 
@@ -167,14 +163,12 @@ SPOKEN = {
         ["finished but complained", "singular matrix:  check node a"],
     ),
     "undefined model": (deck("V1 a 0 1", "D1 a 0 nomodel"), ["can't find model 'nomodel'"]),
-    "undefined subcircuit": (deck("V1 a 0 1", "X1 a 0 nosub"), ["unknown subckt: x1 a 0 nosub"]),
     "too few pins": (
         deck(".subckt two p n", "R1 p n 1", ".ends", "V1 a 0 1", "X1 a two"),
         ['Too few parameters for subcircuit type "two"'],
     ),
     "undefined parameter": (deck("V1 a 0 1", "R1 a 0 {nothing}"), ["Undefined parameter [nothing]"]),
     "unknown parameter of a device": (deck("V1 a 0 1", "R1 a 0 1 foo=2"), ["unknown parameter (foo)"]),
-    "unknown function": (deck("V1 a 0 1", "B1 b 0 V=nofunc(V(a))"), ["no such function 'nofunc'"]),
     "names that differ in case only": (
         deck("V1 a 0 1", "Ga1 0 b a 0 1", "GA1 0 b a 0 1", "R1 b 0 1"),
         ["device already exists"],
@@ -205,16 +199,10 @@ SPOKEN = {
         deck("I1 0 a 1m", "C1 a 0 1u ic=0", FLIP, "R1 a 0 1meg", "R2 b 0 1", analysis=".tran 1u 1m uic"),
         ["ended with status 1", "Timestep too small; time = 0.0005", 'trouble with node "b"'],
     ),
-    "hard sign of a velocity": (
-        deck("I1 0 a SIN(0 1m 1k)", "L1 a b 1m", "C1 b 0 1u", "V1 a d 0", "B1 d 0 V=0.01*sgn(I(V1))"),
-        ["ended with status 1", "too small"],
-    ),
     "root of a negative number": (
         deck("V1 a 0 1", "R1 a 0 1", "B1 b 0 V=sqrt(-V(a))", "R2 b 0 1"),
         ["-1 out of range for sqrt"],
     ),
-    "broken expression": (deck("V1 a 0 1", "R1 a 0 {2"), ['Closing "}" not found']),
-    "end before the beginning": (deck("V1 a 0 1", "R1 a 0 1", analysis=".tran 1u -10u"), ["TSTOP is invalid"]),
 }
 
 
@@ -332,27 +320,25 @@ def test_error_survives_a_pickle() -> None:
 # --- an ngspice that misbehaves ------------------------------------------------------------------------------
 
 
-def test_a_killed_ngspice_is_reported(fake: Callable[..., Path]) -> None:
-    fake("echo halfway; kill -9 $$")
-    killed = 'ngspice was killed by signal 9 (Killed), as the system does when memory runs out: "halfway".'
-    assert message(fails(GOOD)) == killed
-
-
-def test_an_error_with_status_zero_is_reported(fake: Callable[..., Path]) -> None:
-    fake("echo 'Fatal error: out of luck' >&2; exit 0")
-    assert message(fails(GOOD)) == 'ngspice finished but complained: "Fatal error: out of luck".'
-
-
-def test_a_failure_without_a_message_is_reported(fake: Callable[..., Path]) -> None:
-    fake("exit 7")
-    assert message(fails(GOOD)) == "ngspice ended with status 7."
-
-
-def test_only_the_first_lines_of_a_long_complaint_are_quoted(fake: Callable[..., Path]) -> None:
-    fake('i=0; while [ $i -lt 2000 ]; do echo "warning $i, the same"; i=$((i+1)); done')
-    error = fails(GOOD)
-    assert message(error).endswith('complained: "warning 0, the same / warning 1, the same / warning 2, the same".')
-    assert "warning 1999" in error.log
+@pytest.mark.parametrize(
+    ("script", "sentence"),
+    [
+        (
+            "echo halfway; kill -9 $$",
+            'ngspice was killed by signal 9 (Killed), as the system does when memory runs out: "halfway".',
+        ),
+        ("echo 'Fatal error: no luck' >&2; exit 0", 'ngspice finished but complained: "Fatal error: no luck".'),
+        ("exit 7", "ngspice ended with status 7."),
+        (  # only the first lines are quoted
+            'i=0; while [ $i -lt 2000 ]; do echo "warning $i: no"; i=$((i+1)); done',
+            'ngspice finished but complained: "warning 0: no / warning 1: no / warning 2: no".',
+        ),
+        (r"printf 'error \377\n'", 'ngspice finished but complained: "error \N{REPLACEMENT CHARACTER}".'),
+    ],
+)
+def test_what_goes_wrong_is_reported(script: str, sentence: str, fake: Callable[..., Path]) -> None:
+    fake(script)
+    assert message(fails(GOOD)) == sentence
 
 
 def test_complaint_late_in_a_long_log_is_heard(fake: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -360,11 +346,6 @@ def test_complaint_late_in_a_long_log_is_heard(fake: Callable[..., Path], monkey
     assert 'complained: "error at the end"' in message(fails(GOOD))
     monkeypatch.setattr(ngspice, "_LONGEST_LOG", 1 << 20)
     assert message(fails(GOOD)) == "ngspice wrote a log of more than 1 MiB, too long to be checked."
-
-
-def test_a_log_that_is_not_text_is_readable(fake: Callable[..., Path]) -> None:
-    fake(r"printf 'error \377\376\000'")
-    assert "complained" in message(fails(GOOD))
 
 
 @pytest.mark.parametrize(
@@ -391,12 +372,6 @@ def test_timeout_ends_ngspice_and_its_children(fake: Callable[..., Path], scratc
     assert message(fails(GOOD, timeout=0.3)) == "ngspice did not finish within 0.3 s and was stopped."
     assert time.monotonic() - started < 100.0  # and not the 300 s that its child sleeps
     wait_until(lambda: not processes_in(scratch))  # a killed grandchild is reaped by init in its own time
-
-
-@linux
-def test_timeout_ends_a_real_run(scratch: Path) -> None:
-    assert "did not finish within 0.3 s" in message(fails(ENDLESS, timeout=0.3))
-    assert processes_in(scratch) == []
 
 
 RUN = "run_deck(sys.stdin.read(), vectors=[])"
@@ -507,17 +482,6 @@ def test_an_entry_of_path_may_be_relative(
     assert run_deck(GOOD, vectors=("v(out)",)).raw.points > 100
 
 
-def test_missing_ngspice_is_one_clear_message(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(SimulationError) as caught:
-        run_deck(GOOD, vectors=[])
-    assert str(caught.value) == (
-        "ngspice is not on the PATH. Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), "
-        "`brew install ngspice` (macOS)."
-    )
-    assert caught.value.deck is None
-
-
 @pytest.mark.parametrize(
     ("version", "sentence"),
     [
@@ -547,13 +511,6 @@ def test_a_vanished_temporary_folder_is_reported(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(SimulationError) as caught:
         run_deck(GOOD, vectors=[])
     assert str(caught.value) == "Cannot write the netlist: No such file or directory. Free some space or set TMPDIR."
-
-
-def test_a_missing_temporary_folder_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tempfile, "tempdir", None)
-    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: ["/proc"])  # which is not writable
-    with pytest.raises(SimulationError, match=r"Cannot write the netlist: No usable temporary directory found"):
-        run_deck(GOOD, vectors=[])
 
 
 def test_a_full_disk_is_reported(monkeypatch: pytest.MonkeyPatch, scratch: Path) -> None:
