@@ -77,11 +77,11 @@ from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import ValidationError
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.one_thread import one_thread
 from pyspice_runner.motor.parameters import Beam, Damping, Mode, Patch, Tip
+from pyspice_runner.motor.refusal import build
 from pyspice_runner.motor.roots import root
 from pyspice_runner.motor.stem import STRAINED, Stem, footprint, require_room
 
@@ -99,23 +99,16 @@ _ZERO = 1e-9  # of its natural scale: a coupling that symmetry forbids
 class Resonator:
     """The lowest bending modes of the structure, undamped; the arrays' last index counts the modes."""
 
-    coefficients: Array
-    """(shapes, modes): w(x) = Σ_j coefficients[j−1] sin(jπx/L), the largest |w| is 1."""
+    coefficients: Array  # (shapes, modes): w(x) = Σ_j coefficients[j−1] sin(jπx/L), the largest |w| is 1
     masses_kg: Array
     stiffnesses_n_per_m: Array
-    couplings_n_per_v: Array
-    """(2, modes): groups A and B."""
-    wavenumbers: Array
-    """jπ/L in 1/m, of the shape functions."""
+    couplings_n_per_v: Array  # (2, modes): groups A and B
+    wavenumbers: Array  # jπ/L in 1/m, of the shape functions
     recoils_kg: Array
-    recoils_x_kg: Array | None
-    """Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity."""
-    shears: Array
-    """(shapes + 1, modes): γ(x) = Σ_j shears[j] cos(jπx/L); none without shear."""
-    tip_x: Array
-    """Tangential displacement of the contact point per modal coordinate."""
-    tip_y: Array
-    """Displacement of the contact point towards the rotor per modal coordinate."""
+    recoils_x_kg: Array | None  # Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity
+    shears: Array  # (shapes + 1, modes): γ(x) = Σ_j shears[j] cos(jπx/L); none without shear
+    tip_x: Array  # tangential displacement of the contact point per modal coordinate
+    tip_y: Array  # displacement of the contact point towards the rotor per modal coordinate
     residual_m_per_n: Array
     """Static compliance of the modes that are left out at the contact point, towards the rotor and along it."""
 
@@ -292,17 +285,11 @@ def resonator_modes(
         if resonator.recoils_x_kg is not None:
             columns["recoil_x_kg"] = resonator.recoils_x_kg
     columns["damping_n_s_per_m"] = np.array([*map(damping.modal, columns["mass_kg"], columns["stiffness_n_per_m"])])
-    try:
-        return tuple(
-            Mode(name=f"bending-{index + 1}", **{name: float(column[index]) for name, column in columns.items()})
-            for index in range(count)
-        )
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise ParameterError(
-            f"The structure gives a mode with {first['loc'][0]} = {first['input']:g} "
-            f"({first['msg'][0].lower()}{first['msg'][1:]}); check the dimensions of beam, patches and tip."
-        ) from error
+    return tuple(
+        build(Mode, {"name": f"bending-{index + 1}"} | {name: float(column[index]) for name, column in columns.items()},
+              f"modes.{index}", "the beam with patches and tip")
+        for index in range(count)
+    )  # fmt: skip
 
 
 def residual_compliances(beam: Beam, patches: Sequence[Patch], tip: Tip) -> Array:
@@ -339,8 +326,7 @@ class _Section:
     moment_per_volt: Array
     capacitance_per_length: Array
     shear_stiffness: float
-    rotary_inertia: float
-    """Per length, about the neutral axis."""
+    rotary_inertia: float  # per length, about the neutral axis
 
 
 def _sections(beam: Beam, patches: Sequence[Patch], tip: Tip | None = None) -> list[_Section]:
@@ -407,12 +393,9 @@ class _Layer:
 
     middle: float
     thickness: float
-    mass: float
-    """Per length."""
-    stiffness: float
-    """E b, per height."""
-    shear_compliance: float
-    """(12 + 11 ν)/(6 E b): Cowper's, 1/(G b) times 5/6 of his 1/κ."""
+    mass: float  # per length
+    stiffness: float  # E b, per height
+    shear_compliance: float  # (12 + 11 ν)/(6 E b): Cowper's, 1/(G b) times 5/6 of his 1/κ
 
     @classmethod
     def of(cls, part: Beam | Patch, middle: float) -> _Layer:

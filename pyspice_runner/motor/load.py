@@ -62,6 +62,10 @@ from pyspice_runner.motor.solid.store import stator_of
 SETS = Path(__file__).parent / "sets"
 
 
+def _of_mode(name: str) -> Any:
+    return Mode.model_fields[name]
+
+
 class Arm(Parameters):
     """A mode by its electrical values, seen at group A with group B shorted, and one mechanical calibration."""
 
@@ -71,15 +75,10 @@ class Arm(Parameters):
     capacitance_f: float = quantity("motional capacitance", "F", gt=0.0, le=1.0)
     coupling_ratio: float = quantity("coupling of group B over that of group A", "1", ge=-1e3, le=1e3)
     mass_kg: float = quantity("modal mass: the mechanical calibration", "kg", gt=1e-12, le=1e3)
-    tip_x: float = quantity("tangential tip displacement per modal coordinate, X", "1", ge=-1e4, le=1e4)
-    tip_y: float = quantity("tip displacement towards the rotor per modal coordinate, Y", "1", ge=-1e4, le=1e4)
-    recoil_kg: float | None = quantity(
-        "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
-    )
-    recoil_x_kg: float | None = quantity(
-        "recoil Γₓ on a carrier that moves along the rotor, too: momentum along x per modal velocity", "kg", ge=-1e3,
-        le=1e3, default=None,
-    )  # fmt: skip
+    tip_x: float = _of_mode("tip_x")
+    tip_y: float = _of_mode("tip_y")
+    recoil_kg: float | None = _of_mode("recoil_kg")
+    recoil_x_kg: float | None = _of_mode("recoil_x_kg")
 
     def to_table(self) -> dict[str, Any]:
         """Return the mechanical arm as a table ``[[modes]]``: θ_A² = m/L, k = θ_A²/C, c = θ_A² R."""
@@ -207,28 +206,23 @@ _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 def _from_document(document: dict[str, Any], file: Path) -> Motor:
     where = file.name
     check_keys(document, (*_TABLES, *_WAYS), where, "")
-    ways = [way for way in _WAYS if way in document]
-    if len(ways) != 1:
-        found = " and ".join(f"[{way}]" for way in ways) or "none of them"
-        raise ParameterError(
-            f"{where} must state its modes by exactly one of [beam], [solid], [[modes]] or [[arms]]; it has {found}."
-        )
+    way = _only(document, _WAYS, "its modes", where)
     for key in ("name", "contact", "piezo"):
         if key not in document:
             raise ParameterError(
                 f"{where} has no entry {key!r}; a motor needs name, piezo, contact, rotor or slider, and its modes."
             )
-    moved = _moved(document, where)
+    moved = _only(document, tuple(MOVED), "what the tip moves", where)
     provenance: dict[str, Provenance] = {}
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
     rotor = build(MOVED[moved], plain[moved], moved, where)
-    structure, modes, capacitances = _resolve_modes(plain, ways[0], file)
+    structure, modes, capacitances = _resolve_modes(plain, way, file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
     if capacitances is not None:
         if given := [key for key in capacitances if key in piezo]:
             raise ParameterError(
-                f"{where}: piezo.{given[0]} follows from {_FROM[ways[0]]}; leave it out or state the modes directly."
+                f"{where}: piezo.{given[0]} follows from {_FROM[way]}; leave it out or state the modes directly."
             )
         piezo.update(capacitances)
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
@@ -246,13 +240,13 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)
 
 
-def _moved(document: Mapping[str, Any], where: str) -> str:
-    """Return which table states what the tip moves, ``rotor`` or ``slider``."""
-    found = [name for name in MOVED if name in document]
+def _only(document: Mapping[str, Any], tables: tuple[str, ...], what: str, where: str) -> str:
+    """Return which one of some tables a document has."""
+    found = [name for name in tables if name in document]
     if len(found) != 1:
         raise ParameterError(
-            f"{where} must state what the tip moves by exactly one of [rotor] or [slider]; it has "
-            f"{'both' if found else 'none of them'}."
+            f"{where} must state {what} by exactly one of the tables {', '.join(tables)}; it has "
+            f"{' and '.join(found) or 'none of them'}."
         )
     return found[0]
 

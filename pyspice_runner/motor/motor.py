@@ -94,21 +94,12 @@ STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: t
 DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
 
 
-# section, parameter and value at which an effect is off or not known; the parameters that then have no meaning
-_EFFECTS: dict[tuple[str, str, float | None], tuple[str, ...]] = {
-    ("piezo", "capacitance_ab_f", 0.0): (),
-    ("contact", "restitution", 1.0): ("restitution_velocity_m_s",),
-    ("contact", "sliding_ratio", 1.0): ("stribeck_velocity_m_s",),
-    ("contact", "series_compliance_m_per_n", 0.0): (),
-    ("contact", "tangential_series_compliance_m_per_n", 0.0): (),
-    ("contact", "worn_flat_radius_m", 0.0): (),
-    ("contact", "effective_radius_m", None): (),
-    ("contact", "poisson", None): (),
-    ("contact", "specific_wear_rate_m3_per_n_m", None): (),
-    ("mount", "tangential_stiffness_n_per_m", None): ("tangential_damping_n_s_per_m",),
-    ("rotor", "bearing_friction_n_m", 0.0): ("bearing_presliding_rad",),
-    ("slider", "guide_friction_n", 0.0): ("guide_presliding_m",),
-}
+# parameters without a meaning while the effect of another one is off
+_COMPANIONS = {
+    "restitution_velocity_m_s": "restitution", "stribeck_velocity_m_s": "sliding_ratio",
+    "tangential_damping_n_s_per_m": "tangential_stiffness_n_per_m", "bearing_presliding_rad": "bearing_friction_n_m",
+    "guide_presliding_m": "guide_friction_n",
+}  # fmt: skip
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
@@ -401,10 +392,13 @@ class Motor(Shown, Parameters):
     @derived
     def _document(self) -> dict[str, Any]:
         document = self.model_dump()
-        for (section, name, off), companions in _EFFECTS.items():
-            if document.get(section) and document[section][name] == off:
-                for absent in (name, *companions):
-                    del document[section][absent]
+        for section in ("piezo", "contact", "mount", "rotor", "slider"):
+            table: dict[str, Any] = document.get(section) or {}
+            fields = SECTIONS[section].model_fields
+            for name in list(table):
+                effect = _COMPANIONS.get(name, name)
+                if not fields[name].is_required() and getattr(getattr(self, section), effect) == fields[effect].default:
+                    del table[name]
         document["modes"] = [
             {
                 "name": mode.name,

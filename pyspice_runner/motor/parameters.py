@@ -309,11 +309,6 @@ class Contact(Parameters):
     @model_validator(mode="after")
     def _check(self) -> Self:
         total = self.tangential_compliance_tip_m_per_n23 + self.tangential_compliance_rotor_m_per_n23
-        if not 2.2e-10 <= total <= 1e-2:
-            raise ValueError(
-                "tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 add up to "
-                f"{total:g} m/N^(2/3); the sum must be ≥ 2.2e-10 and ≤ 0.01 m/N^(2/3)"
-            )
         if self.tangential_series_compliance_m_per_n and self.sliding_ratio < 1.0:
             raise ValueError(
                 f"sliding_ratio = {self.sliding_ratio:g} lets friction fall with the slip velocity, and the spring of "

@@ -104,7 +104,7 @@ ARMS: Document = {
 }
 del ARMS["modes"]
 WAYS = {"beam": BEAM, "modes": MODES, "arms": ARMS}
-STATED = "[beam], [solid], [[modes]] or [[arms]]"
+STATED = "beam, solid, modes, arms"
 
 
 def changed(document: Document, path: str, value: Any) -> Document:
@@ -319,7 +319,7 @@ TOML = "mine.toml is not valid TOML:"
             "mine.toml: rotor.radius_m is missing (radius R at the contact, in m). State it.",
         ),
         (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Use the structure of a motor's TOML."),
-        (b"", f"mine.toml must state its modes by exactly one of {STATED}; it has none of them."),
+        (b"", f"mine.toml must state its modes by exactly one of the tables {STATED}; it has none of them."),
     ],
 )
 def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Path) -> None:
@@ -387,10 +387,10 @@ MISTAKES: list[tuple[Document, str]] = [
         "contact.materials.tip_poisson = 0.5 is not valid",
     ),
     (changed(ARMS, "arms.0.inductance_h", 1e-12), "the mode of arms.0.damping_n_s_per_m = 2.25e+12 N·s/m is not valid"),
-    (changed(BEAM, "modes", [MODE]), "[beam], [solid], [[modes]] or [[arms]]; it has [beam] and [modes]."),
+    (changed(BEAM, "modes", [MODE]), f"exactly one of the tables {STATED}; it has beam and modes."),
     *((changed(MODES, key, ...), f"has no entry '{key}'") for key in ("name", "piezo", "contact")),
-    (changed(MODES, "rotor", ...), "exactly one of [rotor] or [slider]; it has none of them."),
-    (changed(MODES, "slider", SLIDER), "exactly one of [rotor] or [slider]; it has both."),
+    (changed(MODES, "rotor", ...), "exactly one of the tables rotor, slider; it has none of them."),
+    (changed(MODES, "slider", SLIDER), "exactly one of the tables rotor, slider; it has rotor and slider."),
     (changed(SLIDES, "slider.guide_friction_n", -1.0), "slider.guide_friction_n = -1 N is not valid"),
 ]
 

@@ -41,13 +41,10 @@ class Part:
     """Cells of one material and polarisation."""
 
     cells: Indices
-    matrix: Array
-    """Of strain and gradient of the potential: (9, 9), or that of a plate, (4, 4)."""
+    matrix: Array  # of strain and gradient of the potential: (9, 9), or that of a plate, (4, 4)
     density_kg_m3: float
-    thickness_m: float = 1.0
-    """Of a plate."""
-    electrodes: tuple[int, int] = (0, 0)
-    """Of a plate: unknowns of the potentials above and below."""
+    thickness_m: float = 1.0  # of a plate
+    electrodes: tuple[int, int] = (0, 0)  # of a plate: unknowns of the potentials above and below
     ceramic: bool = False
 
 

@@ -22,15 +22,12 @@ _GROUPS = ("A", "B", "ground")
 class Geometry:
     """A mesh with its materials, electrodes and supports."""
 
-    basis: Any
-    """Quadratic elements of one field."""
+    basis: Any  # quadratic elements of one field
     parts: list[Part]
-    place: Indices
-    """Row of each unknown: displacements, then potentials, then groups A and B; −1 where it is held at 0."""
+    place: Indices  # row of each unknown: displacements, then potentials, then groups A and B; −1 where it is held at 0
     displacements: int
     size: int
-    springs: list[tuple[Indices, Array]]
-    """Unknowns and matrices of sprung faces."""
+    springs: list[tuple[Indices, Array]]  # unknowns and matrices of sprung faces
     contact: Array
     """Mean motion of the face of contact along normal and tangent, of all displacements of nodes: (2, nodes, axes)."""
 
@@ -90,14 +87,10 @@ def _owned(solid: Solid) -> tuple[Places, Indices]:
 class Regions:
     """What the parts of a stator cover, by numbers of vertices, (corners, n)."""
 
-    points_m: Array
-    """Places of the vertices, (axes, vertices)."""
-    boxes: list[Indices]
-    """Cells of each box."""
-    electrodes: list[Indices]
-    """Facets of each electrode; of a plate the cells that it covers."""
-    contact_m: Array
-    """Middle of the face of contact, (axes,)."""
+    points_m: Array  # places of the vertices, (axes, vertices)
+    boxes: list[Indices]  # cells of each box
+    electrodes: list[Indices]  # facets of each electrode; of a plate the cells that it covers
+    contact_m: Array  # middle of the face of contact, (axes,)
 
 
 def regions_of(solid: Solid) -> Regions:

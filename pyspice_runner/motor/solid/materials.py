@@ -32,12 +32,9 @@ class Material:
 
     name: str
     density_kg_m3: float
-    stiffness_pa: Array
-    """cᴱ, at constant field: (6, 6)."""
-    stress_constants_c_m2: Array
-    """e: (3, 6); zero without piezoelectricity."""
-    permittivity_f_m: Array
-    """εˢ, at constant strain: (3, 3); zero in a conductor."""
+    stiffness_pa: Array  # cᴱ, at constant field: (6, 6)
+    stress_constants_c_m2: Array  # e: (3, 6); zero without piezoelectricity
+    permittivity_f_m: Array  # εˢ, at constant strain: (3, 3); zero in a conductor
     source: str
 
     @property

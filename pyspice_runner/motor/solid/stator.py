@@ -44,14 +44,11 @@ class Modes:
 
     frequencies_hz: Array
     masses_kg: Array
-    couplings_n_per_v: Array
-    """(2, modes): groups A and B."""
+    couplings_n_per_v: Array  # (2, modes): groups A and B
     tip_x: Array
     tip_y: Array
-    recoil_kg: Array
-    """Γ = ∫ρ ψ·n dV along the normal."""
-    recoil_x_kg: Array
-    """The same along the tangent."""
+    recoil_kg: Array  # Γ = ∫ρ ψ·n dV along the normal
+    recoil_x_kg: Array  # the same along the tangent
 
     @property
     def stiffnesses_n_per_m(self) -> Array:
@@ -77,26 +74,17 @@ class Modes:
 class Stator(Modes):
     """The modes of a stator within the range of its motor, and what the others contribute."""
 
-    clamped_f: Array
-    """(2, 2): charges on the groups per volt on the groups, all displacements held at zero."""
-    residual_f: Array
-    """(2, 2): the same of the modes that are left out."""
-    residual_m_per_n: Array
-    """(2, 2): compliance of the modes that are left out, normal and tangent."""
+    clamped_f: Array  # (2, 2): charges on the groups per volt on the groups, all displacements held at zero
+    residual_f: Array  # (2, 2): the same of the modes that are left out
+    residual_m_per_n: Array  # (2, 2): compliance of the modes that are left out, normal and tangent
     stress_pa_per_m: Array
     """(points, modes): normal stresses of the ceramic, where some combination of modes makes them greatest."""
-    strain_per_m: Array
-    """(points, modes): the strains there."""
-    mass_kg: Array
-    """Of the stator: a number."""
-    outside: Modes
-    """Modes computed beyond the range that take part in motion or currents; they lie in the residuals."""
-    nodes_m: Array
-    """(axes, nodes)."""
-    cells: Indices
-    """(corners, cells)."""
-    shapes: Array
-    """(axes, nodes, modes): displacement per modal coordinate."""
+    strain_per_m: Array  # (points, modes): the strains there
+    mass_kg: Array  # of the stator: a number
+    outside: Modes  # modes computed beyond the range that take part in motion or currents; they lie in the residuals
+    nodes_m: Array  # (axes, nodes)
+    cells: Indices  # (corners, cells)
+    shapes: Array  # (axes, nodes, modes): displacement per modal coordinate
 
     def static_from(self, others_hz: Array) -> Array:
         """Return ω² in (rad/s)² at which the residuals count modes outside the range: 0 for those above it."""
