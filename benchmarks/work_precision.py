@@ -30,7 +30,7 @@ from pyspice_runner.spice.ngspice import run_deck
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from tests.reference.integrator import Tone, integrate  # noqa: E402
+from tests.reference.integrator import integrate  # noqa: E402
 
 TARGET = Path(__file__).resolve().parent / "work_precision.json"
 FIRST_VERSION = "3f030b5"  # the last commit before the contact laws were simplified
@@ -55,14 +55,6 @@ CASES = {
         pr.TwoPhaseDrive(voltage=60.0, frequency=17.9e3, phase_deg=90.0),
     ),
 }
-
-
-def tones(drive: pr.TwoPhaseDrive) -> tuple[list[Tone], list[Tone]]:
-    """The drive in the form of the integrator."""
-    first, second = (
-        [Tone(t.amplitude, t.frequency, t.phase) for t in group] for group in (drive.tones_a, drive.tones_b)
-    )
-    return first, second
 
 
 def right_hand_side(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> tuple[Callable[..., list[float]], list[float]]:
@@ -117,7 +109,7 @@ class Case:
 
     def __init__(self, motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
         self.motor, self.drive = motor, drive
-        self.tones = tones(drive)
+        self.tones = drive.tones_a, drive.tones_b
         exact = integrate(motor.to_dict(), *self.tones, duration=DURATION, output_step=1e-7)
         self.x, self.y = CubicSpline(exact.time_s, exact.tip_x_m), CubicSpline(exact.time_s, exact.tip_y_m)
         self.motion = float(np.var(exact.tip_x_m) + np.var(exact.tip_y_m))

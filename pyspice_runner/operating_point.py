@@ -83,10 +83,9 @@ class OperatingPoint(Point):
             ParameterError: for an unknown path, with the nearest one, or an invalid value.
         """
         new = self.plain.updated(changes)
-        solver = {
-            name: getattr(new.solver, name) for name in ("step", "accuracy", "exact_resonance", "timeout", "audit")
-        }
-        return OperatingPoint(new.motor, new.source, load=new.load, contact=new.law, thermal=new.thermal, **solver)
+        return OperatingPoint(
+            new.motor, new.source, load=new.load, contact=new.law, thermal=new.thermal, **vars(new.solver)
+        )
 
     def simulate(self, duration: float, **recording: Any) -> Waveforms:
         """Run the point from rest for a time in s; keywords and errors are those of :func:`.simulate`."""

@@ -24,7 +24,7 @@ from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.steady import SteadyState, steady_states
 from tests.circuit.batch import measured
 from tests.reference.damped import integrate_damped
-from tests.reference.integrator import Tone, integrate
+from tests.reference.integrator import integrate
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrators are compiled once there
@@ -73,13 +73,12 @@ def test_a_run_balances_its_energy_and_opens_sticks_and_slips() -> None:
 def test_a_run_is_that_of_an_independent_integrator(reference: str) -> None:
     """One has the worn tip, the other damping and both compliances; both have recoil, mount and dry bearing."""
     duration, step = 6e-4, 5e-8
-    tones = [[(t.amplitude, t.frequency, t.phase) for t in some] for some in (DRIVE.tones_a, DRIVE.tones_b)]
+    tones = (DRIVE.tones_a, DRIVE.tones_b)
     motor = WORN if reference == "events" else NEW
     run = pr.simulate(motor, DRIVE, duration=duration, step=step)
     exact: Any
     if reference == "events":
-        sines = [[Tone(*tone) for tone in some] for some in tones]
-        exact = integrate(motor.to_dict(), *sines, duration=duration, output_step=step)
+        exact = integrate(motor.to_dict(), *tones, duration=duration, output_step=step)
     else:
         exact = integrate_damped(motor.to_dict(), *tones, duration=duration, output_step=step, step=step / 20)
     assert away(run, exact) < 5e-4  # measured 2e-5, and 1e-4 against the one that is late by a step at each event

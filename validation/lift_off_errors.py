@@ -40,7 +40,7 @@ def outcome(index: int) -> dict[str, Any] | None:
         return None
     contact, last = motor.contact, (periods - AVERAGED) * drive.period
     percent = 100.0 / (contact.friction * contact.preload_n)
-    groups = [[(tone.amplitude_v, tone.frequency_hz, tone.phase_rad) for tone in group] for group in tones(drive)]
+    groups = tones(drive)
 
     def mean(steps: int) -> float:
         """Return the mean friction force by the integrator with so many steps in a period."""

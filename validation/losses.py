@@ -104,11 +104,8 @@ def _lossy(rng: np.random.Generator, motor: pr.Motor, law: str) -> pr.Motor:
 
 def _reference(one: random_runs.Case, duration: float, finer: int, *, coarse: bool = False, **shaft: Any) -> DampedRun:
     """Integrate a case; ``coarse`` takes twice the step and starts 0.1 pm away."""
-    tones = [
-        [(tone.amplitude_v, tone.frequency_hz, tone.phase_rad) for tone in of] for of in random_runs.tones(one.drive)
-    ]
     return integrate_damped(
-        one.motor.to_dict(), *tones, duration=duration,
+        one.motor.to_dict(), *random_runs.tones(one.drive), duration=duration,
         output_step=duration / math.ceil(duration / one.setup.step),
         step=(2.0 if coarse else 1.0) * one.setup.shortest_period / finer,
         perturbation_m=random_runs.PERTURBATION if coarse else 0.0, **shaft,

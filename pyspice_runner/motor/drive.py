@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import chain
 from math import hypot, pi, radians, sin, sqrt
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,7 @@ WIDEST_SWING = 0.1  # amplitude over the radius of the rotor: the tip stays near
 FLATTEST = 0.05  # of the penetration: fall x²/2R of a slider's face at the amplitude x, where R = 1 m stands for flat
 
 
-@dataclass(frozen=True)
-class Tone:
+class Tone(NamedTuple):
     """One sine: ``amplitude`` (V) · sin(2π ``frequency`` (Hz) t + ``phase`` (rad))."""
 
     amplitude: float

@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -40,8 +40,7 @@ from tests.reference import physics
 from tests.reference.physics import HERTZ, KAPPA, MU, OMEGA, Array, Q, R, U, accelerate, sliding, touching, voltage
 
 
-@dataclass(frozen=True)
-class Tone:
+class Tone(NamedTuple):
     """amplitude_v · sin(2π frequency_hz t + phase_rad), on from t = 0."""
 
     amplitude_v: float
@@ -344,22 +343,15 @@ def _run(z, state, tones_a, tones_b, modes, p, output_step, substeps, duration, 
     return _DONE, duration, events
 
 
-def _tones(tones: Sequence[Tone]) -> Array:
-    rows = [(tone.amplitude_v, tone.frequency_hz, tone.phase_rad) for tone in tones]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
-def _waveform(tones: Sequence[Tone], time: Array) -> Array:
-    total = np.zeros_like(time)
-    for tone in tones:
-        total += tone.amplitude_v * np.sin(2.0 * np.pi * tone.frequency_hz * time + tone.phase_rad)
-    return total
+def _waveform(tones: Array, time: Array) -> Array:
+    amplitude, frequency, phase = tones.T[:, :, np.newaxis]
+    return np.asarray((amplitude * np.sin(2.0 * np.pi * frequency * time + phase)).sum(axis=0))
 
 
 def integrate(
     motor: Mapping[str, Any],
-    tones_a: Sequence[Tone],
-    tones_b: Sequence[Tone],
+    tones_a: Sequence[tuple[float, float, float]],
+    tones_b: Sequence[tuple[float, float, float]],
     *,
     duration: float,
     output_step: float,
@@ -375,10 +367,11 @@ def integrate(
     The step is the largest that divides output_step and is not above ``step``. With ``contact=False`` the tip
     is free and starts from r = 0. A ``mount`` that is not null springs the carrier; a free tip has it for its recoil.
     ``speed`` holds the shaft; without it the rotor starts from rest against ``load_torque``. ``perturbation_m``
-    shifts the start of r_1: two runs that differ in it alone show chaos.
+    shifts the start of r_1: two runs that differ in it alone show chaos. A tone is a :class:`Tone` or as one.
     """
     if not (duration > 0.0 and output_step > 0.0 and step > 0.0 and 0.0 <= statistics_from < duration):
         raise ValueError("duration, output_step and step must be > 0, and 0 <= statistics_from < duration")
+    a, b = (np.array(tones, dtype=np.float64).reshape(-1, 3) for tones in (tones_a, tones_b))
     modes, scalars = physics.read(motor, speed=speed, load_torque=load_torque, own=3)
     law, n = motor["contact"], modes.shape[1]
     preload = float(scalars[physics.PRELOAD])
@@ -407,8 +400,8 @@ def integrate(
     ending, when, events = _run(
         final,
         first,
-        _tones(tones_a),
-        _tones(tones_b),
+        a,
+        b,
         modes,
         scalars,
         float(output_step),
@@ -469,8 +462,8 @@ def integrate(
     window = duration - statistics_from
     return ReferenceRun(
         time_s=time,
-        voltage_a_v=_waveform(tones_a, time),
-        voltage_b_v=_waveform(tones_b, time),
+        voltage_a_v=_waveform(a, time),
+        voltage_b_v=_waveform(b, time),
         tip_x_m=modes[physics.X] @ r,
         tip_y_m=modes[physics.Y] @ r,
         normal_force_n=normal,

@@ -343,7 +343,7 @@ def test_held_shaft_drags_the_tip_with_the_friction_of_coulomb(speed: float) -> 
 @pytest.mark.parametrize("name", ["mostly slip", pytest.param("opening", marks=pytest.mark.soak)])
 def test_a_cut_off_instead_of_events_comes_to_the_same(name: str) -> None:
     run = _operate(name, duration=1e-3, output_step=1e-6)
-    tones = [[(t.amplitude_v, t.frequency_hz, t.phase_rad) for t in some] for some in OPERATING_POINTS[name]["tones"]]
+    tones = OPERATING_POINTS[name]["tones"]
     errors = []
     for step in (4e-9, 1e-9):
         crude = integrate_damped(_motor(), *tones, duration=1e-3, output_step=1e-6, step=step)

@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.trackers.tracker import Tracker, sensing
-from tests.reference.integrator import Tone, integrate
+from tests.reference.integrator import integrate
 from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
@@ -48,8 +48,7 @@ def test_the_admittance_matrix_of_the_free_stator_is_the_closed_form(farad: floa
 
 def test_the_currents_are_those_of_the_independent_integrator_and_the_energy_is_balanced() -> None:
     motor = with_between(2e-10, **{"piezo.loss_tangent": 0.0, "contact.restitution": 1.0})
-    tones = [[Tone(t.amplitude, t.frequency, t.phase) for t in some] for some in (DRIVE.tones_a, DRIVE.tones_b)]
-    exact = integrate(motor.to_dict(), *tones, duration=5e-4, output_step=2e-7)
+    exact = integrate(motor.to_dict(), DRIVE.tones_a, DRIVE.tones_b, duration=5e-4, output_step=2e-7)
     run = simulated(motor, DRIVE, duration=5e-4)
     lossy = simulated(motor.updated({"piezo.loss_tangent": 0.1}), DRIVE, duration=5e-4)
     for one in (run, lossy):

@@ -37,10 +37,7 @@ DRIVES = {
 @cache
 def exact(name: str) -> dict[str, Array]:
     drive = DRIVES[name]
-    tones = [
-        [(tone.amplitude, tone.frequency, tone.phase) for tone in group] for group in (drive.tones_a, drive.tones_b)
-    ]
-    return run_motor(MOTOR.to_dict(), *tones, duration=DURATION, step=2e-8)
+    return run_motor(MOTOR.to_dict(), drive.tones_a, drive.tones_b, duration=DURATION, step=2e-8)
 
 
 @cache
@@ -127,10 +124,7 @@ def torque(law: str, speed: float = 0.0) -> float:
 def test_stall_torque_of_the_brush_is_that_of_the_row_of_elements() -> None:
     drive, motor = DRIVES["hammers"], MOTOR.to_dict()
     motor["rotor"] = motor["rotor"] | {"inertia_kg_m2": 1e6}  # it stands
-    tones = [
-        [(tone.amplitude, tone.frequency, tone.phase) for tone in group] for group in (drive.tones_a, drive.tones_b)
-    ]
-    found = run_motor(motor, *tones, duration=8e-3, step=2e-8)
+    found = run_motor(motor, drive.tones_a, drive.tones_b, duration=8e-3, step=2e-8)
     last = found["time_s"] > 8e-3 - 36 * drive.period
     stall = motor["rotor"]["radius_m"] * float(found["friction_force_n"][last].mean())
     assert torque("brush") == pytest.approx(stall, rel=2e-3)  # eight sliders; measured 1e-4

@@ -23,7 +23,7 @@ from pyspice_runner.motor.contact import (
 from pyspice_runner.run.audit import delivering
 from pyspice_runner.run.waveforms import Waveforms
 from tests.reference.damped import integrate_damped
-from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.reference.integrator import ReferenceRun, integrate
 from tests.runs import simulated
 from tests.selection import mostly
 
@@ -67,11 +67,8 @@ def pair(name: str) -> tuple[Waveforms, ReferenceRun]:
     """Return our run and that of the reference."""
     point = POINTS[name]
     motor = PAPER.updated(point.changes)
-    tones = [
-        [Tone(t.amplitude, t.frequency, t.phase) for t in some] for some in (point.drive.tones_a, point.drive.tones_b)
-    ]
     exact = integrate(
-        motor.to_dict(), tones[0], tones[1], duration=DURATION, output_step=2e-7,
+        motor.to_dict(), point.drive.tones_a, point.drive.tones_b, duration=DURATION, output_step=2e-7,
         statistics_from=DURATION - 20 * point.drive.period, **point.load,
     )  # fmt: skip
     return simulated(motor, point.drive, duration=DURATION, **point.load), exact
@@ -264,12 +261,12 @@ def test_the_plate_motor_has_the_steady_state_of_a_reference_with_a_penetration_
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     state = pr.steady_state(motor, drive, speed=speed)
-    tones = [[(tone.amplitude, tone.frequency, tone.phase) for tone in of] for of in (drive.tones_a, drive.tones_b)]
     period, periods = drive.period, 2000  # 49 ms: 16 decay times of its slowest mode
     end, begin = periods * period, (periods - 20) * period
     runs = [
         integrate_damped(
-            motor.to_dict(), *tones, duration=end, output_step=period, step=period / steps, speed=speed
+            motor.to_dict(), drive.tones_a, drive.tones_b, duration=end, output_step=period, step=period / steps,
+            speed=speed,
         )
         for steps in (800, 1600)
     ]  # fmt: skip

@@ -15,7 +15,7 @@ from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.run.kernel import transient
-from tests.reference.integrator import Tone, integrate
+from tests.reference.integrator import integrate
 from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
@@ -139,8 +139,7 @@ POINTS: dict[str, tuple[pr.TwoPhaseDrive, dict[str, float], dict[str, float]]] =
 def test_a_run_with_recoil_follows_the_independent_integrator(name: str) -> None:
     drive, changes, load = POINTS[name]
     motor = FLAGSHIP.updated({"contact.restitution": 1.0, **changes})
-    tones = [[Tone(t.amplitude, t.frequency, t.phase) for t in some] for some in (drive.tones_a, drive.tones_b)]
-    exact = integrate(motor.to_dict(), *tones, duration=1.5e-3, output_step=2e-7, **load)
+    exact = integrate(motor.to_dict(), drive.tones_a, drive.tones_b, duration=1.5e-3, output_step=2e-7, **load)
     balance = exact.energies_j
     terms = ("kinetic", "elastic", "damping", "contact_elastic", "tangential", "mount", "mount_damping")
     assert sum(balance[term] for term in terms) + balance["shaft"] == pytest.approx(balance["input"], rel=1e-6)

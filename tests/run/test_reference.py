@@ -16,7 +16,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.run.point import Point as RunPoint
 from pyspice_runner.run.waveforms import Waveforms
-from tests.reference.integrator import ReferenceRun, Tone, integrate
+from tests.reference.integrator import ReferenceRun, integrate
 from tests.runs import simulated
 from tests.selection import mostly
 
@@ -117,14 +117,10 @@ ALWAYS = [
 @cache
 def reference(name: str, perturbation_m: float = 0.0) -> ReferenceRun:
     point = POINTS[name]
-    tones_a, tones_b = (
-        [Tone(tone.amplitude, tone.frequency, tone.phase) for tone in tones]
-        for tones in (point.drive.tones_a, point.drive.tones_b)
-    )
     return integrate(
         point.motor.to_dict(),
-        tones_a,
-        tones_b,
+        point.drive.tones_a,
+        point.drive.tones_b,
         duration=DURATION,
         output_step=OUTPUT_STEP,
         perturbation_m=perturbation_m,

@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.motor.contact import contact_radius
 from pyspice_runner.steady.speed_torque import held_point
-from tests.reference.integrator import Tone, integrate
+from tests.reference.integrator import integrate
 
 MOTOR = pr.load_motor("beam40").updated({"contact.worn_flat_radius_m": 60e-6})
 DRIVE = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
@@ -21,8 +21,7 @@ def test_a_run_is_that_of_the_independent_integrator() -> None:
     """The tip opens, sticks and slips. The integrator has no damping along the normal."""
     elastic = MOTOR.updated({"contact.restitution": 1.0})
     run = pr.simulate(elastic, DRIVE, duration=1e-3, step=5e-8)
-    tones = [[Tone(t.amplitude, t.frequency, t.phase) for t in tones] for tones in (DRIVE.tones_a, DRIVE.tones_b)]
-    expected = integrate(elastic.to_dict(), *tones, duration=1e-3, output_step=5e-8)
+    expected = integrate(elastic.to_dict(), DRIVE.tones_a, DRIVE.tones_b, duration=1e-3, output_step=5e-8)
     assert min(expected.state_fractions.values()) > 0.05
     inside = expected.time_s <= run.time_s[-1]
     for name in ("tip_x_m", "tip_y_m", "rotor_speed_rad_s", "normal_force_n"):

@@ -10,7 +10,7 @@ import pytest
 import xarray
 
 import pyspice_runner as pr
-from tests.reference.integrator import Tone, integrate
+from tests.reference.integrator import integrate
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
@@ -50,14 +50,11 @@ def curve(name: str) -> xarray.Dataset:
 def reference(name: str, speed: float) -> dict[str, float]:
     """Means of the integrator over whole drive periods, once it has settled."""
     motor, drive, _, settled = CURVES[name]
-    tones_a, tones_b = (
-        [Tone(tone.amplitude, tone.frequency, tone.phase) for tone in tones] for tones in (drive.tones_a, drive.tones_b)
-    )
     first = int(settled / drive.period)
     run = integrate(
         motor.to_dict(),
-        tones_a,
-        tones_b,
+        drive.tones_a,
+        drive.tones_b,
         duration=(first + PERIODS) * drive.period,
         output_step=drive.period / OUTPUTS,
         speed=speed,
