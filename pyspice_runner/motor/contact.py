@@ -164,24 +164,19 @@ def static_penetration(contact: Contact) -> float:
     return penetration(contact, contact.preload_n)
 
 
-def _stiffness(contact: Contact) -> float:
-    """Return dF_N/dδ = 3/2 K_N √(q + β) under the preload, in N/m; 3F₀/(2δ₀) for a new tip."""
-    radius = sqrt(_root(contact, contact.preload_n) ** 2 + flat_length(contact))
-    return 1.5 * contact.normal_stiffness_n_per_m15 * radius
-
-
 def stiffnesses_at_preload(contact: Contact) -> tuple[float, float]:
     """Tangential stiffness in stick and normal stiffness at the operating point without compliances in series, N/m.
 
-    dF_T/du = 2 G* a and dF_N/dδ = 2 E* a.
+    dF_T/du = 2 G* a and dF_N/dδ = 2 E* a = 3/2 K_N √(q + β); for a new tip 3F₀/(2δ₀).
     """
-    normal = _stiffness(contact)
+    radius = sqrt(_root(contact, contact.preload_n) ** 2 + flat_length(contact))
+    normal = 1.5 * contact.normal_stiffness_n_per_m15 * radius
     return normal * contact.friction / limit_ratio(contact), normal
 
 
 def normal_stiffness_at_preload(contact: Contact) -> float:
     """Normal stiffness k_c at the operating point, in N/m: dF_N/dδ = 2 E* a and the compliance in series."""
-    alone = _stiffness(contact)
+    alone = stiffnesses_at_preload(contact)[1]
     return alone / (1.0 + alone * contact.series_compliance_m_per_n)
 
 

@@ -218,8 +218,15 @@ class Motor(Shown, Parameters):
                 f"the modes reach from {lowest:.4g} to {highest:.4g} Hz; a stator's are at most a factor "
                 f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
             )
-        self._check_groups()
         stator = self.stator
+        clamped, motional = np.diag(stator.capacitance), np.sum(stator.coupling.T**2 / stator.stiffness, axis=1)
+        for group, coupling in zip(GROUPS, motional / (clamped + motional), strict=True):
+            if coupling > CLOSEST_COUPLING:
+                raise ValueError(
+                    f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
+                    f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
+                    f"coupling_{group}_n_per_v or the capacitance"
+                )
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
@@ -245,17 +252,6 @@ class Motor(Shown, Parameters):
                 "and tip_y, contact.normal_stiffness_n_per_m15, "
                 f"{'slider.mass_kg' if self.slider else 'rotor.inertia_kg_m2'} or mount.mass_kg"
             )
-
-    def _check_groups(self) -> None:
-        stator = self.stator
-        clamped, motional = np.diag(stator.capacitance), np.sum(stator.coupling.T**2 / stator.stiffness, axis=1)
-        for group, coupling in zip(GROUPS, motional / (clamped + motional), strict=True):
-            if coupling > CLOSEST_COUPLING:
-                raise ValueError(
-                    f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
-                    f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
-                    f"coupling_{group}_n_per_v or the capacitance"
-                )
 
     @property
     @derived

@@ -49,14 +49,15 @@ HEATED = (
     "In the steady state the losses heat the stator by {rise:.3g} K to {temperature:.3g} °C; the limit is {most:.3g} "
     "°C, half the Curie temperature. Lower the voltage, or drive it for a short time."
 )
-PRESSED = (
-    "The peak pressure of the contact is {pressure}; the limit is {most}. Lower the voltage or the preload, or give "
-    "the tip a larger radius."
-)
-TORN = (
-    "Friction puts the trailing edge of the contact under a tension of {tension}; its strength is {strength}. Lower "
-    "the voltage or the preload, or give the tip a larger radius."
-)
+_OF_CONTACT = {  # quantity → its limit, and what to say above it
+    "peak_pressure_pa": (
+        "contact_pressure_pa", "The peak pressure of the contact is {value}; the limit is {most}.",
+    ),
+    "tensile_stress_pa": (
+        "contact_tension_pa",
+        "Friction puts the trailing edge of the contact under a tension of {value}; its strength is {most}.",
+    ),
+}  # fmt: skip
 WORN = (
     "The results are those of a new tip: after {time} it is worn to a flat as wide as the contact under the preload, "
     "{radius} in radius."
@@ -86,7 +87,7 @@ def _of_beam(structure: Structure) -> tuple[Array, Array]:
     return strain, np.concatenate(moduli)[:, None] * strain
 
 
-def _of_modes(motor: Motor) -> tuple[Array, Array]:
+def of_modes(motor: Motor) -> tuple[Array, Array]:
     """Return strain in 1/m and stress in Pa/m of the ceramic per modal displacement; no points if not known."""
     if motor.solid is not None:
         stator = stator_of(motor.solid)
@@ -95,11 +96,6 @@ def _of_modes(motor: Motor) -> tuple[Array, Array]:
         strain, stress = _of_beam(motor.structure)
         return strain[:, : len(motor.modes)], stress[:, : len(motor.modes)]
     return np.empty((0, 0)), np.empty((0, 0))
-
-
-def stress_of_modes(motor: Motor) -> Array:
-    """Return the stress of the ceramic per modal displacement in Pa/m, (points, modes); no points if not known."""
-    return _of_modes(motor)[1]
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
@@ -117,7 +113,7 @@ def peak_of_amplitudes(motor: Motor, amplitudes_m: Sequence[float]) -> dict[str,
 
 def _peak(motor: Motor, greatest: Callable[[Array], float]) -> dict[str, float]:
     """Return the greatest strain and stress, each a function of its values per modal displacement."""
-    strain, stress = (greatest(shape) if len(shape) else nan for shape in _of_modes(motor))
+    strain, stress = (greatest(shape) if len(shape) else nan for shape in of_modes(motor))
     return {"ceramic_strain": strain, "ceramic_stress_pa": stress}
 
 
@@ -176,20 +172,21 @@ def temperature_rise(motor: Motor, heat_w: float) -> float:
 
 def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
     """Return one sentence for each limit that a quantity of :data:`COMPARED` exceeds, after the motor's own."""
-    stress, rise, pressure, tension, wear = (quantities.get(name, nan) for name in COMPARED)
+    stress, rise, wear = (
+        quantities.get(name, nan) for name in ("ceramic_stress_pa", "temperature_rise_k", COMPARED[-1])
+    )
     limits, found = motor.limits, [*motor.cautions]
     if limits is not None:
         if stress > limits.dynamic_strength_pa:
             found.append(STRESSED.format(stress=1e-6 * stress, strength=1e-6 * limits.dynamic_strength_pa))
-        temperature, most = limits.ambient_c + rise, 0.5 * limits.curie_temperature_c
-        if temperature > most:
-            found.append(HEATED.format(rise=rise, temperature=temperature, most=most))
-        if limits.contact_pressure_pa is not None and pressure > limits.contact_pressure_pa:
-            most_pressure = engineering(limits.contact_pressure_pa, "Pa")
-            found.append(PRESSED.format(pressure=engineering(pressure, "Pa"), most=most_pressure))
-        if limits.contact_tension_pa is not None and tension > limits.contact_tension_pa:
-            strength = engineering(limits.contact_tension_pa, "Pa")
-            found.append(TORN.format(tension=engineering(tension, "Pa"), strength=strength))
+        temperature, hottest = limits.ambient_c + rise, 0.5 * limits.curie_temperature_c
+        if temperature > hottest:
+            found.append(HEATED.format(rise=rise, temperature=temperature, most=hottest))
+        for name, (limit, sentence) in _OF_CONTACT.items():
+            value, most = quantities.get(name, nan), getattr(limits, limit)
+            if most is not None and value > most:
+                words = sentence.format(value=engineering(value, "Pa"), most=engineering(most, "Pa"))
+                found.append(f"{words} Lower the voltage or the preload, or give the tip a larger radius.")
     life = time_to_flat(motor.contact, wear)
     if life <= SHORT_LIFE_S:
         worn, radius = (

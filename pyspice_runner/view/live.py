@@ -159,7 +159,7 @@ def _rated(motor: Motor) -> dict[str, Any] | None:
     limits = motor.limits
     if limits is None:
         return None
-    stress = strength.stress_of_modes(motor)
+    stress = strength.of_modes(motor)[1]
     return {
         "strength": 1e-6 * limits.dynamic_strength_pa,
         "ambient": limits.ambient_c,

@@ -191,15 +191,11 @@ class Solid(Parameters):
         return {**many, "contact": self.contact}
 
     def _check_mesh(self) -> None:
-        if self.mesh is None and self.element_m is None:
-            raise ValueError("element_m is missing (greatest edge of an element, in m); state it, or a mesh")
-        if self.mesh is not None and self.element_m is not None:
-            raise ValueError("element_m does not go with a mesh, which has its elements; leave out one of them")
+        if (self.mesh is None) == (self.element_m is None):
+            raise ValueError("element_m (greatest edge of an element, in m) or a mesh is needed; state one of them")
         for name, item in self.placed.items():
-            if self.mesh is None and item.region is not None:
-                raise ValueError(f"{name}: region = {quoted(item.region)} needs a mesh; state solid.mesh, or from_m")
-            if self.mesh is not None and item.region is None:
-                raise ValueError(f"{name}: from_m does not go with a mesh; state region, or leave out solid.mesh")
+            if (self.mesh is None) != (item.region is None):
+                raise ValueError(f"{name}: a region goes with a mesh, and from_m and to_m without one; state the other")
         if self.mesh is not None and self.theory == "plate":
             for name, item in self.placed.items():
                 if isinstance(item, Box) and item.thickness_m is None:

@@ -55,13 +55,10 @@ class Modes:
         """Modal stiffness with both groups shorted."""
         return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
 
-    def dampings_n_s_per_m(self, quality_factor: float) -> Array:
-        """Return the modal damping √(k m)/Q."""
-        return np.asarray(2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor)
-
     def tables(self, name: str, quality_factor: float) -> list[dict[str, Any]]:
         """Return the modes as tables ``[[modes]]``, named ``name-1`` and so on."""
-        damping, coupling = self.dampings_n_s_per_m(quality_factor), self.couplings_n_per_v.T
+        damping = 2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor
+        coupling = self.couplings_n_per_v.T
         ends = (self.tip_x, self.tip_y, self.recoil_kg, self.recoil_x_kg)
         rows = np.column_stack([self.masses_kg, damping, self.stiffnesses_n_per_m, coupling, *ends])
         return [
@@ -119,7 +116,12 @@ def solve_stator(solid: Solid) -> Stator:
     compliance = loads[:, 2:].T @ solve(loads[:, 2:])
 
     rigid = squares < _RIGID * -shift
-    _require_whole(int(rigid.sum()), geometry.dimension)
+    most = 3 if geometry.dimension == 2 else 6
+    if rigid.sum() > most:
+        raise ParameterError(
+            f"The solid has {rigid.sum()} rigid motions, and a single body has {most}: its boxes do not touch. Close "
+            "the gap."
+        )
     shapes = _displacements(geometry, vectors)
     amplitude = np.sqrt((shapes**2).sum(axis=0)).max(axis=0)
     y, x = generalised[2:]
@@ -161,7 +163,7 @@ def solve_stator(solid: Solid) -> Stator:
         outside=outside,
         nodes_m=np.asarray(geometry.basis.mesh.p),
         cells=np.asarray(geometry.basis.mesh.t),
-        shapes=(shapes[..., kept] / amplitude[kept])[:, _corners(geometry)],
+        shapes=(shapes[..., kept] / amplitude[kept])[:, geometry.basis.nodal_dofs[0]],
     )
 
 
@@ -274,11 +276,6 @@ def _displacements(geometry: Geometry, vectors: Array) -> Array:
     return np.asarray(values[:, : geometry.dimension].transpose(1, 0, 2))
 
 
-def _corners(geometry: Geometry) -> Indices:
-    """Return the elements' node at each vertex of the mesh."""
-    return np.asarray(geometry.basis.nodal_dofs[0])
-
-
 def _mass_of_nodes(geometry: Geometry) -> Array:
     """Return ∫ρN dV of each node."""
     masses = np.zeros(geometry.basis.N)
@@ -304,11 +301,3 @@ def _stress(geometry: Geometry, vectors: Array) -> tuple[Array, Array]:
     directions /= np.abs(stress).max(axis=0)[:, None] + np.finfo(float).tiny
     points = np.unique(np.abs(stress @ directions).argmax(axis=0))
     return stress[points], strain[points]
-
-
-def _require_whole(rigid: int, dimension: int) -> None:
-    most = 3 if dimension == 2 else 6
-    if rigid > most:
-        raise ParameterError(
-            f"The solid has {rigid} rigid motions, and a single body has {most}: its boxes do not touch. Close the gap."
-        )

@@ -257,11 +257,11 @@ CONTACT = {"normal": "+x", "tangent": "+y"}
     [
         ({"mesh": "none.msh"}, r"solid.mesh: Cannot read the mesh 'none.msh': No such file.*Give the path"),
         ({"mesh": 3}, r"solid.mesh = 3 is not valid: it must be the path of a file"),
-        ({"element_m": 0.001}, r"element_m does not go with a mesh"),
+        ({"element_m": 0.001}, r"element_m .* or a mesh is needed; state one of them"),
         ({"contact": CONTACT | {"region": "tip"}}, r"region = 'tip' is not a physical group .* 'boxes.0', 'boxes.1'"),
         ({"contact": CONTACT | {"region": "boxes.1"}}, r"'boxes.1' is a group of surfaces; it must be one of curves"),
         ({"contact": CONTACT}, r"solid.contact.from_m is missing .* or with a mesh the region"),
-        ({"contact": CONTACT | {"from_m": [0, 0, 0], "to_m": [0, 0, 0]}}, r"contact: from_m does not go with a mesh"),
+        ({"contact": CONTACT | {"from_m": [0, 0, 0], "to_m": [0, 0, 0]}}, r"contact: a region goes with a mesh"),
         ({"contact": CONTACT | {"region": "contact", "to_m": [0, 0, 0]}}, r"'contact' takes the place of to_m"),
         ({"theory": "solid"}, r"The mesh has surfaces, and theory solid takes volumes"),
         ({"mesh_unit_m": 1.0}, r"The mesh is 22 m long; the limit is 2 m. State solid.mesh_unit_m"),
@@ -293,7 +293,7 @@ def test_a_file_that_is_no_mesh_or_has_other_cells_is_refused(tmp_path: Path) ->
 def test_a_region_without_a_mesh_is_refused() -> None:
     entries = table("plate", None)
     entries["contact"] = CONTACT | {"region": "tip"}
-    with pytest.raises(pr.ParameterError, match=r"region = 'tip' needs a mesh; state solid.mesh, or from_m"):
+    with pytest.raises(pr.ParameterError, match=r"contact: a region goes with a mesh"):
         solid_from(entries, "motor")
 
 
