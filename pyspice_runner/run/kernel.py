@@ -73,7 +73,8 @@ def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None
     ready = BatchSimulator(bench.circuit, timeout=timeout)
     ready.options(**bench.options)
     ready.initial_condition(**{node: voltage for node, voltage in bench.start.items() if voltage})
-    ready.save(*(bench.signals[name].terms if name in bench.signals else name for name in vectors))
+    for name in vectors:
+        ready.save(*(bench.signals[name].terms if name in bench.signals else [name]))
     return ready
 
 
