@@ -135,12 +135,11 @@ class ControlledRun(RunOverTime):
 
     def summary(self) -> dict[str, str]:
         """Return the last sample, what has settled, the static error, and the averaged motor's own check."""
-        shown = {name: unit for name, (unit, _) in SAMPLES.items() if name in self.samples and unit != "1"}
-        ends = {unit: "_" + unit.lower().translate(str.maketrans("/·", "__")) for unit in shown.values()}
-        found = {
-            name.removesuffix(ends[unit]).replace("_", " "): f"{self.samples[name][-1]:.4g} {unit}"
-            for name, unit in shown.items()
-        }
+        found = {}
+        for name, (unit, _) in SAMPLES.items():
+            if name in self.samples and unit != "1":
+                quantity = name.removesuffix("_" + unit.lower().replace("/", "_").replace("·", "_"))
+                found[quantity.replace("_", " ")] = f"{self.samples[name][-1]:.4g} {unit}"
         found["settled"] = f"no: {self._moving}" if self._moving else "yes"
         if self.static_error is not None:
             name = CONTROLLED[self.provenance["run"]["quantity"]]

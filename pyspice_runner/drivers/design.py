@@ -568,23 +568,21 @@ class _Search:
 
     def unreachable(self) -> str:
         """Return why the motor does not reach its operating point; an empty text if it does."""
-        idle, middle = self.points[-1].speed_rad_s, self.middle
-        load = self.ideal.load
-        asked = load.speed if load.speed is not None else middle.speed_rad_s
+        idle, middle, load = self.points[-1].speed_rad_s, self.middle, self.ideal.load
+        asked, volts = middle.speed_rad_s if load.speed is None else load.speed, abs(self.pins["a"])
         given = load.speed is not None or load.torque
-        if not given or not asked or (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
-            ahead = 1.0 if asked >= 0.0 else -1.0
-            if load.speed is None or ahead * middle.torque_n_m >= ahead * self.load_torque:
-                return ""
+        if given and asked and not (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
+            what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
             return (
-                f"At {asked:.4g} rad/s and {abs(self.pins['a']):.4g} V the motor gives {middle.torque_n_m:.3g} N·m, "
-                f"less than the load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
+                f"With {volts:.4g} V at the pins the motor turns at {idle:.4g} rad/s without load, and never {what} "
+                "forwards. Raise the voltage, change frequency or phase, or ask for less."
             )
-        what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
-        return (
-            f"With {abs(self.pins['a']):.4g} V at the pins the motor turns at {idle:.4g} rad/s without load, and never "
-            f"{what} forwards. Raise the voltage, change frequency or phase, or ask for less."
-        )
+        if load.speed is not None and copysign(1.0, asked) * (middle.torque_n_m - self.load_torque) < 0.0:
+            return (
+                f"At {asked:.4g} rad/s and {volts:.4g} V the motor gives {middle.torque_n_m:.3g} N·m, less than the "
+                f"load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
+            )
+        return ""
 
     def best_share(self) -> float:
         """Return the share of the reactance to be cancelled, by the impedances of the motor at the wanted voltages.
@@ -622,13 +620,15 @@ class _Search:
             raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
         return driver
 
+    def _wanted(self, driver: Driver, group: str) -> tuple[complex, complex]:
+        """Return voltage and current of the stage with the wanted voltage at the pin, at the operating point."""
+        return at_stage(driver, group, self.pins[group], self.pins[group] / self.middle.group(group).impedance_ohm)
+
     def _mosfet(self, driver: Driver) -> str:
         """Return the MOSFET with the least loss at the operating point."""
         volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
-        current = 0.0
-        for group, pin in self.pins.items():
-            _, through = at_stage(driver, group, pin, pin / self.middle.group(group).impedance_ohm)
-            current = max(current, driver.ratio(group) * abs(through) / sqrt(2.0))
+        stages = {group: self._wanted(driver, group)[1] for group in GROUPS}
+        current = max(driver.ratio(group) * abs(through) / sqrt(2.0) for group, through in stages.items())
         return suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
 
     def _values(self, driver: Driver, share: float) -> dict[str, float]:
@@ -679,9 +679,7 @@ class _Search:
 
     def _supplied(self, driver: Driver) -> Driver:
         """Return the driver with the voltages of its stage and the ratios of its transformer."""
-        sources = {}
-        for group, volts in self.pins.items():
-            sources[group], _ = at_stage(driver, group, volts, volts / self.middle.group(group).impedance_ohm)
+        sources = {group: self._wanted(driver, group)[0] for group in GROUPS}
         amplitudes = {group: abs(source) for group, source in sources.items()}
         changes: dict[str, Any] = {
             "voltage": amplitudes["a"], "ratio_b": amplitudes["b"] / amplitudes["a"],
@@ -759,8 +757,8 @@ class _Search:
                         f"limit is {100.0 * PIN_BAND:.0f} %."
                     )
         middle = next(point for point in points if point.state == OPERATING)
-        ahead, load = 1.0 if middle.speed_rad_s > 0.0 else -1.0, _SPARE * self.load_torque
-        if abs(middle.speed_rad_s) > STANDS and ahead * middle.torque_n_m < ahead * load:
+        spare = copysign(1.0, middle.speed_rad_s) * (middle.torque_n_m - _SPARE * self.load_torque)
+        if abs(middle.speed_rad_s) > STANDS and spare < 0.0:
             notes.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
         return [*notes, *_overdriven(driver, points)]
 

@@ -32,7 +32,7 @@ from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated, quoted
-from pyspice_runner.spice.library import Library, check_parameters, definitions, read_library
+from pyspice_runner.spice.library import Library, LibraryParameter, check_parameters, definitions, read_library
 
 DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge", "push-pull"]
 NetworkKind = Literal["none", "inductor", "llcc"]
@@ -80,13 +80,6 @@ class Delay(NamedTuple):
         """
         rise = 0.5 * (self.sign < 0.0) + asin(self.level) / (2.0 * pi) - ahead
         return rise, rise + 0.5 - asin(self.level) / pi
-
-
-class Ringing(NamedTuple):
-    """The inductance in series, leakage included, and the capacitances of network and group that ring with it."""
-
-    inductance: float  # H
-    capacitance: float  # F
 
 
 @dataclass(frozen=True)
@@ -277,10 +270,10 @@ class Driver(Stated, Source):
         It rings in the inductance in series, leakage included, with the capacitances of network and group.
         """
         rings = [found for group in GROUPS if self.switched and (found := self.ringing(motor, group))]
-        return min((2.0 * pi * sqrt(one.inductance * one.capacitance) / RINGING_POINTS for one in rings), default=inf)
+        return min((2.0 * pi * sqrt(coil * capacitor) / RINGING_POINTS for coil, capacitor in rings), default=inf)
 
-    def ringing(self, motor: Motor, group: str) -> Ringing | None:
-        """Return inductance and capacitance behind the stage of a group; ``None`` where their resistance damps them."""
+    def ringing(self, motor: Motor, group: str) -> tuple[float, float] | None:
+        """Return inductance in H and capacitance in F behind the stage of a group; ``None`` where they are damped."""
         inductance, capacitance = self.leakage(group), groups.of(motor.piezo.capacitances, group)
         resistance = 0.0
         for part in self.parts(group):
@@ -290,7 +283,7 @@ class Driver(Stated, Source):
                 capacitance += part.values.get("parallel_capacitance", 0.0)
                 series = part.values.get("series_capacitance", part.values.get("capacitance", inf))
                 capacitance = 1.0 / (1.0 / capacitance + 1.0 / series)
-        return Ringing(inductance, capacitance) if 4.0 * inductance > resistance**2 * capacitance else None
+        return (inductance, capacitance) if 4.0 * inductance > resistance**2 * capacitance else None
 
     @property
     def label(self) -> str:
@@ -477,13 +470,12 @@ class Driver(Stated, Source):
         Raises:
             ParameterError: for a part or a parameter that does not exist.
         """
-        part, name = self._located(path)
-        return part.values[name]
+        part, parameter = self._located(path)
+        return part.values[parameter.name]
 
     def unit(self, path: str) -> str:
         """Return the unit of a part's parameter, by PART.PARAMETER."""
-        part, name = self._located(path)
-        return next(parameter.unit for parameter in part.library.parameters if parameter.name == name)
+        return self._located(path)[1].unit
 
     def left_out(self, path: str) -> bool:
         """Return whether the value of PART.PARAMETER is an end of its range, which stands for a part that is not there.
@@ -491,10 +483,7 @@ class Driver(Stated, Source):
         For a part of both groups it is that of either.
         """
         found = [self._located(one) for one in of_groups(path) or (path,)]
-        return any(
-            part.values[name] in (parameter.least, parameter.greatest)
-            for part, name in found for parameter in part.library.parameters if parameter.name == name
-        )  # fmt: skip
+        return any(part.values[one.name] in (one.least, one.greatest) for part, one in found)
 
     def parts(self, group: str) -> tuple[Part, ...]:
         """Return the chain of one group, from the stage to the pin; a cable if one of its parameters is set."""
@@ -593,7 +582,7 @@ class Driver(Stated, Source):
                 return self.settings[path]
         return default
 
-    def _located(self, path: str) -> tuple[Part, str]:
+    def _located(self, path: str) -> tuple[Part, LibraryParameter]:
         """Return part and parameter of PART.PARAMETER. Raise ParameterError for one that does not exist."""
         label, _, name = path.partition(".")
         plain, group = (label[:-2], label[-1]) if label.endswith(("_a", "_b")) else (label, "a")
@@ -607,7 +596,7 @@ class Driver(Stated, Source):
         if name not in known:
             hint = did_you_mean(name, known, "It has")
             raise ParameterError(f"Driver: the {plain} has no parameter {quoted(name)}. {hint}")
-        return present[plain], name
+        return present[plain], next(one for one in present[plain].library.parameters if one.name == name)
 
     def _amplifier_rail(self, headroom: float) -> float:
         """Return the rail voltage of an amplifier for the larger of both amplitudes, with a margin."""

@@ -400,9 +400,21 @@ def drive_report(
 
 def _vectors(setup: Point, driver: Driver) -> list[str]:
     """Return the vectors of a run from which a report is made."""
-    names = [*_saved(driver, contact=setup.law is not None), *modal_vectors(setup.motor), *load_vectors(driver)]
-    names += Recording(setup, setup.discretisation).vectors(_judged(setup))
-    return list(dict.fromkeys([*names, *switching_vectors(driver)]))
+    names = [
+        "v(shaft)",
+        *(["v(xmotor.friction)", "v(xmotor.normal)"] if setup.law else []),
+        *modal_vectors(setup.motor),
+    ]
+    for group in GROUPS:
+        back = [groups.voltage("return", group)] if driver.kind == "full-bridge" else []
+        names += [f"v({group})", groups.voltage("line", group), *back]
+        names += [groups.current(place, group) for place in ("pin", "out")]
+        for rail, volts in zip(RAILS, driver.rails(group), strict=True):
+            names += [groups.voltage(rail, group), groups.current(rail, group)] if volts else []
+        for part in driver.parts(group):
+            names += part.power_vectors
+    names += [*load_vectors(driver), *switching_vectors(driver)]
+    return list(dict.fromkeys([*names, *Recording(setup, setup.discretisation).vectors(_judged(setup))]))
 
 
 def _judged(setup: Point) -> tuple[str, ...]:
@@ -575,22 +587,3 @@ def _distortion(phasors: NDArray[np.complex128]) -> float:
 
 def _quotient(above: float, below: float) -> float:
     return above / below if below else 0.0
-
-
-def _saved(driver: Driver, *, contact: bool) -> list[str]:
-    names = ["v(shaft)", *(["v(xmotor.friction)", "v(xmotor.normal)"] if contact else [])]
-    for group in GROUPS:
-        names += [
-            f"v({group})",
-            groups.current("pin", group),
-            groups.voltage("line", group),
-            groups.current("out", group),
-        ]
-        if driver.kind == "full-bridge":
-            names.append(groups.voltage("return", group))
-        if driver.kind != "ideal":
-            rails = [rail for rail, volts in zip(RAILS, driver.rails(group), strict=True) if volts]
-            names += [item for rail in rails for item in (groups.voltage(rail, group), groups.current(rail, group))]
-        for part in driver.parts(group):
-            names += part.power_vectors
-    return names

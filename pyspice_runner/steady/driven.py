@@ -351,7 +351,7 @@ def _scale(plant: Plant) -> Array:
         charged = max(groups.of(motor.piezo.capacitances, group), 1e-12)
         amperes[group] = 2.0 * pi * driver.frequency * charged * driver.amplitude(group)
         if rings := driver.ringing(motor, group):
-            amperes[group] = max(amperes[group], driver.amplitude(group) * sqrt(rings.capacitance / rings.inductance))
+            amperes[group] = max(amperes[group], driver.amplitude(group) * sqrt(rings[1] / rings[0]))
     stores = []
     for store in plant.stores:
         group = store.instance[-1]

@@ -248,12 +248,13 @@ def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Ans
     edge = _edge(wanted)
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
-    stage = _stage(source, frequency, volts, answer.currents)
+    series, across = _network(source, frequency)
+    stage = volts + series * (answer.currents + across * volts)
     emf = 0.5 * np.concatenate([stage, stage.conj()])
     turns, errors = [], []
     for index, at in enumerate(answer.modulation.tolist()):
         bands = (frequency + at, at - frequency)
-        series, across = (np.concatenate([_network(source, band, row) for band in bands]) for row in (0, 1))
+        series, across = np.concatenate([_network(source, band) for band in bands], axis=1)
         # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
         inner = np.block([
             [answer.own[0][index], answer.image[0][index]], [answer.image[1][index], answer.own[1][index]],
@@ -302,13 +303,7 @@ def _by_group(values: Mapping[str, float], name: str) -> Array:
     return np.array([values[groups.named(name, group)] for group in GROUPS])
 
 
-def _network(source: TrackedSource, frequency: float, row: int) -> list[complex]:
-    """Return for both groups the series impedance (row 0) or the admittance across the pin (row 1)."""
+def _network(source: TrackedSource, frequency: float) -> Complex:
+    """Return the series impedances of both groups, and the admittances across their pins."""
     driver = source.driver
-    return [network_of(driver, group, frequency)[row] if driver else 0j for group in GROUPS]
-
-
-def _stage(source: TrackedSource, frequency: float, volts: Complex, amperes: Complex) -> Complex:
-    """Return the phasors of the stage in front of the network."""
-    series, across = (np.array(_network(source, frequency, row)) for row in (0, 1))
-    return np.asarray(volts + series * (amperes + across * volts))
+    return np.array([network_of(driver, group, frequency) if driver else (0j, 0j) for group in GROUPS]).T

@@ -274,9 +274,9 @@ class Periods:
         """Return the means of the last 20 periods; an averaged run has no ripple."""
         if self.weight is not None:
             return values
-        summed = np.concatenate(([0.0], np.cumsum(values)))
         last = np.arange(1, values.size + 1)
         first = np.maximum(last - SMOOTHED_PERIODS, 0)
+        summed = np.concatenate(([0.0], np.cumsum(values)))
         return np.asarray((summed[last] - summed[first]) / (last - first))
 
     def mean(self, values: Array, where: Any) -> float:
@@ -496,13 +496,14 @@ def _track_full(run: TrackedRun) -> Tracking:
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
     found = replace(found, audit=audit, ceramic=stressed)
+    pins = _phasors(vectors, {group: f"v({group})" for group in GROUPS})
     if run.source.tracker.kind == "pll":
         currents = _phasors(vectors, {group: source.current(group)[0] for group in GROUPS})
-        found = replace(found, sensing=_sensing(run, _pins(vectors), currents, found))
+        found = replace(found, sensing=_sensing(run, pins, currents, found))
     if not (run.margin and found.locked):
         return found
     force = np.array([_phasors(vectors, {"": "v(force)"}, order)[""] for order in range(1, HARMONICS_OF_FORCE + 1)])
-    return _with_loop(run, found, _pins(vectors), force)
+    return _with_loop(run, found, pins, force)
 
 
 def _with_loop(
@@ -608,11 +609,6 @@ def _phasors(vectors: Mapping[str, Array], names: Mapping[str, str], order: int 
         2.0j / (edges[-1] - edges[0]) * np.exp(-2j * pi * order * np.interp(time[late], edges, np.arange(edges.size)))
     )
     return {group: complex(np.trapezoid(vectors[name][late] * turns, time[late])) for group, name in names.items()}
-
-
-def _pins(vectors: Mapping[str, Array]) -> dict[str, complex]:
-    """Return the phasors in V of the voltages at the pins over the last periods."""
-    return _phasors(vectors, {group: f"v({group})" for group in GROUPS})
 
 
 def _sensing(run: TrackedRun, pins: Mapping[str, complex], currents: Mapping[str, complex], found: Tracking) -> Sensing:

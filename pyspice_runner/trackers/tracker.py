@@ -255,9 +255,8 @@ class Disturbance:
     @property
     def end_s(self) -> float:
         """End of the disturbance in s."""
-        return self.begin_s + {"start": 0.0, "warm-up": 0.0, "target": 0.0, "temperature": self.drift_time_s}.get(
-            self.kind, STEP_TIME
-        )
+        lasts = {"load": STEP_TIME, "preload": STEP_TIME, "temperature": self.drift_time_s}
+        return self.begin_s + lasts.get(self.kind, 0.0)
 
     def ramp(self, value: float) -> list[tuple[float, float]]:
         """Return the course of what rises from 0 to a value while it lasts: times in s and values."""
@@ -265,21 +264,17 @@ class Disturbance:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
-        own = {
-            "load": ("load_torque_n_m",), "preload": ("preload_change",), "target": ("target_step_deg",),
-            "temperature": ("drift", "drift_time_s"),
+        of_kinds = {
+            "load_torque_n_m": "load", "preload_change": "preload", "drift": "temperature",
+            "target_step_deg": "target", "drift_time_s": "temperature",
         }  # fmt: skip
-        values = {
-            name: getattr(self, name) if name in own.get(self.kind, ()) else None
-            for name in ("load_torque_n_m", "preload_change", "drift", "target_step_deg", "drift_time_s")
-        }
+        values = {name: getattr(self, name) if kind == self.kind else None for name, kind in of_kinds.items()}
         return {"kind": self.kind, "begin_s": self.begin_s, **values}
 
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
     """Return the amplitude in N of the force on a mode."""
-    volts = two_phasors(tracker)
-    return abs(complex(motor.stator.coupling[mode] @ [volts[group] for group in GROUPS]))
+    return abs(complex(motor.stator.coupling[mode] @ list(two_phasors(tracker).values())))
 
 
 @checked
