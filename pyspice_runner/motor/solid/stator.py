@@ -34,7 +34,6 @@ UNSEEN = 0.01  # of the current through the clamped capacitance: a current at re
 _LEAST = 24  # modes that are computed
 _BLOCK = 8  # more than the rigid motions of one body
 _EXACT = 1e-11  # of an eigenvalue: its residual
-_SMALL = 4  # cells that are not divided
 _DIRECTIONS = 500  # in the space of modes, in which the greatest stress is sought
 
 
@@ -99,10 +98,9 @@ def solve_stator(solid: Solid) -> Stator:
     system, electric = stiffness[inner, inner], stiffness[inner, -2:].toarray()
     loads = np.hstack([-electric, _contact_loads(geometry)])
     shift = -((0.5 * pi * solid.highest_hz) ** 2)
-    order = _dissection(geometry)
-    solve = _factor(system - shift * mass[inner, inner], order)
+    solve = _factor(system - shift * mass[inner, inner])
     squares, vectors = _lowest(
-        solve, mass[:count, :count].tocsr(), len(order), shift, (2.0 * pi * solid.highest_hz) ** 2
+        solve, mass[:count, :count].tocsr(), system.shape[0], shift, (2.0 * pi * solid.highest_hz) ** 2
     )
     generalised = loads.T @ vectors  # forces of the groups and motions of the contact, per modal coordinate
 
@@ -110,9 +108,7 @@ def solve_stator(solid: Solid) -> Stator:
     total = clamped + loads[:, :2].T @ solve(loads[:, :2])
     if system.shape[0] > count:
         between = slice(count, geometry.size - 2)
-        clamped = clamped + electric[between].T @ _factor(system[between, between], order[order >= count] - count)(
-            electric[between]
-        )
+        clamped = clamped + electric[between].T @ _factor(system[between, between])(electric[between])
     compliance = loads[:, 2:].T @ solve(loads[:, 2:])
 
     rigid = squares < _RIGID * -shift
@@ -167,52 +163,15 @@ def solve_stator(solid: Solid) -> Stator:
     )
 
 
-def _dissection(geometry: Geometry) -> Indices:
-    """Return an order of the inner unknowns in which a sparse matrix has few factors.
-
-    Nested dissection (A. George, SIAM J. Numer. Anal. 10 (1973) 345): the cells are halved along their greatest extent,
-    and the nodes that both halves share come after those of either half.
-    """
-    nodes, mesh = geometry.basis.element_dofs, geometry.basis.mesh
-    centres = mesh.p[:, mesh.t].mean(axis=1)
-    free = np.ones(geometry.basis.N, dtype=bool)
-    found: list[Indices] = []
-
-    def halve(cells: Indices) -> None:
-        if len(cells) <= _SMALL:
-            shared = np.unique(nodes[:, cells])
-        else:
-            axis = np.ptp(centres[:, cells], axis=1).argmax()
-            cells = cells[np.argsort(centres[axis, cells], kind="stable")]
-            middle = len(cells) // 2
-            shared = np.intersect1d(nodes[:, cells[:middle]], nodes[:, cells[middle:]])
-        shared = shared[free[shared]]
-        free[shared] = False
-        if len(cells) > _SMALL:
-            halve(cells[:middle])
-            halve(cells[middle:])
-        found.append(shared)
-
-    halve(np.arange(mesh.nelements))
-    rows = geometry.place[: len(free) * geometry.fields].reshape(len(free), -1)[np.concatenate(found)].ravel()
-    return np.asarray(rows[(rows >= 0) & (rows < geometry.size - 2)])
-
-
-def _factor(matrix: Any, order: Indices) -> Callable[[Array], Array]:
+def _factor(matrix: Any) -> Callable[[Array], Array]:
     """Return the solver of a sparse symmetric matrix, positive in displacements and negative in potentials.
 
     Such a matrix has factors in any order (R. J. Vanderbei, SIAM J. Optim. 5 (1995) 100), so that no pivot is sought.
     """
     from scipy.sparse.linalg import splu
 
-    ordered = matrix[order][:, order].tocsc()
-    factor = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-    def solve(right: Array) -> Array:
-        found = np.empty_like(right)
-        found[order] = factor.solve(right[order])
-        return found
-
+    factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    solve: Callable[[Array], Array] = factor.solve
     return solve
 
 
