@@ -67,7 +67,7 @@ def calibrate(call: Call) -> int:
         path: common.percentage("--prior", path, text) for path, text in common.pairs_of("--prior", call.prior, form)
     }
     try:
-        with common.counting("steady states") as progress:
+        with common.busy("steady states", "{}") as progress:
             result = pr.calibrate(
                 loaded, call.points, free=[path.strip() for path in call.free.split(",") if path.strip()],
                 spectra=spectra, transients=call.transient or (), priors=priors, drive=call.stated,

@@ -13,8 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
-from textwrap import fill
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -24,6 +23,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     SpinnerColumn,
     TaskProgressColumn,
     TextColumn,
@@ -37,7 +37,6 @@ from pyspice_runner.commands.versions import versions
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.result import Result as _Result
-from pyspice_runner.spice import Engine
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
@@ -64,39 +63,10 @@ def complete_motor(incomplete: str) -> list[str]:
     return [name for name in (*pr.available_motors(), *sorted(files)) if name.startswith(incomplete)]
 
 
-MotorArgument = Annotated[
-    str,
-    typer.Argument(metavar="MOTOR", help="A parameter set, or the path of a TOML file.", autocompletion=complete_motor),
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-OutputOption = Annotated[
-    Path | None, typer.Option("--output", help="Write the result to a file; the ending sets the format.")
-]
-PlotOption = Annotated[Path | None, typer.Option("--plot", help="Plot the result to a .png, .svg or .pdf file.")]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="PATH=VALUE",
-        help="Change a parameter by its path in `show --json` or in the motor's TOML: contact.preload_n=8. Repeatable.",
-    ),
-]
 MOST_VALUES = 1_000_000  # of an axis
 _OPTIONS = {  # path of an axis → options that state its value, where they have another name than the path ends in
     "drive.phase_deg": ("phase",), "load.torque": ("load", "load_torque"),
 }  # fmt: skip
-TimeoutOption = Annotated[float | None, typer.Option(help="Stop ngspice after this time, s.")]
-
-
-EngineOption = Annotated[
-    Engine,
-    typer.Option(
-        help="Of the averaged motor. compiled: C code; spice: ngspice; auto: C code where a compiler is installed."
-    ),
-]
-AuditOption = Annotated[
-    bool, typer.Option("--audit/--no-audit", help="Whether a result that fails the physical audit is an error.")
-]
 
 
 class OnceCommand(typer.core.TyperCommand):
@@ -114,18 +84,7 @@ class OnceCommand(typer.core.TyperCommand):
         return rest
 
 
-def refuse_idle(context: typer.Context, reason: str, *names: str) -> None:
-    """Raise ParameterError for the first of these options on the command line: it has no effect, for a reason."""
-    for option in _stated(context, *names):
-        raise pr.ParameterError(f"{option} has no effect {reason}. Leave it out.")
-
-
-def is_stated(context: typer.Context, name: str) -> bool:
-    """Return whether an option is on the command line."""
-    return any(True for _ in _stated(context, name))
-
-
-def _stated(context: typer.Context, *names: str) -> Iterator[str]:
+def stated_options(context: typer.Context, *names: str) -> Iterator[str]:
     """Yield those of the options that are on the command line, as they are written there."""
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name) if parameter.name in names else None
@@ -145,7 +104,7 @@ def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
     for name in map(canonical, axes):
         section, _, key = name.partition(".")
         names = _OPTIONS.get(name, (key,)) if section in ("drive", "run") or name in LOADS else ()
-        for option in [*_stated(context, *names), *([changes[name]] if name in changes else [])]:
+        for option in [*stated_options(context, *names), *([changes[name]] if name in changes else [])]:
             raise pr.ParameterError(f"{name} is given twice, by {option} and as an axis. Give it once.")
 
 
@@ -248,15 +207,11 @@ def _obstacle(path: Path) -> str | None:
         if path.is_dir():
             return "it is a folder"
         target = path if path.exists() else path.resolve()  # a link may lead to a file that is still to be written
-        if not path.exists() and target.is_symlink():  # Python 3.13 and later leave a loop of links unresolved
-            return "it is a symbolic link to itself"
         if not target.absolute().parent.is_dir():
             return "it is in a folder that does not exist"
         if not os.access(target if path.exists() else target.parent, os.W_OK):
             return "permission denied"
-    except RuntimeError:  # Python 3.11 and 3.12 raise it for a loop of links
-        return "it is a symbolic link to itself"
-    except (OSError, ValueError) as error:  # such as a name that is too long or contains a null character
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name that is too long or has a null
         return getattr(error, "strerror", None) or str(error)
     return None
 
@@ -360,7 +315,7 @@ def summary_table(summary: Mapping[str, str], title: str) -> Table:
 
 
 def say(what: Table | str) -> None:
-    """Print a table or sentences to standard output. A table loses nothing, however narrow the terminal is."""
+    """Print a table or text to standard output. A table loses nothing, however narrow the terminal is."""
     if isinstance(what, Table):
         for column in what.columns:
             column.overflow = "fold"
@@ -370,9 +325,6 @@ def say(what: Table | str) -> None:
         with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
         _write(shown.get())
-    elif sys.stdout.isatty():
-        width = max(20, shutil.get_terminal_size().columns)
-        _write("".join(f"{fill(line, width)}\n" for line in what.splitlines()))
     else:
         _write(what)
 
@@ -433,40 +385,33 @@ def caution(result: _Result) -> None:
 
 
 @contextmanager
-def busy(what: str, part: str = "") -> Iterator[Callable[[int, int], None]]:
-    """Show on a terminal that a task runs, and for how long; the yielded function fills ``part``, as "{} of {}"."""
+def _bar(what: str, *columns: ProgressColumn, total: float | None = None, **look: Any) -> Iterator[Callable[..., None]]:
+    """Show on a terminal that a task runs; the yielded function updates what the columns show."""
     console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description} …"), TimeElapsedColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda number, count: bar.update(task, description=f"{what}, {part.format(number, count)}")
+    parts = (TextColumn("{task.description}"), *columns)
+    with Progress(*parts, console=console, disable=not console.is_terminal, **look) as bar:
+        task = bar.add_task(what, total=total, left="")
+        yield lambda **shown: bar.update(task, **shown)
 
 
 @contextmanager
-def counting(what: str) -> Iterator[Callable[[int], None]]:
-    """Show on a terminal how many of something are done, where the number of all is not known beforehand."""
-    with busy(what, "{}") as tell:
-        yield lambda number: tell(number, 0)
+def busy(what: str, part: str = "") -> Iterator[Callable[..., None]]:
+    """Show that a task runs, and for how long; the yielded function fills ``part``, as "{} of {}"."""
+    with _bar(what, SpinnerColumn(), TimeElapsedColumn(), transient=True) as update:
+        yield lambda *numbers: update(description=f"{what}, {part.format(*numbers)}")
 
 
 @contextmanager
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
-    """Show on a terminal the progress of a run and the remaining time."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[left]}"))
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(what, total=1.0, left="")
-        yield lambda done, left: bar.update(task, completed=done, left=f"{left:.0f} s left")
+    """Show the progress of a run and the remaining time."""
+    columns = BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[left]}")
+    with _bar(what, *columns, total=1.0, transient=True) as update:
+        yield lambda done, left: update(completed=done, left=f"{left:.0f} s left")
 
 
 @contextmanager
 def points_progress() -> Iterator[Callable[[int, int], None]]:
-    """Show on a terminal the number of finished points and the remaining time."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns, TextColumn("left"), TimeRemainingColumn(),
-        console=console, disable=not console.is_terminal, speed_estimate_period=600.0,
-    ) as bar:  # fmt: skip
-        task = bar.add_task("points", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    """Show the number of finished points and the remaining time."""
+    columns = BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
+    with _bar("points", *columns, speed_estimate_period=600.0) as update:
+        yield lambda done, total: update(completed=done, total=total)

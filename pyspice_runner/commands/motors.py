@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
 
 from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import LAW, TARGETS, Call, argument, command, option
+from pyspice_runner.export.xyce import Dialect
 
 
 @command(TARGETS)
@@ -67,7 +67,7 @@ _OF_MOTORS = "contact sliders thermal averaged dialect rotational"  # options of
     averaged=option(
         bool, False, "Write the motor averaged over the drive's period (.lib, .fmu).", "--averaged"
     ),
-    dialect=option(str, "spice", "Dialect of the .lib: spice (ngspice, LTspice) or xyce."),
+    dialect=option(Dialect, "spice", "Dialect of the .lib: spice (ngspice, LTspice) or xyce."),
     rotational=option(
         bool, False, "Give the .va a shaft pin of the discipline rotational_omega.", "--rotational"
     ),
@@ -82,9 +82,7 @@ def export(call: Call) -> None:
 
     Example: piezomotor export bimodal40 --output motor.lib
     """
-    from pyspice_runner.export.fmu_description import Version
-    from pyspice_runner.export.motor import FORMATS, MotorExport, check_rotational, endings
-    from pyspice_runner.export.xyce import Dialect, check_dialect
+    from pyspice_runner.export.motor import FORMATS, MotorExport, endings
     from pyspice_runner.motor.circuit_file import is_circuit_file
     from pyspice_runner.motor.thermal import Thermal
 
@@ -97,26 +95,14 @@ def export(call: Call) -> None:
         return
     contact = call.law
     call.check(*endings(call.averaged), inputs=[call.source])
-    check_dialect(call.dialect, output)
-    check_rotational(call.rotational, output)
-    if call.fmi != 2 and (output is None or output.suffix != ".fmu"):
-        raise pr.ParameterError(
-            f"--fmi {call.fmi} is for a Functional Mock-up Unit: give a file name that ends in .fmu."
-        )
     ending = output.suffix if output is not None else ".lib"
     call.refuse_idle(f"on a {ending}", " ".join(FORMATS[ending].idle))
     loaded = common.load_changed(call.source, call.changes)
     drift = Thermal.of(loaded) if call.thermal else None
     exported = MotorExport(
-        loaded,
-        contact,
-        call.name,
-        drift,
-        call.averaged,
-        cast(Dialect, call.dialect),
-        call.rotational,
-        cast(Version, call.fmi),
-    )
+        loaded, contact, thermal=drift, **call.pick("name averaged dialect rotational fmi")
+    )  # fmt: skip
+    exported.check(output)
 
     def save(path: Path) -> None:
         with common.busy("writing"):
@@ -124,7 +110,6 @@ def export(call: Call) -> None:
 
     text = exported.text(ending)
     call.write({"motor": loaded.name, "library": text}, "" if output else text, save, loaded.plot)
-    _name_library(call)
 
 
 def _export_circuit(call: Call, name: str) -> None:
@@ -138,13 +123,3 @@ def _export_circuit(call: Call, name: str) -> None:
     exported = CircuitExport(load_circuit(call.source), f"from {file}", name)
     text = exported.text()
     call.write({"circuit": file, "library": text}, "" if call.output else text, exported.save)
-    _name_library(call)
-
-
-def _name_library(call: Call) -> None:
-    """Say that a symbol needs the library that it names, where that is missing."""
-    output = call.output
-    if not call.as_json and output is not None and output.suffix in (".asy", ".kicad_sym"):
-        library = output.with_suffix(".lib")
-        if not library.exists():
-            common.complain(f"note: {output.name} names {library.name}; export that too, beside it.", style=None)

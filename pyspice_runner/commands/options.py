@@ -280,7 +280,8 @@ class Call:
 
     def refuse_idle(self, reason: str, names: str) -> None:
         """Raise ParameterError for the first of these options that is on the command line: it has no effect."""
-        common.refuse_idle(self.context, reason, *names.split())
+        for name in common.stated_options(self.context, *names.split()):
+            raise pr.ParameterError(f"{name} has no effect {reason}. Leave it out.")
 
     def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
         """Check the files to write before any work is done; see :func:`.common.check_targets`."""

@@ -21,7 +21,7 @@ from pyspice_runner.export.fmu import fmu_archive, fmu_texts
 from pyspice_runner.export.fmu_description import Version
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.touchstone import touchstone
-from pyspice_runner.export.xyce import Dialect, check_dialect, xyce_library
+from pyspice_runner.export.xyce import Dialect, xyce_library
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -30,6 +30,8 @@ from pyspice_runner.run.two_port import stator_two_port
 from pyspice_runner.spice.library import check_name
 
 _TWO_PORT_POINTS = 2000
+# option → its default, and the only ending on which another value has an effect
+_OF_ONE_FORMAT = {"dialect": ("spice", ".lib"), "rotational": (False, ".va"), "fmi": (2, ".fmu")}
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,18 @@ class MotorExport:
 
     def save(self, path: str | Path) -> Path:
         """Write the file, in the format of its ending, and return its path."""
-        check_dialect(self.dialect, path)
-        check_rotational(self.rotational, path)
+        self.check(path)
         return save_by_ending(path, dict.fromkeys(endings(self.averaged), self._write))
+
+    def check(self, path: str | Path | None) -> None:
+        """Raise ParameterError for an option without effect on a file, or with ``None`` on the ``.lib``."""
+        ending = ".lib" if path is None else Path(path).suffix
+        for name, (default, only) in _OF_ONE_FORMAT.items():
+            value = getattr(self, name)
+            if value != default and ending != only:
+                raise ParameterError(
+                    f"{name} = {value!r} has no effect on a {ending}: give a file name that ends in {only}."
+                )
 
     def _write(self, path: Path) -> None:
         kind = FORMATS[path.suffix]
@@ -117,12 +128,6 @@ def export_motor(
         SimulationError: if ngspice fails to compute the two-port, or there is no C compiler for a ``.fmu``.
     """
     return MotorExport(motor, contact, name, thermal, averaged, dialect, rotational, fmi).save(path)
-
-
-def check_rotational(rotational: bool, path: str | Path | None) -> None:
-    """Raise ParameterError for a rotational shaft in a file that is not a ``.va``, as for :func:`check_dialect`."""
-    if rotational and (path is None or Path(path).suffix != ".va"):
-        raise ParameterError("A rotational shaft is for Verilog-A: give a file name that ends in .va.")
 
 
 # --- formats ---

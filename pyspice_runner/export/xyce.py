@@ -12,8 +12,7 @@ Source: Xyce Reference Guide, sections on B, C, L and X devices, .OPTIONS, .PARA
 from __future__ import annotations
 
 import re
-from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from pyspice_runner.errors import ParameterError
 
@@ -28,19 +27,6 @@ _TESTED = (
     "* TESTED WITH no Xyce: translated by Xyce's reference guide from a library that is tested with ngspice\n"
     "* NOTE   Xyce applies IC= in every analysis. Run .tran with uic; .op and .ac start from rest under the preload."
 )
-
-
-def check_dialect(dialect: str, path: str | Path | None) -> None:
-    """Raise ParameterError for an unknown dialect, or one for a file that is not a ``.lib``.
-
-    ``path`` is the file of an export; ``None`` is the standard output.
-    """
-    if dialect not in get_args(Dialect):
-        raise ParameterError(f"dialect = {dialect!r} is not known: it must be one of {', '.join(get_args(Dialect))}.")
-    if dialect != "spice" and path is not None and Path(path).suffix != ".lib":
-        raise ParameterError(
-            f"dialect = {dialect!r} has no effect on {Path(path).name!r}: give a file name that ends in .lib."
-        )
 
 
 def xyce_library(text: str) -> str:

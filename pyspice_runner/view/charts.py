@@ -49,8 +49,6 @@ TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
 PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the beam's length: the largest deflection as it is drawn
 _MOST_SHAPES = 6
-_FEW_DECADES = 2.0  # of a logarithmic axis, on which ticks at 2 and 5 have room on a phone
-_FEW_POINTS = 20  # measured points that each have a tick
 _MOST_POINTS = 3000  # of a curve over time
 
 Line = dict[str, Any]  # of Plotly's scatter, with a name
@@ -289,9 +287,7 @@ def calibration(points: Sequence[RecordedPoint]) -> go.Figure | None:
         numbers, residuals = parts.setdefault(one.quantity, ([], []))
         numbers.append(one.point)
         residuals.append(one.residual)
-    figure = _residuals("point", parts, 8, "point %{x}", 380)
-    figure.update_xaxes(dtick=1 if max(one.point for one in points) <= _FEW_POINTS else None)
-    return figure
+    return _residuals("point", parts, 8, "point %{x}", 380)
 
 
 def calibration_curve(curve: RecordedCurve) -> go.Figure:
@@ -353,8 +349,8 @@ def loop_gain(loop: LoopDesign) -> go.Figure:
         look = {"mode": "lines+markers", "line": {"color": VERMILION}}
         rows.append((title, [gain, _line("crossover and phase margin", [at] * len(marked), marked, hover, **look)]))
     figure = _stacked("frequency of a modulation in Hz", rows, 460)
-    figure.update_yaxes(_decimal(np.abs(loop.gain)), row=1, col=1)
-    figure.update_xaxes(_decimal(frequency))
+    figure.update_yaxes(type="log", exponentformat="power", row=1, col=1)
+    figure.update_xaxes(type="log", exponentformat="power")
     return figure
 
 
@@ -380,15 +376,6 @@ def _stacked(
     figure.update_xaxes(title_text=str(along), row=len(rows), col=1)
     figure.update_layout(height=height + TOOL_BAR, **layout)
     return figure
-
-
-def _decimal(values: Array) -> dict[str, Any]:
-    """Return a logarithmic axis with ticks at powers of ten, and at 2 and 5 between them where these are few."""
-    low, high = np.log10([values.min(), values.max()])
-    digits = (1, 2, 5) if high - low < _FEW_DECADES else (1,)
-    powers = range(int(np.floor(low)), int(np.ceil(high)) + 1)
-    ticks = [digit * 10.0**power for power in powers for digit in digits]
-    return {"type": "log", "tickvals": ticks, "exponentformat": "power"}
 
 
 def _short(values: Any, precise: bool = False) -> Any:

@@ -21,26 +21,30 @@ _MARKS = "osv^Dx+*"
 def calibration(result: Calibration) -> Sheet:
     """Return the values over those at the start, residuals and curves of the points, each spectrum and run-up."""
     panels: dict[str, Panel] = {"values": partial(_values, result)}
+    residuals = (result.predicted - result.measured) / result.errors
+    start = 0
     if result.points is not None:
-        panels["residuals"] = partial(_residuals, result)
+        start, numbers = len(result.points.values), result.columns()["point"]
+        of_points = {}
+        for quantity in dict.fromkeys(result.points.quantities):
+            places = [place for place, name in enumerate(result.points.quantities) if name == quantity]
+            of_points[quantity] = numbers[places], residuals[places]
+        panels["residuals"] = partial(_residuals, "number of the point", of_points, "points")
         if _curves(result):
             panels["curves"] = partial(_torques, result)
-    start = 0 if result.points is None else len(result.points.values)
     for number, band in enumerate(result.bands, start=1):
-        own = slice(start, start + len(band.measured))
+        own = slice(start, start := start + len(band.measured))
         panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[own])
-        half = np.split((result.predicted[own] - result.measured[own]) / result.errors[own], 2)
-        parts = dict(zip(("real part", "imaginary part"), half, strict=True))
-        axis = LABELS["frequency_hz"], band.at
-        panels[f"residuals {number}"] = partial(_residuals_along, *axis, parts, band.state)
-        start = own.stop
+        frequency = LABELS["frequency_hz"]
+        halves = zip(("real part", "imaginary part"), np.split(residuals[own], 2), strict=True)
+        parts = {name: (frequency.scale * band.at, half) for name, half in halves}
+        panels[f"residuals {number}"] = partial(_residuals, frequency, parts, band.state)
     for number, run_up in enumerate(result.run_ups, start=1):
-        own = slice(start, start + len(run_up.measured))
+        own = slice(start, start := start + len(run_up.measured))
         panels[f"run-up {number}"] = partial(_run_up, run_up, result.predicted[own], result.start.slider is not None)
-        parts = {"speed": (result.predicted[own] - result.measured[own]) / result.errors[own]}
-        axis = time_label(float(run_up.at[-1])), run_up.at
-        panels[f"residuals of run-up {number}"] = partial(_residuals_along, *axis, parts, run_up.source)
-        start = own.stop
+        time = time_label(float(run_up.at[-1]))
+        parts = {"speed": (time.scale * run_up.at, residuals[own])}
+        panels[f"residuals of run-up {number}"] = partial(_residuals, time, parts, run_up.source)
     return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
 
 
@@ -58,20 +62,6 @@ def _values(result: Calibration, ax: Axes) -> None:
         for set_formatter in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
             set_formatter("{x:g}")
     dress(ax, "value over that at the start", "", "Values with 95 % intervals (ring: not decided by the data)")
-
-
-def _residuals(result: Calibration, ax: Axes) -> None:
-    """Draw (predicted - measured)/error of each measured value over the number of its point."""
-    points = result.points
-    assert points is not None
-    columns = result.columns()
-    for number, quantity in enumerate(dict.fromkeys(points.quantities)):
-        own = [place for place, name in enumerate(points.quantities) if name == quantity]  # the points come first
-        ax.plot(
-            columns["point"][own], columns["residual"][own], _MARKS[number % len(_MARKS)], linestyle="",
-            color=CYCLE[number % len(CYCLE)], label=quantity, ms=4,
-        )  # fmt: skip
-    _dress_residuals(ax, "number of the point", "Residuals of the points")
 
 
 def _curves(result: Calibration) -> dict[tuple[tuple[str, float | None], ...], list[int]]:
@@ -129,14 +119,11 @@ def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
     dress(ax, frequency, magnitude, f"{band.spectrum.source or 'spectrum'}, {band.state}, {band.connection}")
 
 
-def _residuals_along(along: Label, at: np.ndarray, parts: Mapping[str, np.ndarray], data: str, ax: Axes) -> None:
-    """Draw (predicted - measured)/error along a spectrum or a run-up: noise, unless the model is wrong."""
-    for (name, part), colour in zip(parts.items(), (BLUE, VERMILION), strict=False):
-        ax.plot(along.scale * at, part, ".", color=colour, ms=3, label=name)
-    _dress_residuals(ax, along, f"Residuals, {data}")
-
-
-def _dress_residuals(ax: Axes, along: Label | str, title: str) -> None:
+def _residuals(along: Label | str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]], data: str, ax: Axes) -> None:
+    """Draw (predicted - measured)/error of each part over its places: noise, unless the model is wrong."""
+    for number, (name, (at, residuals)) in enumerate(parts.items()):
+        mark, colour = _MARKS[number % len(_MARKS)], CYCLE[number % len(CYCLE)]
+        ax.plot(at, residuals, mark, color=colour, label=name, ms=3)
     ax.axhline(0.0, **AXIS)
     ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
-    dress(ax, along, "(predicted - measured) / error", f"{title}; grey: two errors")
+    dress(ax, along, "(predicted - measured) / error", f"Residuals, {data}; grey: two errors")

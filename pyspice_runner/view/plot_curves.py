@@ -80,8 +80,6 @@ def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str,
     low, high = ax.get_ylim()
     if label is LABELS["efficiency"] and (low < -100.0 or high > 100.0):  # it has no limit where hardly any power flows
         ax.set_ylim(max(low, -100.0), min(high, 100.0))
-        note = "values beyond ±100 % not shown"
-        ax.text(0.99, 0.02, note, transform=ax.transAxes, ha="right", fontsize="small")
 
 
 def _varying(draw_panel: Callable[..., None], result: Branch | WorkingPoints, *names: str) -> dict[str, Panel]:

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.patches import Rectangle
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import motor as model
 from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.solid.elements import Indices
 from pyspice_runner.motor.solid.geometry import regions_of
-from pyspice_runner.motor.solid.parameters import Box, Electrode, Placed, Solid
+from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
 from pyspice_runner.motor.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, dress
@@ -63,7 +62,7 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     cells = _towards_viewer(nodes, stator.cells, plane, depth)
 
     def draw_geometry(ax: Axes) -> None:
-        x, y = (_draw_regions if solid.mesh else _draw_boxes)(ax, solid, plane, depth)
+        x, y = _draw_regions(ax, solid, plane, depth)
         for sense, name in ((contact.normal, "normal"), (contact.tangent, "tangent")):
             dx, dy = np.eye(3)["xyz".index(sense[1])][plane] * (swing if sense[0] == "+" else -swing)
             ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->"})
@@ -88,27 +87,8 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     return Sheet(panels, 2, (5.5, 2.8))
 
 
-def _draw_boxes(ax: Axes, solid: Solid, plane: list[int], depth: int) -> Array:  # noqa: ARG001
-    """Draw boxes and electrodes, and return the middle of the contact in mm."""
-
-    def corners(item: Placed) -> tuple[Array, Array]:
-        low, high = item.corners
-        return 1e3 * np.array(low)[plane], 1e3 * np.array(high)[plane]
-
-    for box in solid.boxes:
-        low, high = corners(box)
-        ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor="0.9", edgecolor="0.3", label="_"))
-        _name(ax, box, low)
-    for electrode in solid.electrodes:
-        if electrode.group != "ground":
-            (low, high), color = corners(electrode), _COLORS[electrode.group]
-            ax.add_patch(Rectangle(tuple(low), *(high - low), facecolor=color, edgecolor=color, alpha=0.35))
-            _name(ax, electrode, 0.5 * (low + high))
-    return np.asarray(np.mean(corners(solid.contact), axis=0))
-
-
 def _draw_regions(ax: Axes, solid: Solid, plane: list[int], depth: int) -> Array:
-    """Draw the cells of a mesh file and the faces of its electrodes, and return the middle of the contact in mm."""
+    """Draw the cells of the boxes and the faces of the electrodes, and return the middle of the contact in mm."""
     regions = regions_of(solid)
     points = 1e3 * regions.points_m
     for box, cells in zip(solid.boxes, regions.boxes, strict=True):

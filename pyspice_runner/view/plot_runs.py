@@ -133,9 +133,13 @@ def controlled_run(run: ControlledRun) -> Sheet:
 def control_loop(loop: ControlLoop) -> Sheet:
     """Return magnitude and phase of plant and loop gain, and the step response by small signals and by simulation."""
     gains = ", ".join(f"{name} {value:.4g} {loop.gain_units[name]}" for name, value in loop.gains.items())
-    panels = {"magnitude": _loop_magnitude, "phase": _loop_phase, "step": _loop_step}
+    panels: dict[str, Panel] = {
+        "magnitude": partial(_loop_magnitude, loop),
+        "phase": lambda ax: _bode_phase(ax, loop, loop.loop_gain),
+        "step": partial(_loop_step, loop),
+    }
     title = f"{loop.provenance['motor']['name']}: loop of the {loop.quantity}, {gains}"
-    return Sheet({name: partial(panel, loop) for name, panel in panels.items()}, 3, (4.0, 3.4), title)
+    return Sheet(panels, 3, (4.0, 3.4), title)
 
 
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
@@ -160,10 +164,6 @@ def _bode_magnitude(
     )
     ax.loglog()
     ax.axhline(1.0, color=GREY, linewidth=0.7)
-
-
-def _loop_phase(loop: ControlLoop, ax: Axes) -> None:
-    _bode_phase(ax, loop, loop.loop_gain)
 
 
 def _bode_phase(ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128]) -> None:

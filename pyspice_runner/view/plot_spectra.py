@@ -25,7 +25,7 @@ from pyspice_runner.view.style import BLUE, CYCLE, GREY, GROUPS, LABELS, ORANGE,
 _DOTS: dict[str, Any] = {"marker": ".", "markersize": 3, "linestyle": ""}
 _MARKS = ("o", "s", "^", "D")
 _ERROR_BARS: dict[str, Any] = {"capsize": 3, "ecolor": VERMILION, "elinewidth": 1.2}
-_MEGAHERTZ = Label("frequency", "MHz", 1e-6)
+_FREQUENCY = LABELS["frequency_hz"]
 
 
 class _Trace(NamedTuple):
@@ -38,7 +38,7 @@ class _Trace(NamedTuple):
 
 def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
     """Return |Y|, phase, and the circle of conductance and susceptance."""
-    frequency, magnitude = _frequency_label(traces[0].frequency_hz), LABELS["magnitude_s"]
+    frequency, magnitude = _FREQUENCY, LABELS["magnitude_s"]
     real, imaginary = LABELS["conductance_s"], LABELS["susceptance_s"]
 
     def draw_traces(
@@ -62,10 +62,6 @@ def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
         ax.axis("equal")
 
     return {"magnitude": draw_magnitude, "phase": draw_phase, "circle": draw_circle}
-
-
-def _frequency_label(frequency_hz: Array) -> Label:
-    return _MEGAHERTZ if frequency_hz[-1] >= 1e6 else LABELS["frequency_hz"]
 
 
 def _with_residuals(
@@ -106,18 +102,18 @@ def spectrum(result: Spectrum) -> Sheet:
 
 def spectrum_fit(fit: SpectrumFit) -> Sheet:
     """Return the measured and the fitted admittance, and the residuals; dotted lines mark the series resonances."""
-    frequency = _frequency_label(fit.frequency_hz)
     fine = np.union1d(np.linspace(fit.frequency_hz[0], fit.frequency_hz[-1], 4001), fit.frequency_hz)
-    arms = f"{len(fit.arms)} arm{'s' if len(fit.arms) > 1 else ''}"
     traces = [
         _Trace(fit.frequency_hz, fit.measured_s, {**_DOTS, "color": GREY, "label": "measured"}),
-        _Trace(fine, fit.admittance(fine), {"color": BLUE, "linewidth": 1.2, "label": f"fitted, {arms}"}),
+        _Trace(
+            fine, fit.admittance(fine), {"color": BLUE, "linewidth": 1.2, "label": f"fitted, arms: {len(fit.arms)}"}
+        ),
     ]
 
     def mark_resonances(ax: Axes) -> None:
         for arm in fit.arms:
             if arm.in_band:
-                ax.axvline(frequency.scale * arm.series_resonance_hz, color=VERMILION, linewidth=0.8, linestyle=":")
+                ax.axvline(_FREQUENCY.scale * arm.series_resonance_hz, color=VERMILION, linewidth=0.8, linestyle=":")
 
     def draw_residuals(ax: Axes) -> None:
         lines = [
@@ -125,7 +121,7 @@ def spectrum_fit(fit: SpectrumFit) -> Sheet:
             (fit.residuals.imag, {**_DOTS, "color": ORANGE, "label": "in quadrature"}),
         ]
         title = f"Residuals: {100.0 * fit.rms_relative_error:.3g} % RMS"
-        draw_lines(ax, (frequency, fit.frequency_hz), Label("residual", "% of |Y|", 100.0), lines, title)
+        draw_lines(ax, (_FREQUENCY, fit.frequency_hz), Label("residual", "% of |Y|", 100.0), lines, title)
         mark_resonances(ax)
 
     return _with_residuals(traces, mark_resonances, "residuals", draw_residuals, fit.source)
@@ -157,8 +153,7 @@ def comparison(result: Comparison) -> Sheet:
         _Trace(measured.frequency_hz, measured.measured_s,
                {**_DOTS, "color": VERMILION, "label": plain(f"measured: {measured.source}")}),
     ]  # fmt: skip
-    scale = _frequency_label(reference.frequency_hz).scale
-    band = scale * measured.frequency_hz[0], scale * measured.frequency_hz[-1]
+    band = _FREQUENCY.scale * measured.frequency_hz[0], _FREQUENCY.scale * measured.frequency_hz[-1]
     title = f"{100.0 * result.rms_deviation:.3g} % RMS between the admittances"
     return _with_residuals(traces, lambda ax: ax.set_xlim(*band), "deviations", partial(_deviations, result), title)
 
@@ -203,8 +198,6 @@ def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
         look: dict[str, Any] = {"color": CYCLE[number % 4], "marker": _MARKS[number % 4], "capsize": 3}
         ax.errorbar(result.at, values, errors, label=label, **look)
     ax.axhline(0.0, **AXIS)
-    if np.ptp(ax.get_ylim()) < 0.01:  # only rounding errors
-        ax.set_ylim(-0.1, 0.1)
     dress(ax, plain(result.label), LABELS["deviation"], title)
 
 

@@ -254,17 +254,3 @@ def test_set_takes_what_the_file_of_a_beam_states() -> None:
 def test_set_refuses_what_the_file_does_not_take(change: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", "andersen2002", "--set", change]) == 2
     assert says in capsys.readouterr().err
-
-
-def test_sentences_are_wrapped_on_a_terminal_only(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sentence = "numbers of arms tried: " + ", ".join(f"{count} (1234, 0.5 %)" for count in range(12)) + "\n"
-    say(sentence)
-    assert capsys.readouterr().out == sentence
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    monkeypatch.setenv("COLUMNS", "60")
-    say(sentence)
-    shown = capsys.readouterr().out
-    assert " ".join(shown.split()) == sentence.strip()
-    assert max(map(len, shown.splitlines())) <= 60

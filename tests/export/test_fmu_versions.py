@@ -170,4 +170,4 @@ def test_the_command_rejects_another_version_and_another_file(
     assert run(["export", "beam40", "--fmi", "4", "--output", str(tmp_path / "motor.fmu")]) == 2
     assert "fmi = 4 is not valid: it must be 2 or 3" in capfd.readouterr().err
     assert run(["export", "beam40", "--fmi", "3", "--output", str(tmp_path / "motor.lib")]) == 2
-    assert "--fmi 3 is for a Functional Mock-up Unit" in capfd.readouterr().err
+    assert "fmi = 3 has no effect on a .lib: give a file name that ends in .fmu." in capfd.readouterr().err
