@@ -43,11 +43,7 @@ def design(motor: Motor, what: DriverSpec | Tracker, **settings: Any) -> Design 
     """
     if isinstance(what, DriverSpec):
         return design_driver(motor, what, **settings)
-    return _design_filter(motor, what, **settings)
-
-
-def _design_filter(motor: Motor, tracker: Tracker, mode: int | None = None, *, contact: bool = True) -> LoopFilter:
-    return propose_filter(tracker, running_resonance(motor, tracker, mode=mode, contact=contact))
+    return propose_filter(what, running_resonance(motor, what, **settings))
 
 
 @overload

@@ -162,12 +162,7 @@ class DriverSpec:
         return driver.updated(of_parts)
 
     def built(self, motor: Motor, *, contact: ContactLaw | None, **settings: Any) -> Driver:
-        """Return the driver, designed if it is to be, for other analyses.
-
-        Args:
-            motor: the motor.
-            contact: law of the contact.
-            **settings: further arguments of :func:`design_driver`.
+        """Return the driver for other analyses, designed by :func:`design_driver` with its settings if it is to be.
 
         Raises:
             ParameterError: for an invalid value, or if there is no such driver.
@@ -234,13 +229,9 @@ class Design:
     def ran(
         self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
     ) -> Design:
-        """Return the design after runs from rest.
+        """Return the design after runs from rest, by their parts and the greatest voltages of the pins.
 
-        Args:
-            runs: the parts with their maxima over each run.
-            speed_rad_s: mean speed at the end of the first one; ``None`` for a held shaft.
-            volts: group → greatest voltage at its pin.
-            motor: the motor.
+        ``speed_rad_s`` is the mean at the end of the first one, ``None`` for a held shaft.
         """
         assert self.driver is not None
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]

@@ -653,14 +653,7 @@ def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float 
     """Add pulses whose corners are those of a bridge's comparators: they make ngspice compute points there.
 
     Otherwise the time of an edge depends on the steps around it, and the step to the edge of a gate is as long as those
-    between the edges: it counts the power of the gates up to 14 % too low and the loss of transistors up to 11 % too
-    high.
-
-    Args:
-        circuit: the circuit with the control source.
-        driver: the driver.
-        group: ``"a"`` or ``"b"``.
-        begins: phase of group A's control at which the run starts, in periods.
+    The run starts at the phase ``begins`` of group A's control, in periods.
     """
     period = driver.period
     for name, delay in driver.delays(group).items():

@@ -173,17 +173,7 @@ def beyond(
     frequency_hz: float,
     winding_f: float = WINDING_CAPACITANCE,
 ) -> tuple[str, ...]:
-    """Return one sentence for each limit that a coil (unit H) or capacitor (unit F) exceeds.
-
-    Args:
-        name: of the part, for the sentences.
-        value: inductance or capacitance.
-        unit: ``"H"`` or ``"F"``.
-        volts: greatest voltage across it, V.
-        amperes: greatest current through it, A.
-        frequency_hz: frequency of the drive, Hz.
-        winding_f: capacitance of the winding of a coil, F.
-    """
+    """Return one sentence for each limit that a coil (unit H) or capacitor (unit F) exceeds by its maxima."""
     largest = largest_inductance(frequency_hz, winding_f)
     limits = {
         "H": [

@@ -171,13 +171,7 @@ class _Answer:
 def running_loop(
     setup: Point, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
 ) -> LoopDesign:
-    """Return the loop gain of a phase-locked loop at a running motor.
-
-    Args:
-        setup: motor as the tracker knows it, and law of the contact.
-        source: the tracker at its pins, with its driver.
-        point: where the motor runs.
-        timeout: wall time in s after which a run of ngspice is ended.
+    """Return the loop gain of a phase-locked loop at a running motor; ``setup`` has it as the tracker knows it.
 
     Raises:
         SimulationError: if there is no stable steady state, or the loop gain does not cross 1 near the bandwidth.

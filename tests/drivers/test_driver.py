@@ -240,14 +240,6 @@ def test_supply_follows_from_the_voltage_asked_for() -> None:
     assert driver("ideal").rails("a") == (0.0, 0.0)
 
 
-def test_settings_reach_one_group_or_both() -> None:
-    some = driver("linear", network="inductor", settings={"inductor.resistance": 3.0, "inductor_b.inductance": 2e-3})
-    values = [some.parts(group)[1].values for group in ("a", "b")]
-    assert [value["resistance"] for value in values] == [3.0, 3.0]
-    assert [value["inductance"] for value in values] == [1e-3, 2e-3]
-    assert some.to_dict()["parts"]["b"]["inductor"]["inductance"] == 2e-3
-
-
 @pytest.mark.parametrize(
     ("kind", "changes", "sentence"),
     [

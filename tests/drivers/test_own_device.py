@@ -288,22 +288,14 @@ def test_a_library_that_holds_no_mosfet_is_an_error(text: str, sentence: str, tm
 @pytest.mark.parametrize(
     ("kind", "values", "sentence"),
     [
-        (
-            "absent.lib:one",
-            {},
-            "No such file or directory. Give the path of a .lib file.",
-        ),
+        ("absent.lib:one", {}, "No such file or directory. Give the path of a .lib file."),
         ("/dev/zero:one", {}, "Cannot read the driver library '/dev/zero': it is not a regular file."),
         (f"{'x' * 300}:one", {}, "Cannot read the driver library 'xxx"),
         ("my.lib:a b", {}, "it must be FILE:NAME, with a NAME of letters, digits and _ . + -."),
         ("my.lib:", {}, "it must be FILE:NAME"),
         ("linear", {"mosfet": f"{EXAMPLE}:fast200"}, "mosfet has no effect on a linear"),
         ("half-bridge", {"mosfet": "BUZ11"}, "it must be IRF530, IRF610, IRF820 or FILE:NAME of a .subckt or .model."),
-        (
-            "half-bridge",
-            {"mosfet": "absent.lib:one"},
-            "Cannot read the MOSFET library 'absent.lib'",
-        ),
+        ("half-bridge", {"mosfet": "absent.lib:one"}, "Cannot read the MOSFET library 'absent.lib'"),
         (f"{EXAMPLE}:push_pull", {"settings": {"driver.gian": 1.0}}, "no parameter 'gian'. Did you mean 'gain'?"),
         (f"{EXAMPLE}:push_pull", {"settings": {"driver.gain": 500.0}}, "gain = 500 is not valid: it must be 1 to 200."),
         (f"{EXAMPLE}:generator", {"settings": {"driver.frequency": 1.0}}, "driver.frequency follows from the driver's"),

@@ -133,17 +133,6 @@ def test_a_load_step_is_half_of_the_stall_torque() -> None:
     assert found.stall_torque_n_m == pytest.approx(0.36e-3, rel=0.05)
 
 
-@pytest.mark.soak
-def test_observers_follow_a_drift() -> None:
-    """As fast as 2 % in 50 ms. 80 Hz every 0.8 ms is 100 Hz/ms; against 21 Hz/ms of drift that is enough."""
-    found = pr.track(
-        motor(), tracker("observe-current", contact=False), disturb="temperature", contact=None, drift=-0.006,
-        drift_time=15e-3, begin=2e-3, duration=18e-3, step=COARSE,
-    )  # fmt: skip
-    assert found.locked
-    assert found.end_frequency_hz == pytest.approx((0.994 - 3.3e-4) * resonance(contact=False), abs=200.0)
-
-
 def test_a_drive_that_is_not_tracked_loses_the_resonance_as_it_drifts() -> None:
     chosen = tracker("none", contact=False)
     found = pr.track(
