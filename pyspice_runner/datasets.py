@@ -115,6 +115,10 @@ class DatasetResult(Result):
         decoded = {name: self._attribute(name) if name in _AS_JSON else value for name, value in attributes.items()}
         return {**decoded, "cautions": list(self.cautions)}
 
+    def _heading(self, kind: str) -> dict[str, str]:
+        """Return the first rows of a summary: the title and the law of the contact."""
+        return {kind: str(self.dataset.attrs.get("title", "")), **contact_row(self._attribute("run", {}))}
+
     def _span(self, name: str, digits: int = 6) -> str:
         """Return the range of an axis in words."""
         values, unit = self.dataset[name].values, self.dataset[name].attrs.get("units", "")
@@ -154,7 +158,7 @@ class Curves(DatasetResult):
     def summary(self) -> dict[str, str]:
         """Return the range of the axes, the maximum torque, speed and efficiency, and how many points settled."""
         data = self.dataset
-        found = {"curve": data.attrs["title"]}
+        found = self._heading("curve")
         for name in (*self.others, "speed_m_s" if self.linear else SPEED):
             found[name] = f"{self._span(name, 4)}, {data[name].size} values"
         if bool(data["torque_n_m"].notnull().any()):
@@ -162,7 +166,7 @@ class Curves(DatasetResult):
             found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
-        return self._localised(found | contact_row(self._attribute("run", {})))
+        return self._localised(found)
 
 
 class Branch(DatasetResult):
@@ -192,8 +196,7 @@ class Branch(DatasetResult):
         """Return the range of the parameter, the folds, and the share of stable points."""
         values, unit = self.dataset[self.along].values, self.dataset[self.along].attrs["units"]
         return {
-            "branch": str(self.dataset.attrs["title"]),
-            **contact_row(self._attribute("run", {})),
+            **self._heading("branch"),
             self.along: f"{self._span(self.along)}, {values.size} points",
             "folds": ", ".join(f"{value:.6g} {unit}" for value in self.folds) or "none",
             "stable": f"{int(self.dataset['stable'].sum())} of {values.size} points",
@@ -230,7 +233,7 @@ class WorkingPoints(DatasetResult):
     def summary(self) -> dict[str, str]:
         """Return the axes and the best point."""
         data = self.dataset
-        found = {"map": str(data.attrs["title"]), **contact_row(self._attribute("run", {}))}
+        found = self._heading("map")
         for name in self.axes:
             found[name] = f"{self._span(name)}, {data[name].size} values"
         found["stable"] = f"{int(data['stable'].sum())} of {data['stable'].size} points"

@@ -16,7 +16,6 @@ import pyspice_runner as pr
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import refusal
 from pyspice_runner.motor.load import Arm, Materials
-from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
@@ -53,10 +52,6 @@ def said(table: Any) -> str:
         refusal.build(Thing, table, "things.0", "shelf.toml")
     assert reads_well(str(caught.value))
     return str(caught.value)
-
-
-def test_good_table_is_built() -> None:
-    assert refusal.build(Thing, GOOD, "things.0", "shelf.toml").model_dump() == GOOD
 
 
 @pytest.mark.parametrize(
@@ -116,19 +111,6 @@ def test_every_quantity_says_its_range_unit_and_meaning(kind: type[Parameters]) 
         if field.annotation in (float, float | None):
             assert refusal.unit_of(kind, name)
             assert allowed.startswith("a number ")
-
-
-def test_name_of_a_motor_may_hold_more_than_that_of_a_mode() -> None:
-    assert "spaces, dots" in refusal.allowed_range(Motor, "name")
-    assert refusal.allowed_range(Motor, "modes") == "1 to 20 entries"
-
-
-@pytest.mark.parametrize("value", [2.1, 0.0, "1", True, float("nan")])
-def test_a_single_value_must_be_in_the_range_of_its_field(value: Any) -> None:
-    assert refusal.limited(Thing, "size", 2, "things.0.size", "shelf.toml") == 2.0
-    with pytest.raises(ParameterError) as caught:
-        refusal.limited(Thing, "size", value, "things.0.size", "shelf.toml")
-    assert str(caught.value) == said(GOOD | {"size": value})
 
 
 def test_a_value_without_a_repr_is_named() -> None:

@@ -83,46 +83,34 @@ def assemble(
     ``place`` has the row of each unknown, −1 where it is held at 0; ``springs`` are unknowns of faces, (facets, n), and
     their matrices, (facets, n, n).
     """
-    stiffness, mass = _Entries(place, size), _Entries(place, size)
+    stiffness, mass = list(springs), []
     for part in parts:
         own = basis.with_elements(part.cells)
         rows, weights, unknowns = _operator(own, part)
         count = rows.shape[-1]
         weighted = (part.matrix @ rows) * weights[:, :, None, None]
         flat = rows.reshape(len(rows), -1, count)
-        stiffness.add(unknowns, np.matmul(flat.transpose(0, 2, 1), weighted.reshape(flat.shape)))
+        stiffness.append((unknowns, np.matmul(flat.transpose(0, 2, 1), weighted.reshape(flat.shape))))
         values = np.stack([np.asarray(field[0]) for field in own.basis])
         local = np.einsum("aeq,beq,eq->eab", values, values, part.density_kg_m3 * weights, optimize=True)
         directions = basis.mesh.dim()
         fields = directions if directions == 2 else 4
-        for axis in range(directions):
-            mass.add(fields * own.element_dofs.T + axis, local)
-    for unknowns, local in springs:
-        stiffness.add(unknowns, local)
-    return stiffness.matrix(), mass.matrix()
+        mass += [(fields * own.element_dofs.T + axis, local) for axis in range(directions)]
+    return _summed(stiffness, place, size), _summed(mass, place, size)
 
 
-class _Entries:
-    """Entries of a sparse matrix, collected from the matrices of elements."""
+def _summed(entries: Sequence[tuple[Indices, Array]], place: Indices, size: int) -> Any:
+    """Return the sum of matrices of elements, (cells, n, n), of the unknowns (cells, n), compressed by columns."""
+    from scipy.sparse import coo_matrix
 
-    def __init__(self, place: Indices, size: int) -> None:
-        self._place, self._size = place, size
-        self._parts: list[tuple[Indices, Indices, Array]] = []
-
-    def add(self, unknowns: Indices, local: Array) -> None:
-        """Add the matrices of elements, (cells, n, n), of the unknowns (cells, n)."""
-        where = self._place[unknowns]
-        rows = np.broadcast_to(where[:, :, None], local.shape)
-        columns = np.broadcast_to(where[:, None, :], local.shape)
+    parts = []
+    for unknowns, local in entries:
+        where = place[unknowns]
+        rows, columns = (np.broadcast_to(side, local.shape) for side in (where[:, :, None], where[:, None, :]))
         kept = (rows >= 0) & (columns >= 0)
-        self._parts.append((rows[kept], columns[kept], local[kept]))
-
-    def matrix(self) -> Any:
-        """Return the sum, compressed by columns."""
-        from scipy.sparse import coo_matrix
-
-        rows, columns, values = (np.concatenate(items) for items in zip(*self._parts, strict=True))
-        return coo_matrix((values, (rows, columns)), shape=(self._size, self._size)).tocsc()
+        parts.append((local[kept], rows[kept], columns[kept]))
+    values, rows, columns = (np.concatenate(items) for items in zip(*parts, strict=True))
+    return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
 
 
 def strains(basis: Any, part: Part, values: Array) -> Array:
