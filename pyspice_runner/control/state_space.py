@@ -88,11 +88,9 @@ class StateSpace(Result):
                 f"{', '.join(self.outputs)}."
             )
         row, column = list(self.outputs).index(output), list(self.inputs).index(of)
-        unity = np.eye(len(self.a))
-        return np.array([
-            self.c[row] @ np.linalg.solve(2j * np.pi * one * unity - self.a, self.b[:, column]) + self.d[row, column]
-            for one in np.atleast_1d(frequency)
-        ])  # fmt: skip
+        s = 2j * np.pi * np.atleast_1d(frequency)[:, np.newaxis, np.newaxis]
+        moved = np.linalg.solve(s * np.eye(len(self.a)) - self.a, self.b[:, [column]])[..., 0]
+        return np.asarray(moved @ self.c[row] + self.d[row, column])
 
     def to_control(self) -> Any:
         """Return the system as a ``control.StateSpace`` of python-control, with the names of its signals.

@@ -270,8 +270,9 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
     opened[:, row] -= by_tuning
     lowest, highest = tracker.bandwidth_hz / 10**SWEPT_DECADES, tracker.bandwidth_hz * 10**SWEPT_DECADES
     frequency = np.geomspace(lowest, highest, 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1)
-    unit = np.eye(len(free))
-    gain = np.array([-np.linalg.solve(2j * pi * one * unit - opened, by_tuning)[row] for one in frequency])
+    s = 2j * pi * frequency[:, np.newaxis, np.newaxis]
+    by_frequency = np.linalg.solve(s * np.eye(len(free)) - opened, by_tuning[:, np.newaxis])
+    gain = np.asarray(-by_frequency[:, row, 0], dtype=np.complex128)
     return crossing(tracker, own, frequency, gain)
 
 

@@ -308,18 +308,6 @@ def test_an_invalid_driver_is_an_error_that_names_the_value(kind: str, values: d
     assert clear(str(caught.value))
 
 
-def test_the_command_ends_with_status_2_for_a_library_that_is_not_valid(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "my.lib").write_text(put(f".control\nshell touch {MARKER}\n.endc"), encoding="utf-8")
-    assert run(["drive", "andersen2002", "--driver", "my.lib:one"]) == 2
-    assert "my.lib, line 4: '.control' is not allowed" in " ".join(capsys.readouterr().err.split())
-    assert run(["drive", "andersen2002", "--driver", "half-bridge", "--mosfet", "absent.lib:one"]) == 2
-    assert "Cannot read the MOSFET library 'absent.lib'" in " ".join(capsys.readouterr().err.split())
-    assert [path.name for path in tmp_path.iterdir()] == ["my.lib"]
-
-
 @pytest.mark.parametrize(
     "text",
     [
