@@ -114,24 +114,6 @@ def transient_timing(
     }  # fmt: skip
 
 
-def ac(
-    bench: Bench,
-    vectors: Sequence[str],
-    *,
-    guess: Mapping[str, float] | None = None,
-    timeout: float | None = None,
-    **sweep: Any,
-) -> Outcome:
-    """Run a small-signal analysis of a bench; ``sweep`` is what PySpice's ``.ac()`` takes.
-
-    ``guess`` are the voltages of nodes with which the iteration to the operating point begins.
-
-    Raises:
-        SimulationError: if ngspice fails or its result cannot be trusted.
-    """
-    return run_bench(bench, vectors, timeout, "ac", sweep, guess)
-
-
 def progress_callback(progress: Callable[[float, float], object], duration: float) -> Callable[[float], None]:
     """Return a callback for :func:`transient` that reports the fraction of ``duration`` done and the seconds left."""
     began = monotonic()
@@ -154,6 +136,8 @@ def run_bench(
     **how: Any,
 ) -> Outcome:
     """Run an analysis of a bench; the arguments are PySpice's, and those of ``BatchSimulator.verified``.
+
+    ``guess`` are the voltages of nodes with which the iteration to the operating point begins.
 
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.

@@ -11,7 +11,7 @@ from pyspice_runner.circuit.fixtures import AC_OPTIONS, admittance_bench
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_two_port
-from pyspice_runner.run.kernel import Outcome, ac
+from pyspice_runner.run.kernel import Outcome, run_bench
 
 Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies in Hz, matrices in S
 
@@ -25,10 +25,8 @@ def two_port_bench(motor: Motor, *, preloaded: bool) -> Bench:
 
 def sweep_two_port(bench: Bench, timeout: float | None, start: float, stop: float, points: int) -> Outcome:
     """Run the AC analysis of a two-port at evenly spaced frequencies in Hz."""
-    return ac(
-        bench, _CURRENTS, timeout=timeout, variation="lin", number_of_points=points, start_frequency=start,
-        stop_frequency=stop,
-    )  # fmt: skip
+    sweep = {"variation": "lin", "number_of_points": points, "start_frequency": start, "stop_frequency": stop}
+    return run_bench(bench, _CURRENTS, timeout, "ac", sweep)
 
 
 def two_port(outcome: Outcome) -> Swept:

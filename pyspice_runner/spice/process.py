@@ -7,7 +7,6 @@ A process that stays is ``ngspice -p``, which takes commands on its standard inp
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import re
 import selectors
@@ -63,8 +62,6 @@ def answer(
             stdin=subprocess.DEVNULL, check=False,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
-        if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
-            hint = "Raise the limit of open files, as by `ulimit -n 1024`."
         raise SimulationError(f"{what or command[0]} does not run: {error}. {hint}") from error
 
 

@@ -28,7 +28,7 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.kernel import Outcome, ac, transient, transient_timing
+from pyspice_runner.run.kernel import Outcome, run_bench, transient, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
@@ -328,11 +328,12 @@ def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
         thermal=run.disturbance.drifting,
     )  # fmt: skip
     tracker, reach = source.tracker, 10**SWEPT_DECADES
-    vectors = ac(
-        held, ["v(phase)"], guess={name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)},
-        variation="dec", number_of_points=POINTS_PER_DECADE, start_frequency=tracker.bandwidth_hz / reach,
-        stop_frequency=tracker.bandwidth_hz * reach,
-    ).phasors()  # fmt: skip
+    sweep = {
+        "variation": "dec", "number_of_points": POINTS_PER_DECADE, "start_frequency": tracker.bandwidth_hz / reach,
+        "stop_frequency": tracker.bandwidth_hz * reach,
+    }  # fmt: skip
+    guess = {name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)}
+    vectors = run_bench(held, ["v(phase)"], None, "ac", sweep, guess).phasors()
     frequency = vectors["frequency"].real
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     gain = -pump * source.loop_filter.impedance(2j * pi * frequency) * vectors["v(phase)"]

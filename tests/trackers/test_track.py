@@ -20,7 +20,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.fixtures import AC_OPTIONS
 from pyspice_runner.cli import run
-from pyspice_runner.run.kernel import ac
+from pyspice_runner.run.kernel import run_bench
 from pyspice_runner.run.point import Point
 from pyspice_runner.trackers.loop import LockedPoint, LoopDesign, running_loop
 from pyspice_runner.trackers.tracker import LoopFilter, TrackedSource, running_resonance
@@ -182,9 +182,8 @@ def test_the_loop_gain_off_resonance_is_that_of_the_averaged_circuit() -> None:
     chosen = free(500.0, 6.0, target_deg=-40.0)
     found, lag = design(chosen), running_resonance(motor(), chosen, contact=False)
     bench = Bench(average_bench(chosen, lag, found.loop_filter), AC_OPTIONS)
-    vectors = ac(
-        bench, ["v(control)"], variation="dec", number_of_points=100, start_frequency=5.0, stop_frequency=50e3
-    ).phasors()
+    sweep = {"variation": "dec", "number_of_points": 100, "start_frequency": 5.0, "stop_frequency": 50e3}
+    vectors = run_bench(bench, ["v(control)"], None, "ac", sweep).phasors()
     assert vectors["frequency"].real == pytest.approx(found.frequency_hz, rel=1e-6)
     assert found.gain == pytest.approx(-vectors["v(control)"], rel=1e-4)
 
