@@ -22,7 +22,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.export.fmu_description import VERSIONS, Description, Version, state_count
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.compiler import compile_for_windows, compile_library
+from pyspice_runner.spice.compiler import compile_library
 from pyspice_runner.spice.library import check_name, data_path
 
 SHARED = "piezomotor_fmi.h"  # by both versions
@@ -77,9 +77,9 @@ def fmu_archive(texts: Mapping[str, str]) -> bytes:
         for name, content in contents.items():
             Path(folder, Path(name).name).write_bytes(content)
         linux, windows = PLATFORMS[version]
-        for compiled, place, ending in ((compile_library, linux, "so"), (compile_for_windows, windows, "dll")):
+        for place, ending in ((linux, "so"), (windows, "dll")):
             binary = Path(folder) / f"{identifier}.{ending}"
-            if compiled(Path(folder), c_files(version), binary):
+            if compile_library(Path(folder), c_files(version), binary, windows=place == windows):
                 contents[f"binaries/{place}/{binary.name}"] = binary.read_bytes()
     unit = io.BytesIO()
     with zipfile.ZipFile(unit, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -81,7 +80,9 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
         owner = drive if section == "drive" else getattr(motor, section, None) if key else None
     fields = getattr(type(owner), "model_fields", {})
     if key not in fields and not (section == "modes" and owner and key in _DERIVED):
-        raise _unknown_parameter(path, motor, drive, run)
+        parts = [*motor, *((f"modes.{number}", mode) for number, mode in enumerate(motor.modes)), ("drive", drive)]
+        every = [f"{name}.{key}" for name, part in parts for key in getattr(type(part), "model_fields", ())]
+        raise unknown(path, [*every, *LOADS, *(f"run.{name}" for name in run)])
     nominal = getattr(owner, key)
     if not isinstance(nominal, Real):
         raise ParameterError(f"{quoted(path)} is not a number. Name a parameter that is.")
@@ -135,17 +136,3 @@ def unit_of_name(name: str) -> str:
 def unknown(name: str, known: Iterable[str], what: str = "parameter") -> ParameterError:
     """Return the error for an unknown name, with the nearest known one."""
     return ParameterError(f"There is no {what} {quoted(name)}. {did_you_mean(name, known, 'There are')}")
-
-
-def _unknown_parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> ParameterError:
-    section = path.partition(".")[0]
-    own = [f"drive.{name}" for name in type(drive).model_fields]
-    if section in ("drive", "load"):
-        return unknown(path, own if section == "drive" else LOADS)
-    try:
-        motor.updated({path: 0.0})
-    except ParameterError as error:
-        every = [f"{name}.{key}" for name, part in motor for key in getattr(type(part), "model_fields", ())]
-        close = difflib.get_close_matches(path, [*every, *own, *LOADS, *(f"run.{name}" for name in run)], n=1)
-        return error if "Did you mean" in str(error) or not close else unknown(path, close)
-    return ParameterError(f"{quoted(path)} is not a number. Name a parameter that is.")

@@ -20,7 +20,8 @@ from pyspice_runner.spice.process import answer
 
 FOR_WINDOWS = "x86_64-w64-mingw32-gcc"  # of mingw-w64
 COMPILERS = ("cc", "gcc", "clang")  # the first of them on the PATH is used
-_FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra")
+_FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra")
+_FOR_WINDOWS = ("-D__USE_MINGW_ANSI_STDIO=1", "-static", "-s")
 _TIMEOUT = 120.0  # s; a compiler takes about one
 
 
@@ -35,26 +36,17 @@ def find_compiler() -> str:
     return compiler
 
 
-def compile_library(folder: Path, sources: Sequence[str], target: Path) -> bool:
-    """Compile C sources to a shared library; return True. Raise SimulationError if it fails or none is there."""
-    _compile(find_compiler(), _FLAGS, folder, sources, target)
-    return True
+def compile_library(folder: Path, sources: Sequence[str], target: Path, *, windows: bool = False) -> bool:
+    """Compile C sources to a shared library, for this system or for Windows on x86-64; return whether that was done.
 
-
-def compile_for_windows(folder: Path, sources: Sequence[str], target: Path) -> bool:
-    """Compile C sources to a library for Windows on x86-64; return whether mingw-w64 is installed.
-
-    Raise SimulationError if it fails.
+    It is not if mingw-w64 is not installed. Raise SimulationError if the compiler fails, or none is there for this
+    system.
     """
-    compiler = shutil.which(FOR_WINDOWS)
-    if compiler:
-        flags = tuple(flag for flag in _FLAGS if flag != "-fPIC")
-        _compile(compiler, (*flags, "-D__USE_MINGW_ANSI_STDIO=1", "-static", "-s"), folder, sources, target)
-    return compiler is not None
-
-
-def _compile(compiler: str, flags: Sequence[str], folder: Path, sources: Sequence[str], target: Path) -> None:
-    command = [compiler, *flags, "-o", str(target.resolve()), *sources, "-lm"]
+    compiler = shutil.which(FOR_WINDOWS) if windows else find_compiler()
+    if compiler is None:
+        return False
+    flags = _FOR_WINDOWS if windows else ("-fPIC",)
+    command = [compiler, *_FLAGS, *flags, "-o", str(target.resolve()), *sources, "-lm"]
     hint = f"Check it by `{compiler} --version`."
     done = answer(command, timeout=_TIMEOUT, hint=hint, what=f"The C compiler {compiler}", folder=folder)
     if done.returncode != 0:
@@ -63,6 +55,7 @@ def _compile(compiler: str, flags: Sequence[str], folder: Path, sources: Sequenc
             f"The C compiler {compiler} failed: {last}. Install its headers: `sudo apt-get install libc6-dev`.",
             log=done.stderr,
         )
+    return True
 
 
 @cache
