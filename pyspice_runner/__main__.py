@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import io
 import os
@@ -22,13 +21,6 @@ def main() -> None:
             setattr(sys, stream, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     if isinstance(sys.stdout, io.TextIOWrapper):  # a file's name may hold what cannot be printed
         sys.stdout.reconfigure(errors="backslashreplace")
-    if sys.argv[1:] == ["--version"]:  # needs a sixth of what the other commands load
-        from pyspice_runner.commands.versions import versions
-        from pyspice_runner.errors import SimulationError
-
-        with contextlib.suppress(SimulationError):  # which the command below reports
-            sys.stdout.write(versions())
-            return
     gc.disable()  # what is loaded stays: a tenth of the time
     from pyspice_runner.cli import run
 

@@ -17,8 +17,6 @@ from importlib import import_module
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 import pyspice_runner as pr
 from pyspice_runner.commands.common import INTERRUPTED, OnceCommand, complain, say, say_versions, silence, written
@@ -34,20 +32,20 @@ MODULES = {
 }  # fmt: skip
 FUNCTIONS = {"map": "map_points"}  # of commands whose function has another name
 
-FIRST_STEPS = {
-    "Try first": {"report bimodal40": "a motor on one page"},
-    "Then": {
-        "simulate bimodal40 --plot run.png": "one run, plotted",
-        "export bimodal40 --output motor.lib": "a .subckt for SPICE",
-        "drive bimodal40 --driver half-bridge": "its driver's losses",
-        "admittance bimodal40 --state preloaded": "its impedance",
-    },
-    "Help": {
-        "COMMAND --help": "one command with an example",
-        "--help": "all commands",
-        "--install-completion": "completion by Tab",
-    },
-}
+FIRST_STEPS = """A SPICE model of a standing-wave piezomotor, run on ngspice.
+
+Try first
+  piezomotor report bimodal40                        a motor on one page
+Then
+  piezomotor simulate bimodal40 --plot run.png       one run, plotted
+  piezomotor export bimodal40 --output motor.lib     a .subckt for SPICE
+  piezomotor drive bimodal40 --driver half-bridge    its driver's losses
+  piezomotor admittance bimodal40 --state preloaded  its impedance
+Help
+  piezomotor COMMAND --help                          one command with an example
+  piezomotor --help                                  all commands
+  piezomotor --install-completion                    completion by Tab
+"""
 
 
 def first_steps(
@@ -58,15 +56,8 @@ def first_steps(
     ] = False,
 ) -> None:
     """A SPICE model of a standing-wave piezomotor, run on ngspice."""
-    if context.invoked_subcommand is not None:
-        return
-    table = Table.grid(padding=(0, 3, 0, 0))
-    for heading, lines in FIRST_STEPS.items():
-        table.add_row(Text(heading, style="bold"))
-        for words, meaning in lines.items():
-            table.add_row(f"  piezomotor {words}", meaning)
-    say(f"{first_steps.__doc__}\n\n")
-    say(table)
+    if context.invoked_subcommand is None:
+        say(FIRST_STEPS)
 
 
 def run(arguments: list[str]) -> int:

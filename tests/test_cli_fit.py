@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from tests.resonators import resonator, spectrum
-from tests.selection import mostly
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02], reference=25e3)
 SPECTRA = Path(__file__).parent / "data" / "spectra"
@@ -124,43 +122,6 @@ def test_timeout_ends_a_fit_and_a_comparison(measured: str, capsys: pytest.Captu
         assert run([*words, "--timeout", "0"]) == 2
         assert "timeout = 0.0 is not valid: it must be a number of seconds > 0" in capsys.readouterr().err
     assert run(["fit", measured, "--modes", "2", "--timeout", "600", "--json"]) == 0
-
-
-SIZES = list(product([1e-300, 1e-160, 1e-27, 1e27, 1e160, 1e290], [1e-300, 1e-160, 1.0, 1e6]))
-
-
-@pytest.mark.parametrize(
-    ("size", "frequency"),
-    mostly(pytest.mark.fuzz, SIZES, [(1e-300, 1e6), (1e290, 1.0), (1e-27, 1e-300), (1e-27, 1.0), (1e27, 1e6)]),
-)
-def test_values_of_any_size_end_in_a_result_or_one_sentence(
-    size: float, frequency: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A RuntimeWarning of NumPy's is an error in all tests."""
-    ratio = np.linspace(0.7, 1.3, 51)
-    y = size * (1j * ratio + 1.0 / (0.02 + 1j * (ratio - 1.0 / ratio))) / 51.0
-    rows = np.array([1e4 * frequency * ratio, y.real, y.imag]).T.tolist()
-    path = tmp_path / "measured.csv"
-    lines = ["frequency_hz,conductance_s,susceptance_s", *(",".join(map(repr, row)) for row in rows), ""]
-    path.write_text("\n".join(lines), encoding="ascii")
-    for words in (["fit", str(path)], ["compare", str(path), str(path)]):
-        status, (_, said) = run([*words, "--modes", "1"]), capsys.readouterr()
-        fits = 1e-30 < size < 1e30 and frequency >= 1.0
-        assert status == (0 if fits else 2)
-        assert fits or said.startswith("piezomotor: measured.csv has a")
-        assert "Warning" not in said
-
-
-def test_a_terminal_shows_the_progress(
-    measured: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("FORCE_COLOR", "1")  # which makes Rich take the captured stream for a terminal
-    assert run(["fit", measured]) == 0
-    said = capsys.readouterr().err
-    assert "reading" in said
-    assert "3 of at most 8 arms" in said
-    assert run(["compare", measured, measured]) == 0
-    assert "spectrum 2 of 2" in capsys.readouterr().err
 
 
 def test_fit_rejects_input_in_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

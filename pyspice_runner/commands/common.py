@@ -33,10 +33,10 @@ from rich.progress import (
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.versions import versions
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.result import Result as _Result
+from pyspice_runner.spice.ngspice import ngspice_version
 
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
@@ -52,7 +52,7 @@ written: list[str] = []  # the files that this command has completed
 def say_versions(wanted: bool) -> None:
     """Write the versions of the package and of ngspice, and exit."""
     if wanted:
-        sys.stdout.write(versions())
+        sys.stdout.write(f"pyspice-runner {pr.__version__}, ngspice {ngspice_version()}\n")
         raise typer.Exit
 
 

@@ -92,14 +92,11 @@ def map_points(call: Call) -> None:
 
 
 def _limits(texts: list[str] | None) -> dict[str, float]:
-    form = "is not NAME=VALUE; write it as current_a=0.1."
-    limits = {}
-    for name, value in common.pairs_of("--limit", texts, form):
-        try:
-            limits[name] = float(value)
-        except ValueError:
-            raise pr.ParameterError(f"--limit {f'{name}={value}'!r} {form}") from None
-    return limits
+    limits = common.axes_of(texts, "--limit")
+    for name, values in limits.items():
+        if len(values) != 1:
+            raise pr.ParameterError(f"--limit {name} has {len(values)} values. Give one, as current_a=0.1.")
+    return {name: value for name, (value,) in limits.items()}
 
 
 @command(

@@ -132,17 +132,11 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
     for row in range(1, len(circuit.shared_losses) + 1):
         elements.append(f"Rshared{row} shared{row} n 1")
     lines = [
-        f"* {name}: piezoelectric resonator, {len(circuit.arms)} motional arm{'s' if len(circuit.arms) > 1 else ''}",
+        f"* {name}: piezoelectric resonator, motional arms: {len(circuit.arms)}",
         *([f"* {ascii_line(title)}"] if title else []),
-        "*",
-        "*   p o--- leads ---+-----------+---- ... ----.",
-        "*                   |           |             |",
-        "*                 C clamped   L1-R1-C1      Ln-Rn-Cn    clamped capacitance with its loss, motional arms",
-        "*                   |           |             |",
-        "*   n o-------------+-----------+---- ... ----'",
+        "* Between p and n, behind the leads: the clamped capacitance with its loss, and motional arms of R, L and C.",
         *(
             [
-                "*",
                 "* The arms share losses: currents of Vk times gains of Fr_k add up in Rsharedr = 1 Ohm, whose",
                 "* voltage acts back on each arm through Ek_r with the same gain. That is passive for all values.",
             ]

@@ -70,10 +70,7 @@ class Report(Result):
         curves: share of the drive's voltage → speed–torque curve.
         free: the steady state of the rotor without load, at the highest of these shares; ``None`` where dry friction of
             the bearing stops it.
-        measured: a measured spectrum to draw over the computed ones.
-        connection: how the groups were connected when it was measured, if it is a one-port.
-        tracking: a run of the motor with a resonance tracker, if the page has one.
-        calibration: the result of a calibration of the motor.
+        measured, connection, tracking, calibration: the arguments of :func:`report`.
         created: when the report was made, ISO 8601.
     """
 
@@ -160,12 +157,6 @@ class Report(Result):
             "measured": None if self.measured is None else {"source": self.measured.source},
             "tracking": None if self.tracking is None else self.tracking.to_dict(),
         }
-
-    def decks(self) -> dict[str, str]:
-        """Return file name → text of the decks that were run: from rest, with a tracker, and the spectra."""
-        spectra = {f"admittance_{state}.cir": result.deck or "" for state, result in self.spectra.items()}
-        tracked = {} if self.tracking is None else {"track.cir": self.tracking.deck}
-        return {"run.cir": self.run.deck, **tracked, **spectra}
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.html``, one self-contained page, and ``.json``.
@@ -266,7 +257,11 @@ def downloads(report: Report) -> dict[str, str]:
     """Return file name → data URL of each file that the page contains for other programs."""
     motor, run = report.motor, report.run
     last = run.time_s >= run.time_s[-1] - _PERIODS * run.drive_period_s
-    files = report.decks() | {
+    files = {"run.cir": run.deck or ""}
+    if report.tracking is not None:
+        files["track.cir"] = report.tracking.deck or ""
+    files |= {f"admittance_{state}.cir": result.deck or "" for state, result in report.spectra.items()}
+    files |= {
         "report.json": json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n",
         "last_periods.csv": run.to_dataframe()[last].to_csv(float_format="%.9g", lineterminator="\n"),
         "speed_torque.csv": "".join(
@@ -281,9 +276,7 @@ def downloads(report: Report) -> dict[str, str]:
         for state, result in report.spectra.items():
             file = result.save(Path(folder, f"admittance_{state}.csv"))
             files[file.name] = file.read_text(encoding="utf-8")
-    order = {".lib": 0, ".cir": 1, ".toml": 2, ".asy": 3, ".kicad_sym": 4, ".csv": 5}
-    names = sorted(files, key=lambda name: (order.get(Path(name).suffix, 9), name))
-    encoded = {name: base64.b64encode(files[name].encode()).decode("ascii") for name in names}
+    encoded = {name: base64.b64encode(text.encode()).decode("ascii") for name, text in sorted(files.items())}
     return {name: f"data:text/plain;charset=utf-8;base64,{text}" for name, text in encoded.items()}
 
 

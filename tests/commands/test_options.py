@@ -160,11 +160,6 @@ def test_what_is_given_twice_or_is_fixed_is_an_error(
     assert captured.err.startswith(f"piezomotor: {says}")
 
 
-def test_help_is_shown_beside_a_repeated_option(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["steady", "--voltage", "50", "--voltage", "60", "--help"]) == 0
-    assert "Usage" in capsys.readouterr().out
-
-
 def test_speed_torque_takes_two_further_axes(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["speed-torque", "andersen2002", "--speeds=0", "--over", "drive.voltage=40,50"]
     assert run([*words, "--over", "contact.preload_n=4,5,6", "--json"]) == 0
@@ -204,17 +199,6 @@ def test_a_table_in_a_pipe_is_not_cut(capsys: pytest.CaptureFixture[str]) -> Non
     assert "…" not in shown
 
 
-def test_a_table_on_a_narrow_terminal_is_folded_and_not_cut(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("FORCE_COLOR", "1")  # which makes rich write as to a terminal
-    monkeypatch.setenv("COLUMNS", "40")
-    table = Table("quantity", "value")
-    table.add_row("mean_rotor_speed_rad_s_and_more_of_it_than_fits", "9.3761234e-03")
-    say(table)
-    assert "…" not in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("change", "path", "value"),
     [
@@ -240,17 +224,3 @@ def test_set_takes_what_the_file_of_a_beam_states() -> None:
     shorter = load_changed("andersen2002", ["patches.0.end_m=0.008"])
     assert shorter.piezo.capacitance_a_f < plain.piezo.capacitance_a_f
     assert shorter.piezo.capacitance_b_f == plain.piezo.capacitance_b_f
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ("beam.thicknes_m=1", "there is no 'beam.thicknes_m'. Did you mean 'thickness_m'?"),
-        ("arms.0.mass_kg=1", "has no table 'arms.0'"),
-        ("patches.7.end_m=1", "has no table 'patches.7'"),
-        ("damping.alpha_per_s=fast", "damping.alpha_per_s = 'fast' is not valid: it must be a number"),
-    ],
-)
-def test_set_refuses_what_the_file_does_not_take(change: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["show", "andersen2002", "--set", change]) == 2
-    assert says in capsys.readouterr().err

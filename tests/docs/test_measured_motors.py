@@ -170,9 +170,3 @@ def test_the_free_tip_of_the_micro_motor_moves_as_far_as_the_page_says() -> None
     said = re.search(r"moves (\S+) nm .*? of (\S+) that .*?\s(\S+) nm, published are (\S+) nm", PAGE, re.S)
     assert said
     assert [float(item) for item in said.groups()] == pytest.approx([found[0], friction, found[1], 58.0], rel=DIGITS)
-
-
-def test_the_tables_name_every_published_motor() -> None:
-    for section, key in (("By the mass of the stator", "stator_kg"), ("By frequency, force and speed", "name")):
-        for name in (name for name, motor in MOTORS.items() if key in motor):
-            assert printed(name, section)

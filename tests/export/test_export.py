@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.export.motor import FORMATS, endings
@@ -181,14 +180,6 @@ def test_the_command_exports_a_fit(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err == ""
     assert run(["export", str(fit), "--set", "contact.preload_n=3"]) == 2
     assert "are for motors" in capsys.readouterr().err
-
-
-def test_the_command_exports_a_motor_as_before(capsys: pytest.CaptureFixture[str], motor: pr.Motor) -> None:
-    assert run(["export", "andersen2002"]) == 0
-    library = capsys.readouterr().out
-    assert library == motor_library(motor)
-    assert run(["export", "andersen2002", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"motor": "andersen2002", "library": library}
 
 
 @pytest.mark.parametrize("averaged", [False, True])

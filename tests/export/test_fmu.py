@@ -406,15 +406,6 @@ def test_invalid_input_is_an_error_with_a_message_and_a_reset_helps(
     unit.advance()
 
 
-def test_another_guid_is_an_error(unit: Unit, capsys: pytest.CaptureFixture[str]) -> None:
-    other = FMU2Slave(
-        guid="0", unzipDirectory=unit.fmu.unzipDirectory, modelIdentifier="piezomotor_averaged", instanceName="motor"
-    )
-    with pytest.raises(Exception, match="Failed to instantiate"):
-        other.instantiate()
-    assert "the guid is 0, it must be" in capsys.readouterr().out
-
-
 @pytest.mark.fuzz
 @pytest.mark.parametrize("seed", range(1, 6))
 @pytest.mark.parametrize("version", [2, 3])

@@ -21,10 +21,6 @@ NOT_DRAWN = {
     "piezomotor_mode": {"force", "damped"},  # inside the loop, between the mode and its tip
     "piezomotor_tip": {"force", "damped", "elastic"},
 }
-PAGES = {
-    "README.md": "diagram_motor", "docs/drive.md": "diagram_drive", "docs/contact.md": "diagram_contact",
-    "docs/averaged.md": "diagram_averaged", "docs/mount.md": "diagram_mount",
-}  # fmt: skip
 
 
 def names_of(script: Path) -> list[Any]:
@@ -77,16 +73,3 @@ def test_the_diagrams_have_every_pin_of_the_subcircuits_that_they_draw() -> None
         library: header_of(library, "PIN") - words - NOT_DRAWN.get(library, set()) for library, words in drawn.items()
     }
     assert {library: pins for library, pins in missing.items() if pins} == {}
-
-
-@pytest.mark.parametrize(("page", "picture"), PAGES.items())
-def test_a_page_begins_with_its_diagram_with_a_description_and_a_caption(page: str, picture: str) -> None:
-    text = (ROOT / page).read_text(encoding="utf-8")
-    first = re.search(r"!\[([^\]]+)\]\((?:\.\./)?figures/(\w+)\.png\)\n\n\*([^*]+)\*\n", text)
-    assert first is not None
-    assert text.index("![") == first.start()
-    description, shown, caption = first.groups()
-    assert shown == picture
-    assert len(description) > 80
-    assert caption.endswith(".")
-    assert ". " not in caption

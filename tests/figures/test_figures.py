@@ -104,17 +104,3 @@ def test_every_other_script_draws_its_picture(
     assert picture.stem == script.stem
     check(picture)
     assert capsys.readouterr().out
-
-
-def test_a_place_that_cannot_be_written_is_refused_in_a_sentence(
-    tmp_path: Path, in_this_process: Callable[..., None], capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "file"
-    file.touch()
-    with pytest.raises(SystemExit) as ended:
-        in_this_process(FIGURES / "patch_position.py", "--output", str(file))
-    assert ended.value.code == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("patch_position.py: Cannot write ")
-    assert len(said.err.splitlines()) == 1

@@ -97,4 +97,4 @@ def test_the_command_prints_the_best_point_and_draws_the_map(
     with xarray.open_dataset(tmp_path / "map.nc") as data:
         assert data["torque_n_m"].shape == (2, 2)
     assert run([*words[:2], "--over", "drive.voltage=50", "--limit", "current"]) == 2
-    assert "is not NAME=VALUE" in capsys.readouterr().err
+    assert "--limit 'current' has no values" in capsys.readouterr().err

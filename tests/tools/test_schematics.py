@@ -6,10 +6,8 @@ The drawings are tested by parsers and by geometry; ``make kicad`` runs the last
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
-import sys
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -157,27 +155,3 @@ def test_a_parameter_that_is_edited_on_the_drawing_changes_the_motor(tool: str, 
         forces.append(float(re.search(r"normal\s*=\s*(\S+)", done.stdout)[1]))  # type: ignore[index]
     # the first step after rest: the normal force is the preload
     assert forces == pytest.approx([motor.contact.preload_n, 4.0], rel=1e-3)
-
-
-def test_the_files_of_the_project_find_each_other() -> None:
-    folder = EXAMPLES / "kicad"
-    table = (folder / "sym-lib-table").read_text(encoding="utf-8")
-    assert "${KIPRJMOD}/motor.kicad_sym" in table
-    assert '"Sim.Library" "motor.lib"' in (folder / "motor.kicad_sch").read_text(encoding="utf-8")
-    assert "SYMATTR ModelFile motor.lib" in (EXAMPLES / "ltspice" / "motor.asy").read_text(encoding="utf-8")
-    assert {path.name for path in folder.iterdir()} >= {"motor.lib", "motor.kicad_sym", "motor.kicad_pro"}
-
-
-def test_the_workbook_of_kicad_has_a_tab_for_each_analysis_on_the_sheet() -> None:
-    folder = EXAMPLES / "kicad"
-    project = json.loads((folder / "motor.kicad_pro").read_text(encoding="utf-8"))
-    workbook = json.loads((folder / project["schematic"]["ngspice"]["workbook_filename"]).read_text(encoding="utf-8"))
-    _, directives = from_kicad(folder)
-    assert [tab["commands"][0] for tab in workbook["tabs"]] == directives
-    assert [tab["analysis"] for tab in workbook["tabs"]] == ["TRAN", "AC"]
-
-
-def test_the_module_writes_them(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "tools.schematics", str(tmp_path)]
-    subprocess.run(command, check=True, capture_output=True, timeout=60, cwd=EXAMPLES.parent)
-    assert (tmp_path / "kicad" / "motor.kicad_sch").is_file()

@@ -30,7 +30,7 @@ from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.motor.motor import Provenance
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
-from pyspice_runner.view.datasheet import HERE, Report, datasheet, downloads, parameter_rows
+from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
 from pyspice_runner.view.report import _free_rotor
 from tests.motors import motor as motor_without_a_beam
 from tests.view.pages import PHONE, opened
@@ -39,7 +39,6 @@ from validation.fuzz.nasty import ATTEMPTS
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("report")]
 
 CHARTS = ["modes", "tip", "admittance", "circle", "curve", "spin-up", "electrical"]
-BUTTONS = {"Zoom", "Pan", "Zoom in", "Zoom out", "Autoscale", "Reset axes", "Download plot as a PNG"}
 READY = "html[data-ready]"
 
 
@@ -120,24 +119,6 @@ def test_the_charts_show_the_numbers_of_the_run(
     assert np.allclose(circle[:, 0] + 1j * circle[:, 1], 1e3 * measured.admittance_s, rtol=1e-6)
     page.select_option("#connection", "A")
     assert page.evaluate(points, ["circle", "measured"]) == []  # it was taken as A−B
-
-
-def test_no_button_of_a_chart_leaves_the_page(desktop: tuple[Page, list[str]]) -> None:
-    page, _ = desktop
-    page.mouse.move(0, 0)
-    for name in CHARTS:
-        titles = page.eval_on_selector_all(f"#{name} .modebar-btn", "all => all.map(one => one.dataset.title)")
-        assert set(titles) == {
-            "Zoom",
-            "Pan",
-            "Zoom in",
-            "Zoom out",
-            "Autoscale",
-            "Reset axes",
-            "Download plot as a PNG",
-        }
-    assert page.evaluate("document.querySelectorAll('.js-plotly-plot a[href]').length") == 0
-    assert page.evaluate("[...document.querySelectorAll('.chart')].every(c => c._context.plotlyServerURL === '')")
 
 
 def check_that_the_tool_bar_covers_nothing(page: Page) -> None:
@@ -223,21 +204,6 @@ def test_the_keyboard_zooms_moves_and_resets_a_chart(desktop: tuple[Page, list[s
     page.wait_for_function(f"([l, h]) => Math.abs(({ranges})()[1] - h) < 1e-6 * h", arg=[low, high])
 
 
-def test_tab_reaches_every_control(desktop: tuple[Page, list[str]]) -> None:
-    page, _ = desktop
-    wanted = page.eval_on_selector_all(
-        "body :is(a[href], button, input, select, .chart, .scroll):not([disabled])",
-        "all => all.filter(e => !e.closest('.js-plotly-plot') || e.matches('.chart')).map((e, i) => e.dataset.n = i)",
-    )
-    page.evaluate("document.activeElement.blur(); getSelection().removeAllRanges(); scrollTo(0, 0)")
-    page.locator(".skip").focus()
-    reached = set()
-    for _ in range(3 * len(wanted)):
-        reached.add(page.evaluate("Number(document.activeElement.dataset.n ?? -1)"))
-        page.keyboard.press("Tab")
-    assert set(wanted) <= reached
-
-
 def test_downloads_are_complete(report: Report, desktop: tuple[Page, list[str]], tmp_path: Path) -> None:
     page, _ = desktop
     names = page.eval_on_selector_all(".downloads a", "all => all.map(one => one.download)")
@@ -263,38 +229,6 @@ def test_downloads_are_complete(report: Report, desktop: tuple[Page, list[str]],
         )
         assert done.returncode == 0
         assert (tmp_path / "out.raw").stat().st_size > 10_000
-
-
-def test_print_is_black_on_white_without_controls(desktop: tuple[Page, list[str]]) -> None:
-    page, _ = desktop
-    page.emulate_media(media="print", color_scheme="dark")
-    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    assert not page.locator(".player").first.is_visible()
-    assert not page.locator("nav").is_visible()
-    assert page.locator("#curve .main-svg").first.is_visible()
-    page.emulate_media(media="screen", color_scheme="light")
-
-
-def test_colours_stand_out_in_light_and_in_dark() -> None:
-    """WCAG 2.1: 4.5 : 1 for text, 3 : 1 for graphics."""
-    style = (HERE / "datasheet.css").read_text(encoding="utf-8")
-    light, dark = (dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in style.split("@media")[:2])
-    for paper in (light, dark):
-        for name in ("ink", "soft", "link"):
-            assert contrast(paper[name], paper["paper"]) >= 4.5, name
-            assert contrast(paper[name], paper["panel"]) >= 4.5, name
-        for colour in (*charts.CYCLE, charts.GREY):
-            assert contrast(colour, paper["paper"]) >= 3.0, colour
-
-
-def contrast(first: str, second: str) -> float:
-    def luminance(colour: str) -> float:
-        parts = [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
-        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
-        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-    low, high = sorted(map(luminance, (first, second)))
-    return (high + 0.05) / (low + 0.05)
 
 
 # --- what the page says ---
@@ -430,11 +364,6 @@ def test_the_motor_to_play_with_runs_in_the_report(report: Report, desktop: tupl
     assert report.motor.name in page.frame_locator("#live iframe").locator("#motor-choice option").inner_text()
     assert float(frame.get_attribute("data-speed") or "nan") != 0.0
     page.evaluate("document.querySelector('#live iframe').remove()")  # its further curves take 14 s of a processor
-
-
-def test_the_files_name_each_other(report: Report) -> None:
-    names = set(downloads(report))
-    assert {"motor.lib", "motor.asy", "motor.kicad_sym", "motor.toml", "run.cir", "report.json"} <= names
 
 
 def test_what_is_missing_is_named(report: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
