@@ -36,21 +36,27 @@ def speed_loop() -> Callable[[Sample], Mapping[str, float]]:
     return step
 
 
-def test_a_library_without_step_is_an_error(motor: pr.Motor, tmp_path: Path) -> None:
-    (tmp_path / "nothing.so").write_bytes(b"no library")
-    for name in ("nothing.so", "missing.so"):
-        with pytest.raises(pr.ParameterError, match=f"{name} cannot be used as a controller"):
-            simulate_controlled(motor, DRIVE, tmp_path / name, duration=1e-3, sample_time=0.5e-3)
-
-
-def test_a_controller_that_is_neither_a_function_nor_a_path_is_an_error(motor: pr.Motor) -> None:
-    with pytest.raises(pr.ParameterError, match="controller = 3 is not valid"):
-        simulate_controlled(motor, DRIVE, 3, duration=1e-3, sample_time=0.5e-3)  # type: ignore[arg-type]
-
-
 def test_a_rotor_that_bursts_has_a_caution(motor: pr.Motor) -> None:
     run = simulate_controlled(motor, DRIVE, lambda _: {}, duration=2e-3, sample_time=0.5e-3, load_torque=100.0)
     assert "the limit is 1e+05 rad/s" in " ".join(run.cautions)
+
+
+@pytest.mark.parametrize(
+    ("controller", "sample_time", "message"),
+    [
+        ("nothing.so", 0.5e-3, "nothing.so cannot be used as a controller"),
+        ("missing.so", 0.5e-3, "missing.so cannot be used as a controller"),
+        (3, 0.5e-3, "controller = 3 is not valid"),
+        (lambda _: {}, 1e-6, "at least one period of the drive"),
+    ],
+)
+def test_a_controller_that_cannot_run_is_an_error(
+    motor: pr.Motor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, controller: Any, sample_time: float, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("nothing.so").write_bytes(b"no library")
+    with pytest.raises(pr.ParameterError, match=message):
+        simulate_controlled(motor, DRIVE, controller, duration=1e-3, sample_time=sample_time)
 
 
 @pytest.mark.parametrize(
@@ -73,11 +79,6 @@ def test_an_error_in_a_controller_ends_ngspice_and_is_raised(motor: pr.Motor) ->
 
     with pytest.raises(RuntimeError, match=r"sensor lost at 0\.0005 s"):
         simulate_controlled(motor, DRIVE, fails, duration=1e-3, sample_time=0.5e-3)
-
-
-def test_a_sample_time_below_a_period_is_an_error(motor: pr.Motor) -> None:
-    with pytest.raises(pr.ParameterError, match="at least one period of the drive"):
-        simulate_controlled(motor, DRIVE, speed_loop(), duration=1e-3, sample_time=1e-6)
 
 
 def test_a_load_step_brakes_the_averaged_motor_as_the_full_one() -> None:
