@@ -487,7 +487,7 @@ def assemble(
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
     modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
     order = sorted(range(len(modes)), key=lambda index: modes[index].frequency_hz)
-    moved = {f"modes.{old}.": f"modes.{new}." for new, old in enumerate(order)}
+    moved = {str(old): str(new) for new, old in enumerate(order)}
     try:
         return Motor(
             name=parts["name"],
@@ -502,7 +502,7 @@ def assemble(
             structure=stator if isinstance(stator, Structure) else None,
             solid=stator if isinstance(stator, Solid) else None,
             provenance={
-                re.sub(r"^modes\.\d+\.", lambda found: moved[found[0]], path): origin
+                "".join(moved.get(part, part) for part in re.split(r"(?<=^modes\.)(\d+)(?=\.)", path)): origin
                 for path, origin in provenance.items()
             },
         )

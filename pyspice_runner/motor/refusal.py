@@ -193,12 +193,6 @@ def quoted(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "…"
 
 
-_MEANT = {  # pydantic's type of an error → what the value must be
-    "float_type": "a number", "int_type": "a whole number", "bool_type": "True or False", "string_type": "a text",
-    "dict_type": "a dictionary", "callable_type": "a function", "sequence_str": "a list",
-}  # fmt: skip
-
-
 def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Check the names and types of a function's arguments by pydantic's ``validate_call``, not their ranges.
 
@@ -240,31 +234,22 @@ def _unpack_keywords(function: Callable[..., Any]) -> None:
 
 
 def _complaint(function: Callable[..., Any], error: ValidationError) -> str:
-    """Return what is wrong with the arguments of a call, one sentence about the first that is wrong."""
-    parameters = inspect.signature(function).parameters
-    names = list(parameters)
+    """Return what is wrong with the arguments of a call, in pydantic's words about the first that is wrong."""
+    names = list(inspect.signature(function).parameters)
     where, faults = function.__qualname__.removesuffix(".__init__").rpartition(".")[2], error.errors()
     first = next((fault for fault in faults if fault["type"].startswith("unexpected")), faults[0])
     place = first["loc"][0]
-    if first["type"] == "unexpected_positional_argument":
-        keyword = [f"{name}=…" for name, item in parameters.items() if item.kind is item.KEYWORD_ONLY]
-        return f"{where}: there are too many arguments without a name. Name them: {', '.join(keyword[:3])}."
-    name = names[place] if isinstance(place, int) else place
+    name = names[place] if isinstance(place, int) and place < len(names) else str(place)
     if first["type"] == "unexpected_keyword_argument":
         hint = did_you_mean(name, [known for known in names if known != "self"], "The arguments are")
         return f"{where}: there is no argument {quoted(name)}. {hint}"
-    if first["type"].startswith("missing"):
-        return f"{where}: the argument {name} is missing."
-    if first["type"] == "multiple_argument_values":
-        return f"{where}: the argument {name} is given twice."
-    wanted: dict[str, None] = {}  # in words; a union has a fault for each of its types
-    for fault in faults:
-        said = str(fault["msg"]).removeprefix("Input should be ")
-        said = said.replace("a valid dictionary or instance of", "an instance of")
-        wanted |= {_MEANT.get(fault["type"], said): None} if fault["loc"][0] == place else {}
-    value = first["input"]
-    shown = repr(value) if isinstance(value, float) else quoted(value)
-    return f"{where}: {name} = {shown} is not valid: it must be {' or '.join(wanted)}."
+    # in words; a union has a fault for each of its types
+    said = " or ".join(dict.fromkeys(fault["msg"] for fault in faults if fault["loc"][0] == place))
+    said = said.replace("Input should be", "it must be", 1).replace("Input should be ", "")
+    if "argument" in first["type"]:  # missing, given twice, or without a name
+        return f"{where}: {name}: {said[0].lower()}{said[1:]}."
+    shown = repr(first["input"]) if isinstance(first["input"], float) else quoted(first["input"])
+    return f"{where}: {name} = {shown} is not valid: {said}."
 
 
 def _as_python(value: Any) -> Any:

@@ -131,5 +131,7 @@ def test_columns_that_are_not_those_of_the_file(tmp_path: Path) -> None:
         read(tmp_path, broken, MAGNITUDE)
     with pytest.raises(pr.ParameterError, match="columns are those of a plain table"):
         pr.read_spectrum(tmp_path / "measured.csv", columns=MAGNITUDE, trace="memory")
-    with pytest.raises(pr.ParameterError, match="columns = 'frequency_hz' is not valid: it must be a list"):
+    with pytest.raises(
+        pr.ParameterError, match="columns = 'frequency_hz' is not valid: 'str' instances are not allowed"
+    ):
         pr.read_spectrum(tmp_path / "measured.csv", columns="frequency_hz")
