@@ -408,14 +408,6 @@ def test_an_input_file_is_never_overwritten(
     assert (folder / "in.csv").read_bytes() == content
 
 
-def test_an_export_does_not_overwrite_its_motor(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["export", "andersen2002", "--output", "mine.toml"]) == 0
-    content = (folder / "mine.toml").read_bytes()
-    assert run(["export", "mine.toml", "--set", "contact.preload_n=8", "--output", "mine.toml"]) == 2
-    assert "mine.toml is an input file" in capsys.readouterr().err
-    assert (folder / "mine.toml").read_bytes() == content
-
-
 def test_too_many_open_files_are_named(folder: Path) -> None:
     words = f"ulimit -n 16; {shlex.join([*START, *SWEEP, '--workers', '4'])}"
     status, output, said = command("bash", "-c", words, cwd=folder, shell=True)

@@ -100,7 +100,9 @@ def simulated(
     """Run an operating point from rest; the arguments are those of :func:`simulate`."""
     step, accuracy = point.solver.step, point.solver.accuracy
     if accuracy is not None and step is None:
-        point = point.with_step(point.shortest_period / points_per_period(accuracy))
+        # of the fastest motion; the error falls with the square of the points in its period
+        points = max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
+        point = point.with_step(point.shortest_period / points)
     _check_duration(point, duration)
     _check_recording(signals, record_from, record_every, duration, point.step)
     estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
@@ -229,14 +231,6 @@ def _run(
             return waveforms(outcome, complete=True, coarser=coarser)
 
 
-def points_per_period(accuracy: float) -> float:
-    """Return the points a period of the fastest motion to begin with for an accuracy.
-
-    The error falls with their square.
-    """
-    return max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
-
-
 def _check_duration(setup: Point, duration: float) -> None:
     if not (isfinite(duration) and duration > 0.0):
         raise ParameterError(f"duration = {duration:g} s is not valid: it must be a number > 0 s.")
@@ -292,25 +286,11 @@ class Errors:
 class CoarserRuns:
     """The runs with twice and four times the step, in a thread beside the run whose error they estimate.
 
-    They end with the block of a ``with`` statement, whether they are complete or not.
+    They end with the block of a ``with`` statement, whether they are complete or not. ``names`` are the columns that
+    the run records from ``record_from`` in s on.
     """
 
-    def __init__(
-        self,
-        setup: Point,
-        names: Collection[str],
-        duration: float,
-        *,
-        record_from: float = 0.0,
-    ) -> None:
-        """Prepare the runs.
-
-        Args:
-            setup: the operating point of the run, with its step.
-            names: columns that the run records.
-            duration: simulated time in s.
-            record_from: begin of the record, s.
-        """
+    def __init__(self, setup: Point, names: Collection[str], duration: float, *, record_from: float = 0.0) -> None:
         self._setup, self._names = setup, [name for name in JUDGED if name in names]
         self._duration, self._record_from = duration, record_from
         self.reached_s = 0.0  # COST times the duration at the end

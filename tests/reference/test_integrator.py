@@ -486,14 +486,3 @@ def test_output_grid_and_window() -> None:
     whole = _operate("opening", duration=2e-3, output_step=1e-4)
     assert whole.time_s.size == 21
     assert whole.time_s[-1] == pytest.approx(2e-3)
-
-
-def test_refuses_what_it_cannot_integrate() -> None:
-    with pytest.raises(ValueError, match="statistics_from"):
-        integrate(_motor(), [], [], duration=1e-3, output_step=1e-6, statistics_from=1e-3)
-    frictionless = _motor()
-    frictionless["contact"]["friction"] = 0.0
-    with pytest.raises(ValueError, match="friction"):
-        integrate(frictionless, [], [], duration=1e-3, output_step=1e-6)
-    with pytest.raises(RuntimeError, match="no longer finite"):
-        integrate(_motor(), *_two_phase(1.0, 1e4), duration=0.1, output_step=1e-4, step=1e-4, contact=False)

@@ -183,8 +183,3 @@ def test_errors_say_what_is_allowed(motor: pr.Motor, settings: dict[str, object]
     with pytest.raises(pr.ParameterError) as refusal:
         pr.simulate(motor, DRIVE, **{"duration": 1e-3, **settings})  # type: ignore[arg-type]
     assert says in str(refusal.value)
-
-
-def test_a_timeout_ends_the_run(motor: pr.Motor) -> None:
-    with pytest.raises(pr.SimulationError, match=r"did not finish within 0\.2 s"):
-        pr.simulate(motor, DRIVE, duration=1.0, timeout=0.2)

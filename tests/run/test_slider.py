@@ -188,19 +188,3 @@ def test_a_tracker_keeps_a_motor_with_a_slider() -> None:
     assert found.columns()["speed_m_s"] is found.columns()["rotor_speed_rad_s"]
     assert "m/s before" in found.summary()["speed"]
     assert found.plot(panel="speed").get_ylabel() == "slider speed in mm/s"
-
-
-@pytest.mark.soak
-@pytest.mark.slow
-def test_the_data_sheet_is_in_newton_and_metres_per_second(tmp_path: Path) -> None:
-    sheet = pr.report(STAGE, DRIVE, duration=2e-4, speeds=[0.0, 0.3], levels=[1.0])
-    figures = sheet.key_figures
-    assert figures["stall_force_n"] == figures["stall_torque_n_m"]
-    assert figures["no_load_speed_m_s"] == figures["no_load_speed_rad_s"]
-    assert "stall force" in sheet.summary()
-    page = sheet.save(tmp_path / "sheet.html").read_text(encoding="utf-8")
-    text = page.replace("\\u002f", "/")  # as Plotly writes a slash
-    for words in ("<dt>stall force</dt>", "speed in mm/s", "force in N", "slider speed in mm/s", "slider.mass_kg"):
-        assert words in text
-    for words in ("rotor.radius_m", "stall torque", "torque in mN"):
-        assert words not in text

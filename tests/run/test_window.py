@@ -26,11 +26,8 @@ def test_the_rest_of_an_exponential_approach_is_extrapolated(time_constant: floa
         assert found == pytest.approx(rest * exp(10.0 / time_constant), rel=0.02)
 
 
-def test_a_ripple_about_a_constant_has_settled() -> None:
+def test_a_ripple_about_a_constant_has_settled_and_a_steady_rise_has_not() -> None:
     assert change_to_come(TIME, 2.0 + RIPPLE, 1.0) < 1e-9
-
-
-def test_a_steady_rise_has_not() -> None:
     assert change_to_come(TIME, 0.01 * TIME + RIPPLE, 1.0) > 1.0
 
 

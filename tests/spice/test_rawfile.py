@@ -81,11 +81,6 @@ def test_a_title_may_contain_words_of_the_header() -> None:
         np.testing.assert_array_equal(read(written(SAMPLE, title=title)).vectors["v(out)"], np.sin(TIME))
 
 
-@pytest.mark.parametrize("kept", [0, 1, 20, 150])
-def test_file_cut_in_its_header_has_no_binary_part(kept: int) -> None:
-    assert refusal(written(SAMPLE)[:kept]) == "the raw file has no binary part"
-
-
 @settings(max_examples=50, deadline=None)
 @given(lost=st.integers(1, TIME.size * 3 * 8))
 def test_file_cut_in_its_data_is_rejected(lost: int) -> None:
