@@ -324,7 +324,7 @@ def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
     held = averaged_tracked_bench(
         run.setup.motor,
         replace(source, tracker=source.tracker.model_copy(update={"target_deg": last["v(target)"]})),
-        Disturbance("start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
+        Disturbance(kind="start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
         thermal=run.disturbance.drifting,
     )  # fmt: skip
     tracker, reach = source.tracker, 10**SWEPT_DECADES

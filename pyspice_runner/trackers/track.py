@@ -444,9 +444,9 @@ def track(
         stall = _stall_torque(setup, source)  # of the full motor
         load_torque = 0.5 * stall
     disturbance = Disturbance(
-        disturb, begin, load_torque or 0.0, preload_change, drift, drift_time,
-        {"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
-        target_step if disturb == "target" else 0.0,
+        kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
+        drift_time_s=drift_time, target_step_deg=target_step if disturb == "target" else 0.0,
+        thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
     )  # fmt: skip
     if duration is None:
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)

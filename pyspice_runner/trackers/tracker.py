@@ -209,33 +209,21 @@ class Tracker(Stated, Excitation):
         return TrackedSource(self, mode, propose_filter(self, lag))
 
 
-@dataclass(frozen=True)
-class Disturbance:
-    """A disturbance of a tracked motor."""
+class Disturbance(Stated):
+    """A disturbance of a tracked motor.
 
-    # ``"start"``: only the start; ``"target"``, ``"load"``, ``"preload"`` or ``"temperature"``; ``"warm-up"`` by the
-    # losses, of the averaged motor only.
-    kind: DisturbanceKind
-    begin_s: float = 0.0  # time in s at which it begins
-    load_torque_n_m: float = 0.0  # load torque after the step
-    preload_change: float = 0.0  # relative change of the static normal force
-    drift: float = 0.0  # relative drift of all resonance frequencies
-    drift_time_s: float = 50e-3  # duration of the drift
-    thermal: Thermal | None = None  # coefficients of the drift; by default only the frequencies drift
-    target_step_deg: float = 0.0  # step of the target phase of a phase-locked loop
+    Raises:
+        ParameterError: by the constructor, for an invalid value.
+    """
 
-    def __post_init__(self) -> None:
-        for name, value, low, high, unit in (
-            ("load_torque", self.load_torque_n_m, -1e3, 1e3, " N·m"),
-            ("preload_change", self.preload_change, -0.9, 10.0, ""),
-            ("drift", self.drift, -0.2, 0.2, ""),
-            ("drift_time", self.drift_time_s, 1e-4, 100.0, " s"),
-            ("target_step", self.target_step_deg, -60.0, 60.0, "°"),
-        ):
-            if not low <= value <= high:
-                raise ParameterError(
-                    f"{name} = {value:g}{unit} is not valid: it must be a number from {low:g} to {high:g}{unit}."
-                )
+    kind: DisturbanceKind = Field(description="disturbance; the losses warm up the averaged motor only")
+    begin_s: float = quantity("time at which it begins", "s", default=0.0)
+    load_torque_n_m: float = quantity("load torque after the step", "N·m", default=0.0, ge=-1e3, le=1e3)
+    preload_change: float = quantity("relative change of the static normal force", "1", default=0.0, ge=-0.9, le=10.0)
+    drift: float = quantity("relative drift of all resonance frequencies", "1", default=0.0, ge=-0.2, le=0.2)
+    drift_time_s: float = quantity("duration of the drift", "s", default=50e-3, ge=1e-4, le=100.0)
+    thermal: Thermal | None = Field(default=None, description="coefficients of the drift; only frequencies by default")
+    target_step_deg: float = quantity("step of a loop's target phase", "°", default=0.0, ge=-60.0, le=60.0)
 
     @property
     def coefficients(self) -> Thermal:
@@ -410,7 +398,7 @@ class TrackedSource(Source):
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
-        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance or Disturbance("start")
+        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance or Disturbance(kind="start")
         parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
         parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
         circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"

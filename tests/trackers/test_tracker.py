@@ -60,7 +60,7 @@ def run(chosen: Tracker, disturbance: Disturbance, contact: Any, end: float, *na
 
 def test_the_phase_between_the_groups_stays_while_the_frequency_moves() -> None:
     chosen = tracker(offset=-0.03, phase_deg=60.0, ratio_b=1.5)
-    found = run(chosen, Disturbance("start"), None, 2e-3, "v(a)", "v(b)", "v(sine)", "v(cosine)", "v(tuned)")
+    found = run(chosen, Disturbance(kind="start"), None, 2e-3, "v(a)", "v(b)", "v(sine)", "v(cosine)", "v(tuned)")
     assert np.ptp(found["v(tuned)"]) > 1000.0
     turned = 0.5 * found["v(sine)"] + sqrt(0.75) * found["v(cosine)"]
     assert found["v(a)"] == pytest.approx(50.0 * found["v(sine)"], abs=1e-3)
@@ -73,7 +73,7 @@ def test_what_is_sensed_is_the_velocity_and_the_force_of_the_mode() -> None:
     """To the trapezoidal rule's own accuracy, while the frequency moves and both modes do."""
     chosen = tracker(offset=-0.03, phase_deg=40.0, ratio_b=0.7)
     names = ("v(motional)", "v(force)", "v(ahead)", "v(a)", "v(b)", "i(v.xmotor.xmode2.vvelocity)", "v(tuned)")
-    found = run(chosen, Disturbance("start"), None, 1e-3, *names)
+    found = run(chosen, Disturbance(kind="start"), None, 1e-3, *names)
     late = found["time"] > 0.1e-3  # the plates start discharged, their copies too
     velocity = found["i(v.xmotor.xmode2.vvelocity)"][late]
     scale = 2.0 * MOTOR.modes[1].coupling_a_n_per_v  # i_A − i_B = 2 θ v
@@ -104,7 +104,11 @@ def test_a_preload_steps_to_what_is_asked_for(change: float) -> None:
     """The mean once the modes have rung down: Hertz's law is curved, by 1e-3 for what still rings."""
     chosen = tracker(kind="none", voltage=0.01)
     found = run(
-        chosen, Disturbance("preload", 0.1e-3, preload_change=change), "spring-slider", 3e-3, "v(xmotor.normal)"
+        chosen,
+        Disturbance(kind="preload", begin_s=0.1e-3, preload_change=change),
+        "spring-slider",
+        3e-3,
+        "v(xmotor.normal)",
     )
     late = found["time"] > 2e-3
     mean = np.trapezoid(found["v(xmotor.normal)"][late], found["time"][late]) / np.ptp(found["time"][late])
