@@ -21,8 +21,8 @@ from pyspice_runner.spice.process import KeptProcesses
 class BatchSimulator(CircuitSimulator):
     """A PySpice simulator that runs ``ngspice -b`` in a process of its own and verifies the result.
 
-    ``ac`` and ``transient`` take PySpice's arguments and return the verified vectors, which are in :attr:`result`. The
-    deck that would run is ``str(simulator)``. ``timeout`` is wall time in s.
+    ``ac``, ``transient`` and ``operating_point`` take PySpice's arguments and return the verified vectors, which are in
+    :attr:`result`. The deck that would run is ``str(simulator)``. ``timeout`` is wall time in s.
 
     Raises:
         ParameterError: by another analysis.
@@ -62,8 +62,10 @@ class BatchSimulator(CircuitSimulator):
         without a timeout runs in one of the ``processes``, if they are given.
         """
         self.result = None
-        if analysis_method not in ("ac", "transient"):
-            raise ParameterError(f"BatchSimulator does not run {analysis_method}; it runs ac, transient.")
+        if analysis_method not in ("ac", "transient", "operating_point"):
+            raise ParameterError(
+                f"BatchSimulator does not run {analysis_method}; it runs ac, transient, operating_point."
+            )
         self.deck = str(self.prepare(analysis_method, *args, **kwargs))
         parameters = next(iter(self.analysis_iter()))
         self.reset_analysis()

@@ -135,7 +135,7 @@ def test_the_timeout_of_the_simulator_applies_to_every_run() -> None:
 def test_an_analysis_that_it_cannot_run_is_rejected() -> None:
     with pytest.raises(ParameterError) as caught:
         BatchSimulator(rlc()).noise("out", "0", "Vdrive", "lin", 10, 1, 100)
-    assert str(caught.value) == "BatchSimulator does not run noise; it runs ac, transient."
+    assert str(caught.value) == "BatchSimulator does not run noise; it runs ac, transient, operating_point."
 
 
 def test_deck_is_the_same_in_every_process() -> None:
