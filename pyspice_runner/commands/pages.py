@@ -113,9 +113,5 @@ def live(call: Call) -> None:
         save_live_page(loaded, target)
     facts = engine_facts()
     document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
-    shown = {
-        "page": str(target),
-        "size": f"{target.stat().st_size / 1e6:.1f} MB",
-        "engine": f"ngspice {facts['ngspice']}, {facts['package']}",
-    }
+    shown = {"page": str(target), "engine": f"ngspice {facts['ngspice']}, {facts['package']}"}
     common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), call.as_json)

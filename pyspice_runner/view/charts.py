@@ -24,6 +24,7 @@ from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
+from pyspice_runner.view.draw import last_periods
 from pyspice_runner.view.style import (
     BLUE,
     CYCLE,
@@ -147,7 +148,7 @@ def _box(start: float, end: float, low: float, high: float) -> tuple[Array, Arra
 
 def tip_path(run: Waveforms) -> go.Figure:
     """Return the last drive period: the tip's path coloured by contact state, and the forces, with a moving marker."""
-    inside, time = _last_periods(run, 1)
+    inside, time = last_periods(run.time_s, run.drive_period_s, 1)
     x, y, state = 1e6 * run.tip_x_m[inside], 1e6 * run.tip_y_m[inside], np.rint(run.contact_state[inside])
     normal, friction = run.normal_force_n[inside], run.friction_force_n[inside]
     figure = make_subplots(rows=2, cols=1, row_heights=[0.58, 0.42], vertical_spacing=0.14)
@@ -206,13 +207,6 @@ def tip_path(run: Waveforms) -> go.Figure:
     figure.update_yaxes(title_text=str(LABELS["force_n"]), row=2, col=1)
     figure.update_layout(height=640 + TOOL_BAR, meta={"frames": frames, "order": [one["name"] for one in frames]})
     return figure
-
-
-def _last_periods(run: Waveforms, periods: int) -> tuple[Any, Array]:
-    """Return a mask of the points in the last drive periods, and their time from the start of these in s."""
-    begin = max(float(run.time_s[-1]) - periods * run.drive_period_s, 0.0)
-    inside = run.time_s >= begin
-    return inside, run.time_s[inside] - begin
 
 
 def admittance(
@@ -322,7 +316,7 @@ def spin_up(run: Waveforms) -> go.Figure:
 
 def electrical(run: Waveforms) -> go.Figure:
     """Return voltages and currents over the last three drive periods."""
-    inside, time = _last_periods(run, 3)
+    inside, time = last_periods(run.time_s, run.drive_period_s)
     rows = []
     for quantity in ("voltage_v", "current_a"):
         kind, unit = quantity.split("_")

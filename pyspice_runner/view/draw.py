@@ -123,7 +123,7 @@ def draw_lines(
     dress(ax, x[0], y, title, **legend)
 
 
-def last_periods(time_s: Array, period_s: float) -> tuple[Any, Array]:
+def last_periods(time_s: Array, period_s: float, periods: int = LAST_PERIODS) -> tuple[Any, Array]:
     """Return a mask of the points in the last drive periods, and their time from the first of them in s."""
-    last = np.asarray(time_s >= time_s[-1] - LAST_PERIODS * period_s)
+    last = np.asarray(time_s >= time_s[-1] - periods * period_s)
     return last, time_s[last] - time_s[last][0]

@@ -159,7 +159,7 @@ def _starts(motor: Motor, law: Law, discretisation: Discretisation) -> tuple[dic
         rest = state.at_rest(discretisation) / state.unit
         bending = f"+{_number(-rest / motor.contact.preload_n)}*preload" if rest else ""
         passed[state.parameter] = f"{{{name}{bending}}}"
-        values[name] = (_number(rest) if rest else "0", _meaning(name))
+        values[name] = (_number(rest) if rest else "0", f"{state.kind} at the start, in the unit of {state.parameter}")
     return passed, values
 
 
@@ -281,7 +281,7 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     if motor.mount:
         circuit.parameters["damping"] = _number(_quick_damping(motor))
         circuit["Xmount"].parameters["damping"] = "{damping}"
-        values["damping"] = (circuit.parameters["damping"], _meaning("damping"))
+        values["damping"] = (circuit.parameters["damping"], "N.s/m, of the carrier, so that it settles within the run")
     pins = ("source_a", "source_b") if driver else ("a", "b")
     body = [f".param radians={{phase*{_RADIANS!r}}}", f".param radians_2={{phase_2*{_RADIANS!r}}}"]
     for group, pin, sign, phase in (("a", pins[0], "", "0"), ("b", pins[1], "-", "{phase}")):
@@ -315,26 +315,6 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
         ],
         values,
         [*body, ".tran {step} {stop} 0 {step} uic"],
-    )
-
-
-def _meaning(name: str) -> str:
-    return {
-        "slider": "um, displacement of the contact's slider at the start",
-        "carrier": "um, displacement of the carrier at the start",
-        "carrier_x": "um, displacement of the carrier along the rotor at the start",
-        "carrier_x_velocity": "m/s, of the carrier along the rotor at the start",
-        "carrier_velocity": "m/s, of the carrier at the start",
-        "damping": "N.s/m, of the carrier; more than the motor's, so that it settles within the run",
-        "bearing_share": "1, share of its torque that the dry bearing takes at the start",
-        "stem": "um, compression in series with the contact at the start, less that at rest",
-        "stem_rate": "m/s, its rate at the start",
-        "stem_x": "um, the same along the rotor",
-        "stem_x_rate": "m/s, its rate at the start",
-        "speed": "rad/s, of the rotor at the start",
-    }.get(
-        name,
-        f"{'um, displacement' if 'start' in name else 'm/s, velocity'} of mode {name.rpartition('_')[2]} at the start",
     )
 
 

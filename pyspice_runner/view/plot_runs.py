@@ -191,20 +191,23 @@ def _loop_step(loop: ControlLoop, ax: Axes) -> None:
     ax.axhline(1.0, color=GREY, linewidth=0.7)
 
 
-def _over_time(time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, **look: Any) -> Sheet:
-    """Return a panel for each curve, over time."""
+def _over_time(
+    time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, begin_s: float | None = None, **look: Any
+) -> Sheet:
+    """Return a panel for each curve, over time, with a mark at the beginning of a disturbance."""
     time = time_label(float(time_s[-1]))
 
     def draw_curve(values: Array, label: Label, ax: Axes) -> None:
         draw_lines(ax, (time, time_s), label, [(values, {"color": BLUE, **look})])
         ax.ticklabel_format(axis="y", useOffset=False)
+        if begin_s is not None:
+            ax.axvline(time.scale * begin_s, color=GREY, linestyle=":", linewidth=1.0)
 
     return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 2, (5.0, 2.5), title)
 
 
 def tracking(result: Tracking) -> Sheet:
     """Return frequency, phase and speed over time with the beginning of the disturbance, and the loop gain."""
-    time, begin = time_label(float(result.time_s[-1])), result.settings["disturbance"]["begin_s"]
     curves = {
         "frequency": (result.frequency_hz, LABELS["frequency_hz"]),
         "phase": (result.phase_deg, Label("phase of the mode", "degrees")),
@@ -212,26 +215,13 @@ def tracking(result: Tracking) -> Sheet:
     }
     if result.temperature_k is not None and result.temperature_k.any():
         curves["temperature"] = (result.temperature_k, Label("temperature rise", "K"))
-
-    def draw_curve(values: Array, label: Label, ax: Axes) -> None:
-        draw_lines(ax, (time, result.time_s), label, [(values, {"linewidth": 1.0})])
-        if begin is not None:
-            ax.axvline(time.scale * begin, color=GREY, linestyle=":", linewidth=1.0)
-        if label.unit == "degrees":
-            ax.set_ylim(-95.0, 95.0)
-
-    title = f"{result.settings['motor']['name']}: {result.settings['disturbance']['kind']}"
-    panels: dict[str, Panel] = {name: partial(draw_curve, *curve) for name, curve in curves.items()}
-    loop = result.loop
-    if loop is None:
-        return Sheet(panels, 1, (8.0, 2.7), title)
-    bode: dict[str, Panel] = {
-        "loop magnitude": lambda ax: _bode_magnitude(ax, loop, loop.gain, {}),
-        "loop phase": lambda ax: _bode_phase(ax, loop, loop.gain),
-    }
-    order = ("frequency", "loop magnitude", "phase", "loop phase", "speed", "temperature")
-    panels |= bode
-    return Sheet({name: panels[name] for name in order if name in panels}, 2, (6.0, 2.7), title)
+    disturbance, loop = result.settings["disturbance"], result.loop
+    title = f"{result.settings['motor']['name']}: {disturbance['kind']}"
+    sheet = _over_time(result.time_s, curves, title, disturbance["begin_s"], linewidth=1.0)
+    if loop is not None:
+        sheet.panels["loop magnitude"] = lambda ax: _bode_magnitude(ax, loop, loop.gain, {})
+        sheet.panels["loop phase"] = lambda ax: _bode_phase(ax, loop, loop.gain)
+    return sheet
 
 
 def drive_report(report: DriveReport) -> Sheet:
