@@ -104,8 +104,8 @@ class Resonator:
     stiffnesses_n_per_m: Array
     couplings_n_per_v: Array  # (2, modes): groups A and B
     wavenumbers: Array  # jπ/L in 1/m, of the shape functions
-    recoils_kg: Array
-    recoils_x_kg: Array | None  # Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity
+    recoils_kg: Array  # Γ = ∫ μ w dx + m_t w(x_t) of the modes: momentum along y per modal velocity
+    recoils_x_kg: Array | None  # the same along x, of the tip; not known without its centre of mass
     shears: Array  # (shapes + 1, modes): γ(x) = Σ_j shears[j] cos(jπx/L); none without shear
     tip_x: Array  # tangential displacement of the contact point per modal coordinate
     tip_y: Array  # displacement of the contact point towards the rotor per modal coordinate

@@ -103,12 +103,6 @@ _COMPANIONS = {
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
-_OF_MODE = (
-    "softening_per_m2",
-    "damping_growth_per_m2",
-    "recoil_kg",
-    "recoil_x_kg",
-)  # effects of a mode, off at 0 or unknown
 _OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
 MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
 SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
@@ -395,14 +389,13 @@ class Motor(Shown, Parameters):
                 effect = _COMPANIONS.get(name, name)
                 if not fields[name].is_required() and getattr(getattr(self, section), effect) == fields[effect].default:
                     del table[name]
-        document["modes"] = [
-            {
-                "name": mode.name,
-                "frequency_hz": mode.frequency_hz,
-                **mode.model_dump(exclude={"name", *(name for name in _OF_MODE if not getattr(mode, name))}),
+        document["modes"] = []
+        for mode in self.modes:
+            off = {
+                name for name, field in Mode.model_fields.items() if not field.is_required() and not getattr(mode, name)
             }
-            for mode in self.modes
-        ]
+            ahead = {"name": mode.name, "frequency_hz": mode.frequency_hz}
+            document["modes"].append(ahead | mode.model_dump(exclude=off))
         return document
 
     @checked

@@ -142,12 +142,6 @@ def test_values_without_names_are_taken_in_the_order_of_the_declaration() -> Non
         TwoPhaseDrive(1.0, 1e3, voltage=1.0)
 
 
-def test_a_drive_without_a_kind_has_no_tones() -> None:
-    for name in ("tones_a", "tones_b", "label"):
-        with pytest.raises(NotImplementedError):
-            getattr(Drive(), name)
-
-
 GOOD: dict[type[Drive], dict[str, Any]] = {
     TwoPhaseDrive: {"voltage": 1.0, "frequency": 1e3, "phase_deg": 90.0, "ratio_b": 1.0, "soft_start": 0.0},
     TwoToneDrive: {
