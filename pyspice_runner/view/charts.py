@@ -88,16 +88,15 @@ def mode_shapes(motor: Motor) -> go.Figure | None:
         """Return the parts moved by a deflection and, away from the neutral axis, by its slope."""
         swing = deflection * _SWING * structure.beam.length_m
         return [
-            (x - z * swing * resonator.slope(foot)[:, mode], z + swing * resonator.deflection(foot)[:, mode])
-            for (x, z), foot in ((points.T, foot) for points, foot, *_ in parts)
+            (x - z * swing * resonator.slope(x)[:, mode], z + swing * resonator.deflection(x)[:, mode])
+            for x, z, *_ in parts
         ]
 
     for row in range(len(modes)):
-        for (x, y), (_, _, name, colour, fill) in zip(lines(row, 0.0), parts, strict=True):
+        for (x, y), (*_, name, colour) in zip(lines(row, 0.0), parts, strict=True):
             figure.add_scatter(
                 x=_short(1e3 * x), y=_short(1e3 * y), name=name, legendgroup=name, showlegend=row == 0, mode="lines",
-                line={"color": colour, "width": 4 if fill is None else 1.5}, fill=fill, hoverinfo="skip",
-                row=row + 1, col=1,
+                line={"color": colour, "width": 4}, hoverinfo="skip", row=row + 1, col=1,
             )  # fmt: skip
     frames = []
     for step in range(-MODE_STEPS, MODE_STEPS + 1):
@@ -118,32 +117,22 @@ def mode_shapes(motor: Motor) -> go.Figure | None:
     return figure
 
 
-def _parts(structure: Structure) -> list[tuple[Array, Array, str, str, str | None]]:
-    """Return the parts to draw: points (x, z) at rest, the position on the beam of each, name, colour and fill."""
+def _parts(structure: Structure) -> list[tuple[Array, Array, str, str]]:
+    """Return the parts to draw: positions along the beam, heights above its middle, name and colour."""
     beam, tip = structure.beam, structure.tip
-    parts: list[tuple[Array, Array, str, str, str | None]] = []
-    parts.append((*_box(0.0, beam.length_m, -0.5 * beam.thickness_m, 0.5 * beam.thickness_m), "beam", GREY, "toself"))
+    along = np.linspace(0.0, beam.length_m, 81)
+    parts = [(along, np.zeros(81), "beam", GREY)]
     for group, colour in (("A", BLUE), ("B", VERMILION)):
-        boxes = []
-        for patch in structure.patches:
-            if patch.group == group:
-                low, high = 0.5 * beam.thickness_m, 0.5 * beam.thickness_m + patch.thickness_m
-                faces = {"top": [(low, high)], "bottom": [(-high, -low)]}
-                for face in faces.get(patch.faces, faces["top"] + faces["bottom"]):
-                    boxes += [_box(patch.start_m, patch.end_m, *face), (np.full((1, 2), np.nan), np.zeros(1))]
-        if boxes:
-            points, foot = (np.concatenate(arrays) for arrays in zip(*boxes, strict=True))
-            parts.append((points, foot, f"patches of group {group}", colour, "toself"))
-    stem = np.array([[tip.position_m, 0.0], [tip.position_m, tip.length_m]])
-    parts.append((stem, np.full(2, tip.position_m), "tip", GREEN, None))
-    return parts
-
-
-def _box(start: float, end: float, low: float, high: float) -> tuple[Array, Array]:
-    x = np.linspace(start, end, 41)
-    outline = np.concatenate([x, x[::-1], x[:1]])
-    heights = np.concatenate([np.full(41, low), np.full(41, high), [low]])
-    return np.column_stack([outline, heights]), outline
+        lines = []
+        for patch in (patch for patch in structure.patches if patch.group == group):
+            height = 0.5 * (beam.thickness_m + patch.thickness_m)
+            for side in {"top": (1.0,), "bottom": (-1.0,)}.get(patch.faces, (1.0, -1.0)):
+                line = np.linspace(patch.start_m, patch.end_m, 21)
+                lines += [(line, np.full(21, side * height)), (np.full(1, np.nan), np.full(1, np.nan))]
+        if lines:
+            x, z = (np.concatenate(arrays) for arrays in zip(*lines, strict=True))
+            parts.append((x, z, f"patches of group {group}", colour))
+    return [*parts, (np.full(2, tip.position_m), np.array([0.0, tip.length_m]), "tip", GREEN)]
 
 
 def tip_path(run: Waveforms) -> go.Figure:

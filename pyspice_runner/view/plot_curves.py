@@ -137,11 +137,9 @@ def _contours(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> N
     outside = np.zeros_like(converged)
     for name, limit in result.limits.items():
         outside |= np.abs(data[name].values) > limit
-    for marked, hatch, words in ((outside, "//", "outside the limits"), (unstable, "xx", "")):
-        if wide and marked.any():
-            ax.contourf(x, y, marked, levels=[0.5, 1.5], colors="none", hatches=[hatch])
-            if words:
-                ax.fill_between([], [], fc="none", ec="black", hatch=hatch, lw=0.0, label=words)
+    if wide and outside.any():
+        ax.contourf(x, y, outside, levels=[0.5, 1.5], colors="none", hatches=["//"])
+        ax.fill_between([], [], fc="none", ec="black", hatch="//", lw=0.0, label="outside the limits")
     for marked, mark, words in ((unstable, "x", "not stable"), (~converged, "s", "not converged")):
         rows, columns = np.nonzero(marked)
         if rows.size:

@@ -156,23 +156,8 @@ def test_speed_torque_takes_two_further_axes(capsys: pytest.CaptureFixture[str])
 
 
 def test_the_table_of_a_run_shows_its_drive(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        run(
-            [
-                "simulate",
-                "andersen2002",
-                "--duration",
-                "1e-4",
-                "--voltage",
-                "30",
-                "--frequency",
-                "51e3",
-                "--phase",
-                "-90",
-            ]
-        )
-        == 0
-    )
+    words = "simulate andersen2002 --duration 1e-4 --voltage 30 --frequency 51e3 --phase -90"
+    assert run(words.split()) == 0
     assert "andersen2002, 30 V at 51 kHz, -90° apart, 0.0001 s" in " ".join(capsys.readouterr().out.split())
 
 
