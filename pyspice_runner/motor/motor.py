@@ -125,6 +125,10 @@ class Provenance:
     kind: str
     note: str
 
+    def __post_init__(self) -> None:
+        """Replace unpaired UTF-16 surrogates in the note, which no file can hold."""
+        object.__setattr__(self, "note", self.note.encode("utf-8", "replace").decode())
+
 
 class Structure(Parameters):
     """The stator from which the modes are computed; used for plots of the mode shapes."""
