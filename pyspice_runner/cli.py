@@ -24,9 +24,9 @@ from pyspice_runner.interrupts import raised
 
 # name of each command → its module in :mod:`.commands`; a command loads no other one's
 MODULES = {
-    "motors": "motors", "show": "motors", "simulate": "simulate", "admittance": "admittance",
+    "motors": "motors", "show": "motors", "simulate": "simulate", "admittance": "linear",
     "speed-torque": "steady_states", "steady": "steady_states", "small-signals": "steady_states", "loop": "loop",
-    "state-space": "state_space", "sweep": "sweep", "drive": "drive", "track": "track",
+    "state-space": "linear", "sweep": "sweep", "drive": "drive", "track": "track",
     "fit": "fit", "compare": "compare", "motor-from": "motor_from", "calibrate": "calibrate",
     "export": "motors", "report": "pages", "live": "pages", "map": "steady_states",
 }  # fmt: skip

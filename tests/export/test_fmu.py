@@ -128,10 +128,6 @@ def test_the_checker_of_fmpy_finds_nothing_in_what_the_command_writes(
         } == set(archive.namelist()) - {"binaries/win64/stage.dll"}  # fmt: skip
 
 
-def test_the_checker_of_fmpy_finds_nothing_in_a_motor_on_a_mount(file: Path) -> None:
-    assert validate_fmu(str(file)) == []
-
-
 def test_every_variable_has_a_description_a_unit_and_a_range(file: Path, motor: pr.Motor) -> None:
     description = read_model_description(str(file))
     # the carrier does not move along the rotor, and its three values there are not shown

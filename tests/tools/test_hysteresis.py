@@ -140,20 +140,3 @@ def test_spring_slider_may_give_energy_back_at_a_varying_normal_force_and_the_br
     assert min(losses["spring-slider"]) < 0.0
     # with force and displacement in phase nothing slips: what is left is the rounding of the sum
     assert min(losses["brush"]) > -1e-3 * max(losses["brush"])
-
-
-def test_invalid_motion_raises_an_error() -> None:
-    for arguments, says in (
-        ({"amplitude": -1.0}, "amplitude = -1 is not valid: it must be a number from 0 to 1000."),
-        ({"amplitude": 1.0, "swing": 1.0}, "swing = 1 is not valid: it must be a number from -0.99 to 0.99."),
-        ({"amplitude": 1.0, "contact": "glue"}, "contact = 'glue' is not valid"),
-        (
-            {"amplitude": 1.0, "contact": None},
-            "contact = None (free tip) is not valid here: The loop is that of the friction force. Give a law.",
-        ),
-        ({"amplitude": 1.0, "harmonic": 0}, "harmonic = 0 is not valid: it must be a whole number from 1 to 100."),
-        ({"amplitude": 1.0, "contact": "brush", "sliders": 8}, "there is no argument 'sliders'."),
-    ):
-        with pytest.raises(pr.ParameterError) as caught:
-            hysteresis(MOTOR, **arguments)  # type: ignore[arg-type]
-        assert says in str(caught.value)

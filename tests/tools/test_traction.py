@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as law
 from tests.motor.test_corrections import PAIRS, Pair, normal_displacement, tangential_displacement
 from tests.reference.row import drag
@@ -169,25 +168,3 @@ def test_a_row_of_many_elements_runs_through_the_same_loop(amplitude: float) -> 
     assert loss == pytest.approx(float(microslip_loss(amplitude)), rel=1e-3)
     if amplitude < 1.0:  # at its greatest displacement c/a = √(1 − A) sticks
         assert slipping[500] == pytest.approx(1.0 - np.sqrt(1.0 - amplitude), abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("values", "says"),
-    [
-        ({"force_n": 0.0}, "HertzPatch: force_n = 0 is not valid: it must be a number > 0."),
-        ({"friction": float("nan")}, "HertzPatch: friction = nan is not valid: it must be a number > 0."),
-    ],
-)
-def test_an_impossible_patch_is_rejected(values: dict[str, float], says: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        HertzPatch(
-            **{"force_n": 1.0, "friction": 0.3, "effective_modulus_pa": 1e11, "effective_radius_m": 0.01} | values
-        )
-    assert str(caught.value) == says
-
-
-def test_a_force_above_the_friction_limit_is_rejected() -> None:
-    patch = HertzPatch(force_n=10.0, friction=0.3, effective_modulus_pa=1e11, effective_radius_m=0.01)
-    with pytest.raises(ParameterError) as caught:
-        patch.traction(0.0, 3.1)
-    assert str(caught.value) == "tangential_force_n = 3.1 N is not valid; friction carries at most 3 N."

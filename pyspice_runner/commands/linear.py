@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor admittance``: the stator's two-port."""
+"""``piezomotor admittance`` and ``state-space``: the stator's two-port, and the averaged motor as a linear system."""
 
 from __future__ import annotations
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import TARGETS, Call, command, option
+from pyspice_runner.commands.driving import one_tone
+from pyspice_runner.commands.options import DRIVE, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import State
 
 
@@ -26,3 +27,17 @@ def admittance(call: Call) -> None:
         result = pr.admittance(call.loaded, **call.pick("start stop points state timeout audit"))
     common.caution(result)
     call.deliver(result, f"{result.motor['name']}, {call.state}")
+
+
+@command("motor", DRIVE, "load changes", TARGETS)
+def state_space(call: Call) -> None:
+    """Write the averaged motor about a steady state as A, B, C, D: .mat or .json.
+
+    Example: piezomotor state-space bimodal40 --voltage 80 --output plant.mat
+    """
+    call.check(".json", ".mat")
+    drive = one_tone(call.stated, "Small signals are those about")
+    with common.busy("The averaged motor settles"):
+        system = pr.state_space(call.loaded, drive, load_torque=call.load)
+    common.caution(system)
+    call.deliver(system, f"{call.loaded.name}: state space, {drive.label}")
