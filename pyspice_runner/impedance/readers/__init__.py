@@ -40,7 +40,7 @@ def read_spectrum(
 
     Formats: Keysight E4990A CSV, HP/Agilent 4294A ASCII, Omicron Bode 100 CSV, Digilent WaveForms CSV, NanoVNA CSV, AIM
     CSV, Zurich Instruments MFIA CSV, Touchstone of one or two ports, plain CSV whose
-    header names quantity and unit in English, German or French, and the two-port CSV of ``piezomotor admittance``.
+    header names quantity and unit in English, and the two-port CSV of ``piezomotor admittance``.
 
     ``Spectrum.cautions`` lists all repairs: order of the frequencies, missing points, unit, wraps or sign of the phase.
 

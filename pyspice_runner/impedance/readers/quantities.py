@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from math import pi
-from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,72 +22,47 @@ from pyspice_runner.impedance.readers.text import Floats, quote
 
 Complexes = NDArray[np.complex128]
 
-# quantity → dimension of its unit, and names in English, German and French (without accents: :func:`_spellings`).
-# An angle may have no unit; its values then decide.
+# quantity → dimension of its unit, and names. An angle may have no unit; its values then decide.
 _QUANTITIES = {
-    "frequency": ("Hz", "frequency freq f frequenz messfrequenz fréquence"),
-    "abs_z": ("Ohm", "|z| z |impedance| impedance impedanz impédance scheinwiderstand"),
+    "frequency": ("Hz", "frequency freq f"),
+    "abs_z": ("Ohm", "|z| z |impedance| impedance"),
     "phase_z": ("angle", "zphz"),
-    # series resistance, the real part of Z
-    "r": ("Ohm", ("r rs rseries resistance seriesresistance z' zr widerstand wirkwiderstand serienwiderstand resistanz "
-                  "résistance résistancesérie")),
-    "x": ("Ohm", "x xs xseries reactance seriesreactance z'' zi blindwiderstand reaktanz réactance"),
-    "rp": ("Ohm", "rp rparallel parallelresistance parallelwiderstand résistanceparallèle"),  # 1/G
+    "r": ("Ohm", "r rs rseries resistance seriesresistance z' zr"),  # of the series elements, the real part of Z
+    "x": ("Ohm", "x xs xseries reactance seriesreactance z'' zi"),
+    "rp": ("Ohm", "rp rparallel parallelresistance"),  # 1/G
     "xp": ("Ohm", "xp xparallel parallelreactance"),
-    "abs_y": ("S", "|y| y |admittance| admittance admittanz scheinleitwert"),
+    "abs_y": ("S", "|y| y |admittance| admittance"),
     "phase_y": ("angle", ""),
-    "phase": ("angle", "phase theta th angle arg phi phaseangle phasenwinkel phasenlage winkel déphasage argument"),
-    "g": ("S", "g gp conductance y' leitwert wirkleitwert konduktanz"),
-    "b": ("S", "b bp susceptance y'' blindleitwert suszeptanz"),
-    "ls": ("H", "ls lseries seriesinductance serieninduktivität inductancesérie"),
-    "lp": ("H", "lp lparallel parallelinductance parallelinduktivität inductanceparallèle"),
-    "cs": ("F", "cs cseries seriescapacitance serienkapazität capacitésérie"),
-    "cp": ("F", "cp cparallel parallelcapacitance parallelkapazität capacitéparallèle"),
-    "q": ("", "q qualityfactor güte gütefaktor facteurdequalité"),
-    "d": ("", "d dissipation dissipationfactor losstangent tandelta verlustfaktor facteurdepertes"),
-}  # fmt: skip
+    "phase": ("angle", "phase theta th angle arg phi phaseangle argument"),
+    "g": ("S", "g gp conductance y'"),
+    "b": ("S", "b bp susceptance y''"),
+    "ls": ("H", "ls lseries seriesinductance"),
+    "lp": ("H", "lp lparallel parallelinductance"),
+    "cs": ("F", "cs cseries seriescapacitance"),
+    "cp": ("F", "cp cparallel parallelcapacitance"),
+    "q": ("", "q qualityfactor"),
+    "d": ("", "d dissipation dissipationfactor losstangent tandelta"),
+}
 DIMENSION = {kind: dimension for kind, (dimension, _) in _QUANTITIES.items()}
 _PARTS = {  # of an impedance or an admittance; the unit or a name beside it decides which
-    ("abs_z", "abs_y"): "magnitude mag abs modulus mod betrag module",
-    ("r", "g"): "real re realpart realteil partieréelle réel réelle",
-    ("x", "b"): "imaginary imag im imagpart imaginarypart imaginärteil partieimaginaire imaginaire",
-    ("phase_z", "phase_y"): "phase theta arg angle phasenwinkel winkel argument",
+    ("abs_z", "abs_y"): "magnitude mag abs modulus mod",
+    ("r", "g"): "real re realpart",
+    ("x", "b"): "imaginary imag im imagpart imaginarypart",
+    ("phase_z", "phase_y"): "phase theta arg angle argument",
 }
-_SIDES = ("z impedance impedanz impédance", "y admittance admittanz")
-_BESIDE = ["{part}{side}", "{part}({side})", "{part}|{side}|", "{side}{part}"]
-_BESIDE += [f"{{part}}{of}{{side}}" for of in ("of", "der", "von", "de", "del'")]
-
-
-def _spellings(name: str) -> set[str]:
-    """Return a name with accents, without, in German spelling without (ae, oe, ue), and without the accented letters.
-
-    An accented letter read in the wrong encoding becomes letters outside ASCII or a question mark; :func:`_kind` drops
-    both.
-    """
-    plain = "".join(sign for sign in normalize("NFKD", name) if sign.isascii())
-    german = name.translate({ord(sign): f"{letter}e" for sign, letter in zip("äöü", "aou", strict=True)})
-    return {name, plain, german, _ascii(name)}
-
-
-def _ascii(text: str) -> str:
-    return "".join(sign for sign in text if sign.isascii() and sign != "?")
-
-
-def _table(names: Mapping[str, str]) -> dict[str, str]:
-    return {spelling: kind for kind, text in names.items() for name in text.split() for spelling in _spellings(name)}
-
+_SIDES = ("z impedance", "y admittance")
+_BESIDE = ("{part}{side}", "{part}({side})", "{part}|{side}|", "{side}{part}", "{part}of{side}")
 
 _KIND = {
-    spelling: kind
+    form.format(part=part, side=side): kind
     for kinds, parts in _PARTS.items()
     for kind, sides in zip(kinds, _SIDES, strict=True)
     for form, part, side in product(_BESIDE, parts.split(), sides.split())
-    for spelling in _spellings(form.format(part=part, side=side))
-} | _table({kind: names for kind, (_, names) in _QUANTITIES.items()})
+} | {name: kind for kind, (_, names) in _QUANTITIES.items() for name in names.split()}
 _BY_UNIT = {  # names with no meaning without a unit
     name: dict(zip(("Ohm", "S"), kinds, strict=True))
     for kinds, parts in _PARTS.items()
-    for name in _table({kinds[0]: parts})
+    for name in parts.split()
     if name not in _KIND
 }
 _SIGNED = frozenset({"x", "b"})  # electrochemistry plots −Im Z
@@ -103,15 +77,14 @@ _SPELLING = {
     }.items()
     for spelling in spellings.split()
 }
-_ANGLE = dict.fromkeys(("deg", "degree", "degrees", "°", "â°", "grad"), pi / 180) | dict.fromkeys(
-    ("rad", "radian", "radians", "radiant"), 1.0
+_ANGLE = dict.fromkeys(("deg", "degree", "degrees", "°", "â°"), pi / 180) | dict.fromkeys(
+    ("rad", "radian", "radians"), 1.0
 )
-_ANGLE |= dict.fromkeys(_table({"degrees": "degré degrés"}), pi / 180)
 _BASE = re.compile(r"(.{0,1})(hz|ohm|s|f|h)", re.IGNORECASE)
 
 _BRACKETED = re.compile(r"(.*)[(\[]([^()\[\]]*)[)\]]([^()\[\]]*)")
 _DIVIDED = re.compile(r"([^/]+)/([^/]+)")
-_TAILED = re.compile(r"(.+?)(?: (?:in|en))?[_ ]([^_ ]+)")
+_TAILED = re.compile(r"(.+?)(?: in)?[_ ]([^_ ]+)")
 
 
 @dataclass(frozen=True)
@@ -136,7 +109,7 @@ def unit_of(text: str) -> tuple[str, float] | None:
     unit = text.strip()
     if len(unit) > 12:
         return None
-    if angle := _ANGLE.get(unit.lower()) or _ANGLE.get(_ascii(unit.lower())):
+    if angle := _ANGLE.get(unit.lower()):
         return "angle", angle
     if not unit or unit in ("1", "-"):
         return "", 1.0
@@ -174,13 +147,8 @@ def heading(cell: str) -> Heading:
 
 
 def _kind(name: str, unit: tuple[str, float] | None) -> str | None:
-    """Return the quantity of a name, with or without its accented letters."""
-    for spelling in (name, _ascii(name)):
-        if spelling in _KIND:
-            return _KIND[spelling]
-        if unit and unit[0] in _BY_UNIT.get(spelling, {}):
-            return _BY_UNIT[spelling][unit[0]]
-    return None
+    """Return the quantity of a name, ``None`` if unknown."""
+    return _KIND.get(name) or (_BY_UNIT.get(name, {}).get(unit[0]) if unit else None)
 
 
 def _parts(cell: str) -> tuple[str, str | None]:
@@ -198,7 +166,7 @@ def _parts(cell: str) -> tuple[str, str | None]:
 def _normal(name: str) -> str:
     text = name.strip().lower().replace("θ", "theta").replace("φ", "phi").replace("\N{MINUS SIGN}", "-")
     text = text.replace("′", "'").replace("’", "'").replace("″", "''").replace('"', "''")
-    return re.sub(r"[\s_.:]", "", text)
+    return "".join(text.split()).translate(dict.fromkeys(map(ord, "_.:")))
 
 
 # --- admittance ---

@@ -10,8 +10,7 @@ Digilent WaveForms       lines of ``#``, then ``Frequency (Hz),Trace th (deg),Tr
                          ``Trace`` are other channels.
 NanoVNA                  ``Frequency(Hz),Return Loss(dB),Phase(deg),Rs,SWR,Xs,|Z|,Theta``. The last columns are in Ω,
                          *Theta* in degrees; *Phase(deg)* is the phase of the reflection.
-AIM (Array Solutions)    by position: frequency in MHz, SWR, series R, series X, |Z|, θ in degrees, …; the header is
-                         optional. Without one, |Z| and θ must agree with R + jX.
+AIM (Array Solutions)    by position: frequency in MHz, SWR, series R, series X, |Z|, θ in degrees, …
 MFIA, MFLI (Zurich       LabOne's sweeper: a line for each field and sweep, ``chunk;timestamp;size;fieldname;value;…``,
 Instruments)             padded with ``nan``: ``frequency`` (or ``grid``), ``realz`` and ``imagz``, or ``absz`` and
                          ``phasez`` in radians.
@@ -140,16 +139,12 @@ def _nanovna_column(cell: str) -> Heading:
 
 def read_aim(text: Text) -> Reading | None:
     """Read an AIM file; ``None`` if it is in another format."""
-    start = text.find(_is_aim_point, 0, 20)
+    header = text.find(lambda line: line.strip(), 0, 20)
+    names = text.lines[header].lower().lstrip('" ') if header is not None else ""
+    if header is None or not names.startswith("freq") or "swr" not in names or "hz" in names.replace("mhz", ""):
+        return None
+    start = text.find(_is_aim_point, header + 1, header + 20)
     if start is None:
-        return None
-    above = [line.lower() for line in text.lines[:start] if line.strip()]
-    titled = bool(above) and "swr" in above[-1] and above[-1].lstrip('" ').startswith("freq")
-    if above and not titled:
-        return None
-    if not above and not _is_consistent(split(text.lines[start], ",")):
-        return None
-    if titled and "hz" in above[-1].replace("mhz", ""):
         return None
     table = read_table(text, None, start, None, ",")
     frequency, r, x, size, angle = table.numbers([0, 2, 3, 4, 5])
@@ -161,12 +156,6 @@ def read_aim(text: Text) -> Reading | None:
 def _is_aim_point(line: str) -> bool:
     cells = split(line, ",")
     return 6 <= len(cells) <= 12 and all(number(cell) is not None for cell in cells)
-
-
-def _is_consistent(cells: list[str]) -> bool:
-    """Whether |Z| and θ are those of R + jX within rounding."""
-    r, x, size, angle = (number(cell) or 0.0 for cell in cells[2:6])
-    return bool(abs(np.hypot(r, x) - size) <= 0.02 * size + 0.1 and abs(np.angle(r + 1j * x, deg=True) - angle) < 2.0)
 
 
 _MFIA_FIELDS = {"realz": "r", "imagz": "x", "absz": "abs_z", "phasez": "phase_z"}

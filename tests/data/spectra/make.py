@@ -190,7 +190,7 @@ def nanovna() -> str:
     return "\n".join([*lines, ""])
 
 
-def aim(header: str | None = None) -> str:
+def aim(header: str = "Freq(MHz),SWR,Rs,Xs,Zmag,Theta,RefCoef,RL,Pwr%") -> str:
     y = admittance()
     shown = quantities(FREQUENCY, y)
     size = np.abs((1.0 - 50.0 * y) / (1.0 + 50.0 * y))
@@ -198,8 +198,7 @@ def aim(header: str | None = None) -> str:
         FREQUENCY / 1e6, (1 + size) / (1 - size), shown["R"], shown["X"], shown["|Z|"], shown["θz"], size,
         -20 * np.log10(size), 100 * size**2, strict=True,
     )  # fmt: skip
-    lines = [header] if header else []
-    return "\r\n".join([*lines, *(",".join(f"{value:.8f}" for value in row) for row in rows), ""])
+    return "\r\n".join([header, *(",".join(f"{value:.8f}" for value in row) for row in rows), ""])
 
 
 def mfia(fields: Sequence[str] = ("frequency", "grid", "realz", "imagz", "absz", "phasez"), sweeps: int = 2) -> str:
