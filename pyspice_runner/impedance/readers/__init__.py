@@ -42,7 +42,7 @@ def read_spectrum(
     CSV, Zurich Instruments MFIA CSV, Touchstone of one or two ports, plain CSV whose
     header names quantity and unit in English, and the two-port CSV of ``piezomotor admittance``.
 
-    ``Spectrum.cautions`` lists all repairs: order of the frequencies, missing points, unit, wraps or sign of the phase.
+    ``Spectrum.cautions`` lists all repairs: order of the frequencies, missing points, wraps or sign of the phase.
 
     Args:
         path: the file.

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
-from pyspice_runner.impedance.readers.quantities import DIMENSION, Heading, heading, pair_of, with_named_phase
+from pyspice_runner.impedance.readers.quantities import Heading, heading, pair_of, with_named_phase
 from pyspice_runner.impedance.readers.reading import A_PAIR, Reading, cut_caution, from_header, from_headings
 from pyspice_runner.impedance.readers.text import (
     SEPARATORS,
@@ -87,7 +87,7 @@ def stated(columns: Sequence[str]) -> list[Heading]:
                 )
             check_keys({item.cell: None}, _STATED, "columns", "")
             continue
-        if item.wrong or (item.fault and DIMENSION[item.kind] != "angle"):
+        if item.fault:
             example = next(name for name in _STATED if heading(name).kind == item.kind)
             raise ParameterError(f"columns: {item.fault}. Write it as {example}.")
         if item.kind in kinds:

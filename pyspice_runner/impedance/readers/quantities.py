@@ -22,7 +22,7 @@ from pyspice_runner.impedance.readers.text import Floats, quote
 
 Complexes = NDArray[np.complex128]
 
-# quantity → dimension of its unit, and names. An angle may have no unit; its values then decide.
+# quantity → dimension of its unit, and names
 _QUANTITIES = {
     "frequency": ("Hz", "frequency freq f"),
     "abs_z": ("Ohm", "|z| z |impedance| impedance"),

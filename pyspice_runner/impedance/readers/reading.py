@@ -2,7 +2,7 @@
 """Columns in SI units with their lines in the file, and the spectrum that they make.
 
 Common faults of measured files are repaired, each with a caution: order and repetition of the frequencies, missing
-values, degrees labelled radians, a phase that wraps or is off by 180°. What no passive part can do is rejected.
+values, a phase that wraps or is off by 180°. What no passive part can do is rejected.
 """
 
 from __future__ import annotations
@@ -45,9 +45,8 @@ class Reading:
     format: str  # name of the format
     frequency_hz: Floats  # frequencies in Hz in the order of the file
     indices: NDArray[np.int64]  # line of each point, counted from 0
-    # quantity → values in SI units; angles in radians, or as printed if ``angle_unit`` is ``None``.
-    columns: dict[str, Floats] = field(default_factory=dict)
-    angle_unit: str | None = "deg"  # ``"deg"`` or ``"rad"`` as named in the file; ``None`` if it names none
+    columns: dict[str, Floats] = field(default_factory=dict)  # quantity → values in SI units; angles in radians
+    angle_unit: str = "deg"  # ``"deg"`` or ``"rad"`` as named in the file
     # admittance of a two-port, shape (points, 2, 2), instead of the columns.
     matrix_s: NDArray[np.complex128] | None = None
     metadata: dict[str, str] = field(default_factory=dict)  # description of the measurement from the file
@@ -117,14 +116,12 @@ def from_headings(
     """
     frequency = _the_frequency(table, headings, header)
     usable = [i for i, h in enumerate(headings) if h.kind and h.scale is not None and not h.wrong and i != frequency]
-    unitless = [i for i, h in enumerate(headings) if h.kind and h.scale is None and DIMENSION[h.kind] == "angle"]
-    values = table.numbers([frequency, *usable, *unitless])
+    values = table.numbers([frequency, *usable])
     scale = headings[frequency].scale or 1.0
     reading = Reading(table.text, format_name, values[0] * scale, np.array(table.indices), metadata=metadata)
     reading.cautions += cut_caution(table.cut)
-    reading.angle_unit = None if unitless else "deg"
     places: dict[str, int] = {}
-    for column, raw in zip([*usable, *unitless], values[1:], strict=True):
+    for column, raw in zip(usable, values[1:], strict=True):
         item = headings[column]
         kind = str(item.kind)
         converted = raw * (item.scale or 1.0)
@@ -136,7 +133,7 @@ def from_headings(
             )
         places[kind] = column
         reading.columns[kind] = converted
-        if DIMENSION[kind] == "angle" and item.scale is not None:
+        if DIMENSION[kind] == "angle":
             reading.angle_unit = "rad" if item.scale == 1.0 else "deg"
     if pair_of(with_named_phase(reading.columns)) is None:
         raise _no_quantities(table.text, header, headings)
@@ -186,11 +183,8 @@ def _one_port(reading: Reading) -> tuple[Complexes, bool]:
     pair = pair_of(columns)
     if pair is None:
         raise SpectrumError(f"{reading.text.name} has no two quantities that make an admittance.")
-    if pair not in POLAR and reading.angle_unit is None:
-        columns = {kind: values for kind, values in columns.items() if kind not in angles}
-    elif angles:
-        factor = _angle_factor(reading, columns[angles[0]], columns)
-        columns |= {kind: columns[kind] * factor for kind in angles}
+    if angles:
+        _check_unit(reading, columns[angles[0]], columns)
     if (place := negative_modulus(pair, columns)) is not None:
         index = int(reading.indices[place])
         raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
@@ -219,36 +213,22 @@ def _word(kind: str) -> str:
 # --- phase ---
 
 
-def _angle_factor(reading: Reading, angle: Floats, columns: dict[str, Floats]) -> float:
-    """Return the factor to radians of the angles; their values decide if the unit is missing or cannot be right.
+def _check_unit(reading: Reading, angle: Floats, columns: dict[str, Floats]) -> None:
+    """Raise an error for angles whose named unit cannot be right.
 
-    The reader has converted angles labelled as degrees. Beyond ±2π they are not radians. Within ±π, degrees would mean
-    a phase of at most 3.1°, a resistor, whose magnitude does not vary over the band.
+    Beyond ±2π they are not radians. Within ±π, degrees would mean a phase of at most 3.1°, a resistor, whose magnitude
+    does not vary over the band.
     """
-    unit, degrees = reading.angle_unit, float(np.pi / 180.0)
-    raw = np.rad2deg(angle) if unit == "deg" else angle  # as printed
-    known = raw[np.isfinite(raw)]
-    largest = float(np.abs(known).max()) if known.size else 0.0
-    named = {"deg": "in degrees", "rad": "in radians", None: "without a unit"}[unit]
-    if unit != "deg" and largest > 2.01 * np.pi:
-        note = f"The phase is given {named} but reaches {largest:.4g}, so it was taken as degrees."
-        factor = degrees
-    elif unit != "rad" and largest < 1.01 * np.pi and _magnitude_varies(reading.frequency_hz, columns):
-        note = f"The phase is given {named} but stays within ±{largest:.4g} while the magnitude varies, "
-        note += "so it was taken as radians."
-        factor = float(180.0 / np.pi) if unit == "deg" else 1.0
-    elif unit is not None:
-        return 1.0
-    elif largest > 1.01 * np.pi:
-        note = f"The phase names no unit; it reaches {largest:.4g} and was taken as degrees."
-        factor = degrees
+    degrees = reading.angle_unit == "deg"
+    printed = np.abs(np.rad2deg(angle) if degrees else angle)
+    largest = float(printed[np.isfinite(printed)].max(initial=0.0))
+    if degrees and largest < 1.01 * np.pi and _magnitude_varies(reading.frequency_hz, columns):
+        fault, right = f"in degrees but stays within ±{largest:.4g} while the magnitude varies", "phase_rad"
+    elif not degrees and largest > 2.01 * np.pi:
+        fault, right = f"in radians but reaches {largest:.4g}", "phase_deg"
     else:
-        raise SpectrumError(
-            f"{reading.text.name}: the phase names no unit and its values do not tell; head it as "
-            "“Phase (deg)” or “Phase (rad)”."
-        )
-    reading.cautions.append(note)
-    return factor
+        return
+    raise SpectrumError(f"{reading.text.name}: the phase is given {fault}; correct its unit, as to {right}.")
 
 
 def _magnitude_varies(frequency: Floats, columns: dict[str, Floats]) -> bool:

@@ -23,6 +23,7 @@ MOST_BYTES = 16 * 2**20  # some 200 000 points; an analyser writes 801 or 1601
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _DECODERS = ((BOM_UTF8, "utf-8"), (BOM_UTF16_LE, "utf-16-le"), (BOM_UTF16_BE, "utf-16-be"))
+_UNMARKED = ("utf-8", "cp1252", "latin-1")  # tried without a byte-order mark
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _LONGEST_NUMBER = 60
 SEPARATORS = (";", "\t", ",")  # in this order, since a comma may be a decimal sign
@@ -79,8 +80,8 @@ def load(path: str | Path) -> Text:
 
 
 def decode(data: bytes, name: str) -> str:
-    """Decode UTF-8, UTF-16 (with or without byte-order mark) or Windows' Western European, or raise SpectrumError."""
-    mark, attempts = next(((m, (e,)) for m, e in _DECODERS if data.startswith(m)), (b"", _guesses(data)))
+    """Decode UTF-8, UTF-16 with a byte-order mark or Windows' Western European, or raise SpectrumError."""
+    mark, attempts = next(((m, (e,)) for m, e in _DECODERS if data.startswith(m)), (b"", _UNMARKED))
     data = data.removeprefix(mark)
     for encoding in attempts:
         try:
@@ -121,15 +122,6 @@ def described(lines: Iterable[str], bare: str = "comment") -> dict[str, str]:
     """Return the metadata in lines such as ``# Date: today``; the key of a line without a colon is ``bare``."""
     entries = (line[:400].strip(' \t#!%",;').partition(":") for line in lines)
     return describe((key, value) if colon else (bare, key) for key, colon, value in entries)
-
-
-def _guesses(data: bytes) -> tuple[str, ...]:
-    """Return the encodings to try; every other byte of ASCII text in UTF-16 is zero."""
-    head = data[:2000]
-    even, odd = head[::2].count(0), head[1::2].count(0)
-    if max(even, odd) > 0.8 * max(len(head) // 2, 1) and min(even, odd) == 0:
-        return ("utf-16-le" if odd else "utf-16-be",)
-    return ("utf-8", "cp1252", "latin-1")
 
 
 # --- tables ---
