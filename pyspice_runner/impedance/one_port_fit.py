@@ -364,9 +364,6 @@ def _check(spectrum: Spectrum, name: str, modes: int) -> None:
                 f"{name} has a frequency of {place:g} Hz; it must be from {lowest:g} Hz to {highest:g} Hz. "
                 "Check its unit."
             )
-    if not np.all(np.abs(y) > 0.0):
-        zero = spectrum.frequency_hz[np.abs(y) == 0.0][0]
-        raise SpectrumError(f"{name} has an admittance of zero at {zero:g} Hz; leave that point out.")
     beyond = (np.abs(y) < _LEAST_ADMITTANCE) | (np.abs(y) > 1.0 / _LEAST_ADMITTANCE)
     if beyond.any():
         value, place = np.abs(y)[beyond][0], spectrum.frequency_hz[beyond][0]

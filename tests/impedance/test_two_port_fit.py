@@ -11,7 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.impedance.spectrum import Connection
-from pyspice_runner.impedance.two_port_fit import TwoPortFit, _Problem, fit_groups
+from pyspice_runner.impedance.two_port_fit import _VALUES, TwoPortFit, _Problem, fit_groups
 
 pytestmark = pytest.mark.xdist_group("two-port")  # the fit is shared
 
@@ -61,18 +61,7 @@ def truth(motor: pr.Motor) -> np.ndarray:
 
 
 def found(fit: TwoPortFit) -> np.ndarray:
-    return np.array(
-        [
-            value
-            for mode in fit.modes
-            for value in (
-                mode.series_resonance_hz,
-                mode.quality_factor,
-                mode.coupling_a_n_per_v_kg05,
-                mode.coupling_b_n_per_v_kg05,
-            )
-        ]
-    )
+    return np.ravel([[getattr(mode, name) for name in _VALUES] for mode in fit.modes])
 
 
 def test_couplings_come_back_with_their_signs(motor: pr.Motor, two_port: pr.Spectrum) -> None:

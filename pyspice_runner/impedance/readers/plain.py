@@ -81,10 +81,6 @@ def stated(columns: Sequence[str]) -> list[Heading]:
         if item.cell == "-":
             continue
         if item.kind is None:
-            if heading(f"{item.cell}_ohm").kind and heading(f"{item.cell}_s").kind:
-                raise ParameterError(
-                    f"columns: {quote(item.cell)} names no unit. Write it as {item.cell}_ohm or {item.cell}_s."
-                )
             check_keys({item.cell: None}, _STATED, "columns", "")
             continue
         if item.fault:

@@ -248,9 +248,8 @@ def _note_wraps(reading: Reading, angle: Floats) -> None:
     order = np.argsort(reading.frequency_hz, kind="stable")
     jumps = np.flatnonzero(np.abs(np.diff(angle[order])) > 1.5 * np.pi)
     if jumps.size:
-        times = "once" if jumps.size == 1 else f"{jumps.size} times"
         first = reading.frequency_hz[order][jumps[0]]
-        reading.cautions.append(f"The phase wraps by 360° {times}, first at {first:g} Hz; it was unwrapped.")
+        reading.cautions.append(f"The phase wraps by 360°, first at {first:g} Hz; it was unwrapped.")
 
 
 def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
@@ -306,8 +305,7 @@ def _finite(reading: Reading, matrix: Complexes) -> tuple[Floats, Complexes, NDA
                 f"{text.name}, line {first}: here and at {bad - 1} of {good.size} points values are missing or zero; "
                 "expected numbers at most of them."
             )
-        points = "1 point was" if bad == 1 else f"{bad} points were"
-        reading.cautions.append(f"{points} left out where values are missing or zero, first in line {first}.")
+        reading.cautions.append(f"Points left out, with values missing or zero: {bad}, first in line {first}.")
     keep = good & ~zero
     if np.count_nonzero(keep) < 2:
         raise SpectrumError(f"{text.name} has fewer than 2 complete points; expected a spectrum.")
@@ -337,8 +335,7 @@ def _ordered(
         found = f"{frequency[place]:.12g} Hz as in line {indices[place] + 1}, with other values"
         expected = "each frequency once; if these are several sweeps, export one"
         raise reading.text.refusal(int(indices[place + 1]), found, expected)
-    times = "1 point" if repeated.size == 1 else f"{repeated.size} points"
-    reading.cautions.append(f"{times} came twice, with the same values; one of each was kept.")
+    reading.cautions.append(f"Points that came twice, with the same values: {repeated.size}; one of each was kept.")
     return np.delete(frequency, repeated + 1), np.delete(matrix, repeated + 1, axis=0)
 
 

@@ -42,7 +42,7 @@ REPAIRED: dict[str, tuple[str, tuple[np.ndarray, ...], tuple[str, ...]]] = {
     "falling frequencies": (RECTANGULAR, (F[::-1], Y.real[::-1], Y.imag[::-1]), ("put in rising order",)),
     "mixed frequencies": (RECTANGULAR, (F[MIXED], Y.real[MIXED], Y.imag[MIXED]), ("the points were sorted",)),
     "points that come twice": (
-        RECTANGULAR, (F[TWICE], Y.real[TWICE], Y.imag[TWICE]), ("3 points came twice, with the same values; one of",)
+        RECTANGULAR, (F[TWICE], Y.real[TWICE], Y.imag[TWICE]), ("Points that came twice, with the same values: 3; one",)
     ),
     "a point at 0 Hz": (
         RECTANGULAR, (np.append(0.0, F), np.append(1e-9, Y.real), np.append(0.0, Y.imag)), ("The point at 0 Hz was",)
@@ -133,7 +133,7 @@ def test_missing_values_are_left_out_with_a_caution(table) -> None:
     real[[4, 9]] = np.nan
     spectrum = table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
     assert len(spectrum) == Y.size - 2
-    assert spectrum.cautions == ("2 points were left out where values are missing or zero, first in line 6.",)
+    assert spectrum.cautions == ("Points left out, with values missing or zero: 2, first in line 6.",)
     real[:40] = np.nan
     with pytest.raises(pr.SpectrumError, match="line 2: here and at 39 of 61 points values are missing"):
         table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
