@@ -75,13 +75,6 @@ def test_a_file_gives_back_the_circuit(name: str) -> None:
     assert all(part in caution for part, caution in zip(told, spectrum.cautions, strict=True))
 
 
-@pytest.mark.parametrize("name", FORMATS)
-def test_the_format_is_found_by_content_not_by_name(name: str, tmp_path: Path) -> None:
-    path = tmp_path / "measured.xyz"
-    path.write_bytes((FOLDER / name).read_bytes())
-    assert pr.read_spectrum(str(path)).format == FORMATS[name][0]
-
-
 # --- E4990A ---
 
 

@@ -45,10 +45,6 @@ def fault_of(path: Path) -> str | None:
     return None if is_right(spectrum) else f"misread: {spectrum.cautions}"
 
 
-def test_there_are_three_hundred() -> None:
-    assert len(CASES) == COUNT
-
-
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.__name__)
 def test_a_mutated_file_is_read_right_or_refused(mutation: Mutation, tmp_path: Path) -> None:
     path = tmp_path / "measured.dat"
@@ -85,18 +81,7 @@ def test_a_hundred_megabytes_are_refused_at_once(tmp_path: Path) -> None:
         b"BEGIN CH1_DATA\n" + b")" * 4_000_000 + b"\nEND\n",
         b'frequency_hz,conductance_s,susceptance_s\n"' + b"1" * 4_000_000 + b'",1,1\n',
     ],
-    ids=[
-        "blanks",
-        "one word",
-        "separators",
-        "one number",
-        "4294A",
-        "4294A trace",
-        "options",
-        "MFIA",
-        "E4990A",
-        "quotes",
-    ],
+    ids=range(10),
 )
 def test_large_nonsense_does_not_hang(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "measured.dat"
