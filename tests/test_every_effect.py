@@ -209,13 +209,11 @@ def test_the_free_admittance_is_that_of_the_stator_s_matrices() -> None:
 
 @pytest.mark.parametrize("restitution", [1.0, MOTOR.contact.restitution])
 def test_the_preloaded_admittance_is_that_of_stator_and_contact_in_closed_form(restitution: float) -> None:
-    """With damping of the penetration alone, which the compliance in series takes a share of the motion from."""
     motor = LINEAR.updated({"contact.restitution": restitution})
     contact, rotor = motor.contact, motor.rotor
     found = pr.admittance(motor, start=35e3, stop=45e3, points=101, state="preloaded")
     springs = stiffnesses_at_preload(contact)
-    share = 1.0 / (1.0 + contact.series_compliance_m_per_n * springs[1])
-    damping = normal_damping(contact) * contact.preload_n * share**2
+    damping = normal_damping(contact) * contact.preload_n
     stator = motor.carried_stator.pressed(
         springs,
         (0.0, damping),

@@ -239,6 +239,7 @@ class Piezo(Parameters):
         return (self.capacitance_a_f, between), (between, self.capacitance_b_f)
 
 
+SOFTEST_SIDES = 0.01  # m/N^(2/3), the maximum of the contact's library
 # K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes
 # it larger, a value identified from a run may be smaller; a factor of ten each way, and ten more for soft layers.
 SOFTNESS = (0.1, 100.0)
@@ -324,6 +325,11 @@ class Contact(Parameters):
             raise ValueError(
                 f"worn_flat_radius_m = {self.worn_flat_radius_m:g} m must be at most {FLATTEST_TIP:g} of "
                 f"effective_radius_m = {self.effective_radius_m:g} m; lower it"
+            )
+        if total > SOFTEST_SIDES:
+            raise ValueError(
+                f"tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 are {total:g} m/N^(2/3) "
+                f"together; the sum must be ≤ {SOFTEST_SIDES:g} m/N^(2/3)"
             )
         softness = total * self.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
         if not SOFTNESS[0] <= softness <= SOFTNESS[1]:
