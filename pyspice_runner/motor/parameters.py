@@ -328,8 +328,8 @@ class Contact(Parameters):
             )
         if total > SOFTEST_SIDES:
             raise ValueError(
-                f"tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 are {total:g} m/N^(2/3) "
-                f"together; the sum must be ≤ {SOFTEST_SIDES:g} m/N^(2/3)"
+                f"tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 sum to {total:g} "
+                f"m/N^(2/3); the sum must be ≤ {SOFTEST_SIDES:g} m/N^(2/3)"
             )
         softness = total * self.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
         if not SOFTNESS[0] <= softness <= SOFTNESS[1]:

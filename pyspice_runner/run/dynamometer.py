@@ -41,6 +41,10 @@ class Quantities:
 
     torque_n_m: float = measured("N·m", "mean torque of the contact on the rotor")
     torque_ripple_n_m: float = measured("N·m", "RMS of the torque about its mean")
+    torque_min_n_m: float = measured(
+        "N·m", "end of the torques that friction holds in this state, at least; NaN if unknown"
+    )
+    torque_max_n_m: float = measured("N·m", "the other end; both are the torque where it is the only one")
     load_torque_n_m: float = measured("N·m", "mean torque taken at the shaft: that of the contact less the bearing's")
     normal_force_n: float = measured("N", "mean normal force")
     separated: float = measured("1", "share of time in which the tip is off the rotor")
@@ -343,6 +347,8 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
     result = {
         "torque_n_m": radius * friction,
         "torque_ripple_n_m": radius * sqrt(max(mean["friction_square"] - friction**2, 0.0)),
+        "torque_min_n_m": radius * (friction + mean.get("held_min", nan)),
+        "torque_max_n_m": radius * (friction + mean.get("held_max", nan)),
         "load_torque_n_m": mean["load_torque"],
         "normal_force_n": mean["normal"],
         "separated": 1.0 - mean["touching"],

@@ -30,6 +30,7 @@ from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.law import MOST_SLIDERS, reached
 from pyspice_runner.circuit.state import Discretisation, static_sway
 from pyspice_runner.errors import SimulationError
+from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
@@ -40,6 +41,8 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, copies_bench, copy_name, drive_voltage, motor_texts, phasor_at
 from pyspice_runner.steady.monodromy import Course, differentiable
 
+GRAZE = 0.01  # of the elastic range; a step at the turn of a motion of this range is up to (2 pi / 70)^2 / 2 = 0.004
+GROSS_SLIP = 1.999  # state of the contact from which on all its sliders slip
 COPIES_PER_DECK = 8  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
 _SLIDERS_PER_DECK = 100  # the same of a brush: 3 copies with 32 sliders
 _FEWEST = 4  # copies in a deck over one period; fewer take less time than the start of ngspice
@@ -351,6 +354,31 @@ def _dielectric_loss(plant: Plant) -> float:
     return loss
 
 
+def held_by_friction(plant: Plant, trace: Trace) -> bool:
+    """Return whether friction holds a shaft at rest: the contact stays closed, and no more than grazes its limit.
+
+    Slip goes there and back in a period. A path below :data:`GRAZE` of the elastic range is that of single steps beyond
+    the limit, where the motion turns.
+    """
+    if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
+        return False
+    contact, state, carrier = plant.motor.contact, trace.contact_state, trace.states[plant.carrier]
+    along_m_s = tip(plant, trace)[2] + (carrier[3] if len(carrier) > 2 else 0.0)
+    elastic_m = 2.0 * contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+    path_m = np.abs(along_m_s[state > GROSS_SLIP]).sum() * (trace.time[1] - trace.time[0])
+    return bool(state.min() > 0.5 and path_m < GRAZE * elastic_m)
+
+
+def held_forces(plant: Plant, trace: Trace) -> tuple[float, float]:
+    """Return the constant forces in N, the most negative and the most positive, that friction takes besides.
+
+    The force shifts the friction of every step, which stays within ±μ F_N. The deflections of the contact's spring are
+    less than proportional to their forces, so that somewhat more is possible.
+    """
+    limit, friction = plant.motor.contact.friction * trace.normal[1:], trace.friction[1:]
+    return min(float(np.max(-limit - friction)), 0.0), max(float(np.min(limit - friction)), 0.0)
+
+
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
     """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
@@ -365,6 +393,8 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     turning = speed(plant, trace)[1:]
     points = len(state)
     touching, slipping = state > 0.5, state > 1.5
+    if held := held_by_friction(plant, trace):
+        slipping[:] = False
     # slip that ended within a step: on average half of it
     ended = np.count_nonzero(touching[1:] & ~slipping[1:] & slipping[:-1])
     ended += int(touching[0] and not slipping[0] and slipping[-1])
@@ -392,6 +422,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
+    found |= dict(zip(("held_min", "held_max"), held_forces(plant, trace) if held else (0.0, 0.0), strict=True))
     found["rubbing"] = _rubbing(plant, trace, discretisation, found["work"] - found["given"])
     for group, tones in zip(GROUPS, plant.drive.tones, strict=True):
         voltage = drive_voltage(tones, trace.time)[1:]

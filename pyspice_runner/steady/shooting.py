@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.motor.stator import carriers
+from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.window import interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
-from pyspice_runner.steady.period_map import PeriodMap, Trace, in_threads
+from pyspice_runner.steady.period_map import PeriodMap, Trace, held_by_friction, held_forces, in_threads
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,9 @@ class Tolerances:
     memory: float = 0.1
     exact_memory: float = 2e-4
     gross_slip: float = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
+    held: float = 0.9  # of the way to the end of the forces that friction holds, short of its limit
+    balance: float = 2e-4  # of the preload, mean friction force at which an unloaded contact is as at rest
+    unloadings: int = 4  # steps to it: the slider's spring is not linear
     slipped: float = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
     slowest_s: float = 50.0  # time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
     settling: tuple[float, float] = (
@@ -251,6 +254,25 @@ class Orbit:
             held = np.clip(slider, -limit, limit)
             state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])
         return replace(self, state=state, begun=begun, trace=None, step=None)
+
+    @property
+    def held(self) -> bool:
+        """Whether it is solved, and friction holds its shaft at rest, at any torque of a range."""
+        ideal = self.plant.driver is None
+        return self.done and ideal and self.trace is not None and held_by_friction(self.plant, self.trace)
+
+    def leaning(self, force_n: float) -> Orbit:
+        """Return the point with another constant friction force, which bends what is in series with the contact."""
+        plant, motor, state = self.plant, self.plant.motor, self.state.copy()
+        stator = motor.stator.with_carrier(plant.mount)
+        places = [*range(plant.modes), *range(plant.carrier.start, plant.carrier.stop, 2)]
+        state[places] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
+        state[plant.where("contact")] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
+        for place, part in enumerate(plant.states):
+            if part.part == "stem_x":
+                state[place] += motor.contact.tangential_series_compliance_m_per_n * force_n
+                break
+        return replace(self, state=state, at_start=None, at_end=None, measured_end=None, trace=None, step=None)
 
     def copy(self, state: Array) -> Copy:
         """Return a copy for the map that starts at a state."""
@@ -572,7 +594,28 @@ class Shooting:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
             self._retry(lost, "settled")
+        self._unload()
         self.measure_anew()
+
+    def _unload(self) -> None:
+        """Move points whose shafts friction holds to the torque nearest to that at rest, where the motor starts."""
+        points = [point for point in self.points if point.held]
+        for _ in range(NEWTON.unloadings):
+            moved = []
+            for point in points:
+                assert point.trace is not None
+                least, most = held_forces(point.plant, point.trace)
+                change = float(np.clip(-point.trace.friction[1:].mean(), NEWTON.held * least, NEWTON.held * most))
+                if abs(change) > NEWTON.balance * point.plant.motor.contact.preload_n:
+                    moved.append((point, point.leaning(change)))
+            self.solve([there for _, there in moved])
+            lost = [there for _, there in moved if there.failed]
+            self._settle(lost, NEWTON.settling[0])
+            self.solve(lost)
+            points = [point for point, there in moved if there.done and there.held]
+            for point, there in moved:
+                if point in points:
+                    vars(point).update(vars(there) | {"method": point.method, "iterations": point.iterations})
 
     def measure_anew(self) -> None:
         """Measure the derivatives of solved points anew if they were measured too far away to tell the multipliers."""

@@ -169,6 +169,10 @@ class SteadyState(Quantities, Result):
             yield f"The steady state is not stable: {self.instability}."
         elif self.held_by_friction:
             yield STUCK
+            bounds = (engineering(value, "N·m") for value in (self.torque_min_n_m, self.torque_max_n_m))
+            yield "Friction holds the shaft at least from {} to {}; the torque given is the nearest to rest.".format(
+                *bounds
+            )
         yield from delivering([self.quantities])
         yield from exceeded(self.motor, self.quantities)
         yield from too_fast(self.motor.to_dict(), self.speed_rad_s)

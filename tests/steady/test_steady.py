@@ -327,6 +327,36 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
     assert STUCK not in (*free.cautions, *regularised.cautions, *pr.steady_state(motor, weak, speed=1.0).cautions)
 
 
+@pytest.mark.parametrize(
+    ("name", "volts", "frequency"),
+    [("andersen2002", 6.0, 51.7e3), ("andersen2002", 10.0, 51.7e3), ("bimodal40", 10.0, 40.7e3)],
+)
+def test_a_held_shaft_whose_contact_does_not_slip_has_an_interval_of_torques_about_that_of_a_run_from_rest(
+    name: str, volts: float, frequency: float
+) -> None:
+    """At 10 V the contact of the paper's motor grazes its limit of stick on one side, where the torque is greatest."""
+    motor = pr.load_motor(name)
+    drive = pr.TwoPhaseDrive(voltage=volts, frequency=frequency, phase_deg=90.0)
+    state = pr.steady_state(motor, drive, speed=0.0)
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    assert not state.determined
+    assert state.torque_min_n_m < -0.1 * limit < 0.1 * limit < state.torque_max_n_m
+    settled = pr.simulate(motor, drive, duration=2.0 * motor.decay_s, speed=0.0, step=state.step_s)
+    # 2e-4 of the preload by the search, 1e-3 of the torque by the run's last disturbance
+    assert state.torque_n_m == pytest.approx(settled.mean_torque_n_m, abs=3e-3 * limit)
+
+
+@pytest.mark.parametrize(("law", "share"), [("spring-slider", 0.7), ("brush", 0.95)])
+def test_the_torques_that_friction_holds_end_within_those_of_a_shaft_that_creeps(law: str, share: float) -> None:
+    """A shaft that creeps slips once in a period, which is the limit; its spring softens."""
+    motor = pr.load_motor("andersen2002")
+    drive = pr.TwoPhaseDrive(voltage=10.0, frequency=51.7e3, phase_deg=90.0)
+    state = pr.steady_state(motor, drive, speed=0.0, contact=law)
+    ends = [pr.steady_state(motor, drive, speed=speed, contact=law).torque_n_m for speed in (0.02, -0.02)]
+    assert share * ends[0] > state.torque_min_n_m > ends[0]
+    assert share * ends[1] < state.torque_max_n_m < ends[1]
+
+
 def test_a_shaft_that_turns_slowly_has_no_steady_state_that_sticks() -> None:
     """In a period the shaft turns by 2 nrad, but it does not stop until the contact slips."""
     motor = pr.load_motor("andersen2002")
