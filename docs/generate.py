@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pyspice_runner as pr
 from pyspice_runner.motor import contact as law
-from pyspice_runner.motor.load import SETS, Arm, Materials
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.load import SETS, Arm
+from pyspice_runner.motor.motor import Materials, Motor
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,

@@ -29,14 +29,15 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor import beam as beam_model
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.motor.motor import (
     ALIASES,
     KINDS,
     MOVED,
+    OF_FILES,
     SECTIONS,
+    Materials,
     Motor,
     Provenance,
     Structure,
@@ -92,33 +93,6 @@ class Arm(Parameters):
         }
 
 
-class Materials(Parameters):
-    """Materials of tip and rotor, or slider, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
-
-    tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
-    tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
-    tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
-    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor, or of the slider", "Pa", ge=1e8, le=2e12)
-    rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
-
-    def constants(self, rotor_radius_m: float) -> dict[str, float]:
-        """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
-
-        The radius of a flat slider is infinite.
-        """
-        tip = self.tip_youngs_modulus_pa, self.tip_poisson
-        rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
-        modulus = contact_law.effective_modulus(*tip, *rotor)
-        radius = contact_law.effective_radius(self.tip_radius_m, rotor_radius_m)
-        return {
-            "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
-            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),
-            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(*rotor, modulus, radius),
-            "effective_radius_m": radius,
-            "poisson": self.tip_poisson,
-        }
-
-
 def available_motors() -> tuple[str, ...]:
     """Return the names of the parameter sets of the package."""
     return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
@@ -152,7 +126,7 @@ def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
     ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``. Values are in SI units.
     """
     document, file = _read(source)
-    of_file = {path: value for path, value in changes.items() if path.startswith(_ONLY_IN_FILES)}
+    of_file = {path: value for path, value in changes.items() if path.startswith(OF_FILES)}
     for path, value in of_file.items():
         _put(document, path, value, file.name)
     motor = _from_document(document, file)
@@ -160,9 +134,6 @@ def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
         motor.provenance[path] = Provenance("set", "by the user")
     others = {path: value for path, value in changes.items() if path not in of_file}
     return motor.updated(others) if others else motor
-
-
-_ONLY_IN_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.", "contact.materials.")
 
 
 def _put(document: dict[str, Any], path: str, value: Any, where: str) -> None:
@@ -226,7 +197,7 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
             )
         piezo.update(capacitances)
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
-    contact = _resolve_contact(plain["contact"], radius, where)
+    contact, materials = _resolve_contact(plain["contact"], radius, where)
     contact |= _softening(contact, structure, provenance, where)
     resolved = {"piezo": piezo, "contact": contact}
     kinds: dict[str, type[Parameters]] = {**SECTIONS, "beam": Beam, "tip": Tip}
@@ -237,7 +208,8 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
             if not field.is_required() and name not in resolved.get(section, ()):
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
     _check_drive(plain.get("drive"), where)
-    return assemble({**plain, "modes": modes, "piezo": piezo, "contact": contact}, structure, provenance, where=where)
+    parts = {**plain, "modes": modes, "piezo": piezo, "contact": contact, "materials": materials}
+    return assemble(parts, structure, provenance, where=where)
 
 
 def _only(document: Mapping[str, Any], tables: tuple[str, ...], what: str, where: str) -> str:
@@ -366,14 +338,15 @@ def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, wh
     return entry
 
 
-def _resolve_contact(entry: Any, rotor_radius_m: float, where: str) -> dict[str, Any]:
-    contact = dict(as_table(entry, "contact", where))
+def _resolve_contact(entry: Any, rotor_radius_m: float, where: str) -> tuple[dict[str, Any], Materials | None]:
+    contact, materials = dict(as_table(entry, "contact", where)), None
     if "materials" in contact:
-        constants = build(Materials, contact.pop("materials"), "contact.materials", where).constants(rotor_radius_m)
+        materials = build(Materials, contact.pop("materials"), "contact.materials", where)
+        constants = materials.constants(rotor_radius_m)
         if both := [key for key in constants if key in contact]:
             raise ParameterError(f"{where}: contact.{both[0]} follows from [contact.materials]; leave out one of them.")
         contact.update(constants)
-    return contact
+    return contact, materials
 
 
 def _check_drive(entry: Any, where: str) -> None:

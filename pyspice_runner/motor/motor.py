@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import wraps
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 from weakref import ref
 
@@ -115,6 +115,34 @@ class Ringing(Parameters):
     quality_factor: float = quantity("mechanical quality factor", "1", gt=LOWEST_QUALITY, le=HIGHEST_QUALITY)
 
 
+class Materials(Parameters):
+    """Materials of tip and rotor, or slider, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
+
+    tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
+    tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
+    tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
+    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor, or of the slider", "Pa", ge=1e8, le=2e12)
+    rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
+
+    def constants(self, rotor_radius_m: float) -> dict[str, float]:
+        """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
+
+        The radius of a flat slider is infinite.
+        """
+        tip = self.tip_youngs_modulus_pa, self.tip_poisson
+        rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
+        modulus = contact_law.effective_modulus(*tip, *rotor)
+        radius = contact_law.effective_radius(self.tip_radius_m, rotor_radius_m)
+        return {
+            "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
+            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),
+            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(*rotor, modulus, radius),
+            "effective_radius_m": radius,
+            "poisson": self.tip_poisson,
+        }
+
+
+OF_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.")  # paths that are read on loading
 KINDS = ("given", "derived", "assumed")  # of the origin of a value in a file
 
 
@@ -146,7 +174,8 @@ class Motor(Shown, Parameters):
     (:attr:`.Slider.as_rotor`). Its speeds in rad/s and torques in N·m are m/s and N.
 
     ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid`` and
-    ``provenance`` state the origin of the values. No simulation reads these four.
+    ``provenance`` state the origin of the values; ``materials`` are those of the contact, whose constants follow from
+    them and from the radius of the rotor.
     """
 
     name: str = Field(
@@ -168,6 +197,7 @@ class Motor(Shown, Parameters):
     law: dict[str, FiniteFloat] = Field(
         default_factory=dict, description="values of parameters of the contact's law; others have its defaults"
     )
+    materials: Materials | None = Field(default=None, exclude=True)
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     solid: Solid | None = Field(default=None, exclude=True)
@@ -374,6 +404,11 @@ class Motor(Shown, Parameters):
             heading: words for the first lines, as a comment.
         """
         document = self.model_dump() | ({"drive": self.drive} if self.drive else {})
+        if self.materials is not None:
+            constants = self.materials.constants(inf if self.slider else self.rotor.radius_m)
+            if all(getattr(self.contact, name) == value for name, value in constants.items()):
+                document["contact"] = {k: v for k, v in document["contact"].items() if k not in constants}
+                document["contact.materials"] = self.materials.model_dump()
         return _toml(document, self.provenance, heading)
 
     def to_dict(self) -> dict[str, Any]:
@@ -410,13 +445,17 @@ class Motor(Shown, Parameters):
             changes: dotted path → value, SI, as in :meth:`to_dict`. A mode is named or numbered from 0:
                 ``modes.0.frequency_hz``. A new ``frequency_hz`` changes the stiffness at the same mass and damping; a
                 new ``quality_factor`` changes the damping.
-                ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values.
+                ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values. The constants
+                of a contact that is stated by ``contact.materials`` follow these and ``rotor.radius_m``, except those
+                that have been given values of their own.
 
         Raises:
-            ParameterError: for a path that does not exist or an invalid value.
+            ParameterError: for a path that does not exist, an invalid value, or a value that follows from others.
         """
         document = self.model_dump()
         document["modes"] = [mode.model_dump() for mode in self.modes]
+        if self.materials is not None:
+            document["contact"]["materials"] = self.materials.model_dump()
         where = f"motor {self.name}"
         provenance = dict(self.provenance)
         changed: set[str] = set()
@@ -434,9 +473,31 @@ class Motor(Shown, Parameters):
                         f"{where}: modes.{index}.{alias} and the {other} are both changed; give one of them."
                     )
             document["modes"][index] = with_constants(mode, f"modes.{index}", where)
+        if self.materials is not None:
+            self._follow_materials(document, changed, where)
         changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
         document["drive"] = self.drive
         return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
+
+    def _follow_materials(self, document: dict[str, Any], changed: set[str], where: str) -> None:
+        """Put the constants that follow from changed materials or a changed radius of the rotor into a document."""
+        assert self.materials is not None
+        for name, source in (("effective_radius_m", "tip_radius_m"), ("poisson", "tip_poisson")):
+            if f"contact.{name}" in changed:
+                raise ParameterError(
+                    f"{where}: contact.{name} follows from [contact.materials]. Change contact.materials.{source}"
+                    f"{' or rotor.radius_m' if name == 'effective_radius_m' and not self.slider else ''} instead."
+                )
+        document["materials"] = materials = build(
+            Materials, document["contact"].pop("materials"), "contact.materials", where
+        )
+        radius = (
+            inf if self.slider else limited(Rotor, "radius_m", document["rotor"]["radius_m"], "rotor.radius_m", where)
+        )
+        before = self.materials.constants(inf if self.slider else self.rotor.radius_m)
+        for name, value in materials.constants(radius).items():
+            if f"contact.{name}" not in changed and getattr(self.contact, name) == before[name]:
+                document["contact"][name] = value
 
 
 def _toml(document: Mapping[str, Any], provenance: Mapping[str, Provenance], heading: str) -> str:
@@ -495,6 +556,7 @@ def assemble(
                 if parts.get(section) is not None
             },
             law=parts.get("law") or {},
+            materials=parts.get("materials"),
             drive=parts.get("drive"),
             structure=stator if isinstance(stator, Structure) else None,
             solid=stator if isinstance(stator, Solid) else None,
@@ -530,6 +592,15 @@ def with_constants(mode: Mapping[str, Any], path: str, where: str, damping: Damp
     return found
 
 
+def refuse_source(path: str) -> None:
+    """Raise ParameterError for a value of the stator in a file, from which the modes are computed on loading."""
+    if path.startswith(OF_FILES):
+        raise ParameterError(
+            f"{path} is a value from which the modes are computed when the file is read. Change it in the file or by "
+            "--set, or change the modes themselves: paths such as modes.0.frequency_hz."
+        )
+
+
 def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
     """Put a value into a motor's document and return its path, with the number of the mode instead of its name."""
     section, _, rest = given.partition(".")
@@ -544,7 +615,10 @@ def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
         return path
     places = {f"modes.{index}": (*Mode.model_fields, *ALIASES) for index in range(len(names))}
     places |= {section: tuple(kind.model_fields) for section, kind in SECTIONS.items() if section in document}
+    if materials := document["contact"].get("materials"):
+        places["contact.materials"] = tuple(materials)
     known = ["name", *(f"{place}.{key}" for place, keys in places.items() for key in keys)]
+    refuse_source(given)
     if path not in known:
         close = difflib.get_close_matches(path, known, n=1)
         paths = "Paths are those of `piezomotor show --json`, such as contact.preload_n."

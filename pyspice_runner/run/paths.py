@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
 
-``law.*`` are the own parameters of the contact's law. ``contact.*``, ``rotor.*`` or ``slider.*``, ``mount.*``,
-``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
+``law.*`` are the own parameters of the contact's law. ``contact.*``, ``contact.materials.*``, ``rotor.*`` or
+``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
 :meth:`~pyspice_runner.motor.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
 ``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft;
 ``run.*`` are the settings of an analysis.
@@ -17,7 +17,7 @@ from typing import Any
 
 from pyspice_runner.circuit.law import PAPER_LAW, Law, touching_law
 from pyspice_runner.errors import ParameterError, did_you_mean
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, refuse_source
 from pyspice_runner.motor.refusal import Stated, quoted, unit_of
 from pyspice_runner.units import linear_unit, unit_in
 
@@ -71,6 +71,9 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
         return Parameter(path, run.get(key), unit_of_name(key))
     if section == "drive" and (of_part := drive.of_part(key)):
         return Parameter(path, *of_part)
+    refuse_source(path)
+    if path.startswith("contact.materials."):
+        section, key = "materials", path.rpartition(".")[2]
     if section == "modes":
         which, _, key = key.partition(".")
         names = [mode.name for mode in motor.modes]
@@ -81,6 +84,7 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     fields = getattr(type(owner), "model_fields", {})
     if key not in fields and not (section == "modes" and owner and key in _DERIVED):
         parts = [*motor, *((f"modes.{number}", mode) for number, mode in enumerate(motor.modes)), ("drive", drive)]
+        parts = [("contact.materials" if name == "materials" else name, part) for name, part in parts]
         every = [f"{name}.{key}" for name, part in parts for key in getattr(type(part), "model_fields", ())]
         raise unknown(path, [*every, *LOADS, *(f"run.{name}" for name in run)])
     nominal = getattr(owner, key)

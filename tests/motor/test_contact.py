@@ -13,8 +13,7 @@ from scipy.integrate import quad
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as law
-from pyspice_runner.motor.load import Materials
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Materials, Motor
 from pyspice_runner.motor.parameters import Contact, Mode, Mount, Rotor
 from tests.motors import mode, motor
 

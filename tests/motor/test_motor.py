@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 from math import pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -216,3 +218,57 @@ def test_any_change_gives_a_motor_or_one_clear_refusal(changes: dict[str, Any]) 
 def test_a_wrong_argument_of_a_method_is_an_error_of_the_package() -> None:
     with pytest.raises(ParameterError, match=r"^updated: changes = 5 is not valid: it must be "):
         motor().updated({5: 1.0})  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize("name", ["andersen2002", "bimodal40"])
+def test_the_contact_follows_the_radius_of_the_rotor_and_the_materials(name: str) -> None:
+    base = load_motor(name)
+    pair = base.materials
+    assert pair is not None
+    compliances = [
+        (1.0 - nu**2) / modulus
+        for modulus, nu in (
+            (pair.tip_youngs_modulus_pa, pair.tip_poisson), (pair.rotor_youngs_modulus_pa, pair.rotor_poisson)
+        )
+    ]  # fmt: skip
+    there = base.updated({"rotor.radius_m": 0.003, "contact.materials.tip_radius_m": 0.006})
+    assert there.contact.effective_radius_m == pytest.approx(0.002, rel=1e-12)
+    stiffness = 4.0 / 3.0 / sum(compliances) * sqrt(0.002)  # Hertz
+    assert there.contact.normal_stiffness_n_per_m15 == pytest.approx(stiffness, rel=1e-12)
+    ratio = 0.002 / (base.contact.effective_radius_m or 0.0)
+    for body in ("tip", "rotor"):  # K_t goes with R* to the power of -1/3
+        entry = f"tangential_compliance_{body}_m_per_n23"
+        assert getattr(there.contact, entry) == pytest.approx(
+            getattr(base.contact, entry) * ratio ** (-1 / 3), rel=1e-9
+        )
+    back = {"rotor.radius_m": base.rotor.radius_m, "contact.materials.tip_radius_m": pair.tip_radius_m}
+    assert there.updated(back).contact == base.contact
+
+
+def test_a_constant_of_the_contact_that_was_set_does_not_follow() -> None:
+    own = load_motor("bimodal40").updated({"contact.normal_stiffness_n_per_m15": 2e10})
+    there = own.updated({"rotor.radius_m": 0.012})
+    assert there.contact.normal_stiffness_n_per_m15 == 2e10
+    assert there.contact.effective_radius_m == pytest.approx(1.0 / (1.0 / 0.0065 + 1.0 / 0.012))
+
+
+def test_a_saved_motor_keeps_the_materials_of_its_contact(tmp_path: Path) -> None:
+    base = load_motor("andersen2002")
+    (tmp_path / "saved.toml").write_text(base.to_toml())
+    saved = load_motor(tmp_path / "saved.toml")
+    assert saved.contact == base.contact
+    change = {"rotor.radius_m": 0.003}
+    assert saved.updated(change).contact == base.updated(change).contact
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("contact.effective_radius_m", "Change contact.materials.tip_radius_m or rotor.radius_m instead."),
+        ("contact.poisson", "Change contact.materials.tip_poisson instead."),
+        ("beam.length_m", "Change it in the file or by --set, or change the modes themselves"),
+    ],
+)
+def test_a_value_that_follows_from_others_is_refused_with_the_path_to_use(path: str, message: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(message)):
+        load_motor("bimodal40").updated({path: 0.1})

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 import pyspice_runner as pr
 from pyspice_runner.motor import strength
 from pyspice_runner.motor.contact import contact_radius
-from pyspice_runner.motor.load import Materials
+from pyspice_runner.motor.motor import Materials
 from pyspice_runner.motor.parameters import Contact
 
 ALUMINA = Materials(

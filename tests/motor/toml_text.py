@@ -42,6 +42,6 @@ def reads_well(sentence: str) -> bool:
         and sentence[-1] in ".?"
         and 1 <= len(ends) <= 2
         and len(sentence) <= 400
-        and not re.search(r"Traceback|pydantic|validation error|<class|None of|\bInput should\b", sentence)
+        and not re.search(r"Traceback|pydantic|validation error|<class|None of|\bInput should\b", plain)
         and "  " not in plain
     )
