@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A calibration that was interrupted: the places of its searches in a JSON file, from which it goes on.
 
-The file has the hash of the problem and a hash of its content, which reveal another problem and a damaged file.
+The file has the hash of the problem, which reveals another problem.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, FiniteFloat, ValidationError
 
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.errors import ParameterError
@@ -25,6 +25,13 @@ from pyspice_runner.sweeps.task import drive_document, law_document
 _REMEDY = "Remove it, or name another file, to start from the beginning."
 
 
+class _State(BaseModel):
+    """The content of the file."""
+
+    problem: str
+    places: dict[str, list[FiniteFloat]] = {}  # number of the law → coordinates
+
+
 class Checkpoint:
     """The places of the searches of a calibration, one for each contact law; without a path they are not kept.
 
@@ -35,45 +42,41 @@ class Checkpoint:
 
     def __init__(self, path: str | Path | None, predictors: Sequence[Predictor]) -> None:
         self.path = None if path is None else Path(path)
-        self.places: dict[str, list[float]] = {}  # number of the law → coordinates
-        if self.path is None:
-            return
-        self.problem = fingerprint([_content(predictor) for predictor in predictors])
-        if self.path.exists():
-            self.places = self._read(self.path)
+        problem = "" if self.path is None else fingerprint([_content(predictor) for predictor in predictors])
+        self.state = _State(problem=problem)
+        if self.path is not None and self.path.exists():
+            self.state = self._read(self.path, len(predictors[0].unknowns))
         else:
-            self._write(self.path)  # so that a place that cannot be written is an error before the work begins
+            self._write()  # so that a place that cannot be written is an error before the work begins
 
     def place(self, law: int) -> Array | None:
         """Return the coordinates from which the search with the law of this number goes on; ``None`` for a new one."""
-        return np.array(self.places[str(law)]) if str(law) in self.places else None
+        places = self.state.places
+        return np.array(places[str(law)]) if str(law) in places else None
 
     def keep(self, law: int, x: Array) -> None:
         """Keep the coordinates of a search."""
-        self.places[str(law)] = x.tolist()
-        if self.path is not None:
-            self._write(self.path)
+        self.state.places[str(law)] = x.tolist()
+        self._write()
 
-    def _read(self, path: Path) -> dict[str, list[float]]:
-        damaged = ParameterError(f"{path} is not the unfinished state of a calibration, or is damaged. {_REMEDY}")
+    def _read(self, path: Path, free: int) -> _State:
+        text = read_document(path, "the path of a .json file in which a calibration keeps its state")
         try:
-            found = json.loads(read_document(path, "the path of a .json file in which a calibration keeps its state"))
-            problem, places = found["problem"], found["places"]
-            if found["seal"] != fingerprint([problem, places]):
-                raise damaged
-        except (ValueError, TypeError, KeyError, RecursionError):
-            raise damaged from None
-        if problem != self.problem:
+            found = _State.model_validate_json(text)
+        except ValidationError:
+            found = None
+        if found is None or any(len(place) != free for place in found.places.values()):
+            raise ParameterError(f"{path} is not the unfinished state of a calibration, or is damaged. {_REMEDY}")
+        if found.problem != self.state.problem:
             raise ParameterError(
                 f"{path} belongs to another calibration: motor, drive, free parameters, data, contact laws or priors "
                 f"differ. {_REMEDY}"
             )
-        return dict(places)
+        return found
 
-    def _write(self, path: Path) -> None:
-        seal = fingerprint([self.problem, self.places])
-        document = {"problem": self.problem, "places": self.places, "seal": seal}
-        save_by_ending(path, {".json": lambda file: write_json(file, document)})
+    def _write(self) -> None:
+        if self.path is not None:
+            save_by_ending(self.path, {".json": lambda file: write_json(file, self.state.model_dump())})
 
     def __enter__(self) -> Checkpoint:
         return self
@@ -81,7 +84,7 @@ class Checkpoint:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         if self.path is None:
             return
-        if error is None or not self.places:
+        if error is None or not self.state.places:
             self.path.unlink(missing_ok=True)
         elif isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(

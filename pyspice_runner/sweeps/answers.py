@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import closing
-from typing import Any, TypeGuard
+from typing import Any
 
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.run.paths import unknown
@@ -34,7 +34,7 @@ def answers_to(
 ) -> tuple[dict[str, dict[str, Any]], dict[str, BaseException]]:
     """Return by address what the points gave, and why others failed: out of the store, or worked out and stored."""
     stored = {address: store.get(task.content) for address, task in tasks.items()}
-    found = {address: picked(result) for address, result in stored.items() if _is_answer(result)}
+    found = {address: picked(result) for address, result in stored.items() if result is not None}
     failed: dict[str, BaseException] = {}
     progress(len(found), len(tasks))
     missing = {address: task for address, task in tasks.items() if address not in found}
@@ -74,14 +74,6 @@ def _together(tasks: Mapping[str, Task]) -> Iterator[tuple[str, dict[str, Any]]]
         for (address, task, _), result in zip(batch, results, strict=True):
             if result is not None:
                 yield address, task.answer(result)
-
-
-def _is_answer(stored: Any) -> TypeGuard[Mapping[str, Any]]:
-    """Tell whether an entry of the store has the form that :class:`Task` returns."""
-    if not isinstance(stored, dict) or not isinstance(stored.get("deck_sha256"), str):
-        return False
-    numbers = stored.get("numbers")
-    return isinstance(numbers, dict) and all(type(value) in (float, int) for value in numbers.values())
 
 
 def picked_from(result: Mapping[str, Any], wanted: Mapping[str, Quantity]) -> dict[str, Any]:

@@ -10,17 +10,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import time
 import uuid
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import cache_folder
-
-_ABANDONED = 3600.0  # s; an unfinished file of this age belongs to a process that was killed
 
 
 class Store:
@@ -35,10 +31,6 @@ class Store:
         self.folder = Path(folder) if folder is not None else cache_folder("points", no_home)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            for part in self.folder.glob("*/.*.part"):
-                with suppress(FileNotFoundError):  # it was just finished
-                    if part.stat().st_mtime < time.time() - _ABANDONED:
-                        part.unlink()
         except (OSError, ValueError) as error:  # a name with a null character raises ValueError
             raise self._refusal(getattr(error, "strerror", None) or str(error)) from error
         if not os.access(self.folder, os.W_OK | os.X_OK):

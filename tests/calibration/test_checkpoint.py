@@ -52,7 +52,7 @@ def test_an_interrupted_calibration_goes_on_and_computes_fewer_steady_states(tmp
 POINTS = {"speed_rad_s": [4.0], "torque_n_m": [0.008]}
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"problem": 1, "places": {"0": [0.1, 0.2]}, "seal": "0"}', "[" * 10_000])
+@pytest.mark.parametrize("text", ["", "[]", '{"problem": "1", "places": {"0": [0.1, 0.2]}}', "[" * 10_000])
 def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, text: str, capfd: pytest.CaptureFixture[str]) -> None:
     table, file = tmp_path / "points.csv", tmp_path / "unfinished.json"
     table.write_text("speed_rad_s,torque_n_m\n4,0.008\n", encoding="utf-8")

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -109,18 +107,6 @@ def test_a_folder_in_the_place_of_an_entry_is_named_before_the_run(store: Store)
 def test_an_entry_is_readable_json(store: Store) -> None:
     store.put(CONTENT, {"torque_n_m": 0.5})
     assert json.loads(entry(store).read_text(encoding="utf-8"))["content"] == CONTENT
-
-
-def test_unfinished_files_of_a_killed_process_are_removed_in_time(store: Store) -> None:
-    store.put(CONTENT, RESULT)
-    old, young = (entry(store).with_name(f".{name}.part") for name in ("old", "young"))
-    for path in (old, young):
-        path.touch()
-    os.utime(old, (time.time() - 7200,) * 2)
-    Store(store.folder)
-    assert not old.exists()
-    assert young.exists()  # another sweep may be writing it
-    assert store.get(CONTENT) == RESULT
 
 
 def test_many_threads_may_read_and_write_one_store_at_once(store: Store) -> None:

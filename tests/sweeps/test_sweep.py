@@ -28,7 +28,6 @@ from pyspice_runner.cli import run
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.sweeps.plan import named
 from pyspice_runner.sweeps.specification import met
-from pyspice_runner.sweeps.store import Store
 from pyspice_runner.sweeps.task import Task, versions_here
 from tests import points, processes
 
@@ -278,29 +277,6 @@ def test_damaged_and_foreign_entries_are_computed_again(quick: dict[str, Any]) -
     assert said[0] == (2, 4)
     xarray.testing.assert_identical(again, whole)
     assert heard(over=over, **quick)[1] == [(4, 4)]
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        [],
-        "numbers",
-        {"numbers": [1.0], "deck_sha256": ""},
-        {"numbers": {"torque_n_m": "much"}, "deck_sha256": ""},
-        {"numbers": {"torque_n_m": [1.0]}, "deck_sha256": ""},
-        {"numbers": {"torque_n_m": 1.0}, "deck_sha256": 7},
-        {"numbers": {"torque_n_m": 1.0}},
-    ],
-)
-def test_an_entry_of_another_form_is_computed_again(quick: dict[str, Any], entry: Any) -> None:
-    over = {"contact.preload_n": [1.0]}
-    whole, _ = heard(over=over, **quick)
-    (path,) = quick["store"].rglob("*.json")
-    content = json.loads(path.read_text(encoding="utf-8"))["content"]
-    Store(quick["store"]).put(content, entry)
-    again, said = heard(over=over, **quick)
-    assert said[0] == (0, 1)
-    xarray.testing.assert_identical(again, whole)
 
 
 def test_functions_and_versions_are_part_of_the_address(quick: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
