@@ -16,7 +16,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -83,12 +83,9 @@ def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str,
             # a task whose worker died may be short of memory: run it alone, last
             while waiting and len(busy) < (1 if deaths[waiting[0]] else number):
                 worker, address = idle.pop() if idle else start(), waiting.popleft()
-                error = _send(worker, tasks[address])
-                if error:
-                    idle.append(worker)
-                    yield address, error
-                else:
-                    busy[worker] = address
+                with suppress(OSError):  # a dead worker: _receive sees the closed pipe
+                    worker.send(tasks[address])
+                busy[worker] = address
             ready = wait(list(busy)) if busy else []
             for worker in [one for one in busy if one in ready]:
                 address, outcome = busy.pop(worker), _receive(worker)
@@ -103,17 +100,6 @@ def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str,
                     yield address, BrokenExecutor()
         for address in [*busy.values(), *waiting]:
             yield address, BrokenExecutor()
-
-
-def _send(worker: Connection, task: Task) -> Exception | None:
-    """Send a task to a worker. Return the error if pickling fails."""
-    try:
-        worker.send(task)
-    except OSError:  # dead worker: _receive sees the closed pipe
-        return None
-    except Exception as error:  # noqa: BLE001 # pickle raises what the task raises
-        return error
-    return None
 
 
 def _receive(worker: Connection) -> Outcome | None:

@@ -93,6 +93,7 @@ def test_a_file_that_is_not_an_entry_counts_as_missing(store: Store, text: str) 
 def test_a_folder_in_the_place_of_an_entry_is_named_before_the_run(store: Store) -> None:
     store.put(CONTENT, RESULT)
     path = entry(store)
+    assert json.loads(path.read_text(encoding="utf-8"))["content"] == CONTENT
     path.unlink()
     path.mkdir()
     with pytest.raises(pr.ParameterError, match=f"{path} of the store: Is a directory. Remove what is in its place"):
@@ -102,11 +103,6 @@ def test_a_folder_in_the_place_of_an_entry_is_named_before_the_run(store: Store)
     path.parent.touch()
     with pytest.raises(pr.ParameterError, match=f"{path} of the store: Not a directory. Remove"):
         store.get(CONTENT)
-
-
-def test_an_entry_is_readable_json(store: Store) -> None:
-    store.put(CONTENT, {"torque_n_m": 0.5})
-    assert json.loads(entry(store).read_text(encoding="utf-8"))["content"] == CONTENT
 
 
 def test_many_threads_may_read_and_write_one_store_at_once(store: Store) -> None:
