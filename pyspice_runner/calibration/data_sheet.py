@@ -67,25 +67,22 @@ class DataSheet:
     def check_power(self, drive: TwoPhaseDrive) -> None:
         """Raise ParameterError where the powers at the rated point contradict each other at this voltage."""
         voltage = drive.voltage * sqrt(0.5 * (1.0 + drive.ratio_b**2))  # amplitude, root mean square of the groups
+        most, source = float("inf"), ""
         if self.rated_current is not None:
-            apparent = GROUPS * voltage / sqrt(2.0) * self.rated_current
-            of_current = f"{apparent:.4g} VA, that of {GROUPS} groups at {drive.voltage:g} V amplitude and "
-            of_current += f"{self.rated_current:g} A rms"
-        else:
-            apparent, of_current = float("inf"), ""
-        if self.rated_power is not None and self.rated_power > apparent:
-            raise ParameterError(
-                f"rated_power = {self.rated_power:g} W contradicts the apparent power of {of_current}: it cannot be "
-                "greater. Check power, current (rms of one group) and voltage (amplitude)."
-            )
-        if self.rated_speed is None or self.rated_load is None:
-            return
-        output = self.rated_speed * self.rated_load
-        power = min(apparent, self.rated_power or float("inf"))
-        if output >= power:
+            most = GROUPS * voltage / sqrt(2.0) * self.rated_current
             source = (
-                f"the electrical power of {power:g} W" if power < apparent else f"the apparent power of {of_current}"
+                f"the apparent power of {most:.4g} VA, that of {GROUPS} groups at {drive.voltage:g} V amplitude and "
             )
+            source += f"{self.rated_current:g} A rms"
+        if self.rated_power is not None:
+            if self.rated_power > most:
+                raise ParameterError(
+                    f"rated_power = {self.rated_power:g} W contradicts {source}: it cannot be greater. Check power, "
+                    "current (rms of one group) and voltage (amplitude)."
+                )
+            most, source = self.rated_power, f"the electrical power of {self.rated_power:g} W"
+        output = (self.rated_speed or 0.0) * (self.rated_load or 0.0)
+        if output >= most:
             raise ParameterError(
                 f"The rated point gives {output:.4g} W at the shaft ({self.rated_load:g} {self.unit('rated_load')} at "
                 f"{self.rated_speed:g} {self.unit('rated_speed')}), but takes at most {source}. Check the numbers and "

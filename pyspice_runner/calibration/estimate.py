@@ -3,7 +3,7 @@ r"""Calibration: the parameters of a motor from measured operating points, spect
 
 With the coordinates x of the free parameters (:class:`~.unknowns.Unknown`), the residuals are
 :math:`r_i = (f_i(x) - y_i)/\sigma_i` of each measured value, and :math:`x_j/w_j` of what was known before, at
-least the order of magnitude. :mod:`.search` finds x, :mod:`.statistics` its meaning, :mod:`.profiles` the intervals.
+least the order of magnitude. :mod:`.search` finds x, :mod:`.statistics` its meaning and the intervals.
 """
 
 from __future__ import annotations

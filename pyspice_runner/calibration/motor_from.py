@@ -40,7 +40,7 @@ from pyspice_runner.calibration import motor_class
 from pyspice_runner.calibration.data_sheet import DataSheet
 from pyspice_runner.calibration.points import Curve
 from pyspice_runner.calibration.prediction import DIFFERENCE, Prediction, Predictor
-from pyspice_runner.calibration.provenance import Annotated, Origin, of_class, of_spectra
+from pyspice_runner.calibration.provenance import Annotated, Origin, of_class, of_spectra, value_of
 from pyspice_runner.calibration.similar import as_stage
 from pyspice_runner.calibration.unknowns import Unknown
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -113,13 +113,10 @@ class MotorFrom(Result):
             name: f"{value:.5g} measured, {self.computed[name]:.5g} computed" for name, value in self.measured.items()
         }
         document = self.motor.to_dict() | {"drive": self.motor.drive}
-        for path, origin in self.origins.items():
-            value: Any = document
-            for key in path.split("."):
-                value = value[int(key)] if isinstance(value, list) else value.get(key)
-            if value is not None:
-                found[path] = f"{value:.5g} ({origin})"
-        return found
+        values = {path: value_of(document, path) for path in self.origins}
+        return found | {
+            path: f"{value:.5g} ({self.origins[path]})" for path, value in values.items() if value is not None
+        }
 
 
 @checked

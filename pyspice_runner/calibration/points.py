@@ -78,14 +78,9 @@ _KINDS: dict[str, tuple[tuple[str, dict[str, float]], ...]] = {  # of headings: 
     "current phase b": (("current_b_phase_deg", _ANGLE),),
 }
 _WORDS = {
-    "velocity": "speed",
-    "n": "speed",
-    "v": "speed",
-    "f": "force",
-    "thrust": "force",
-    "m": "torque",
-    "t": "torque",
-}
+    "velocity": "speed", "n": "speed", "v": "speed", "f": "force", "thrust": "force", "m": "torque", "t": "torque",
+}  # fmt: skip
+_PLAIN = str.maketrans("µμ", "uu", "·*⋅ .-")  # of units
 
 
 @dataclass(frozen=True)
@@ -228,8 +223,7 @@ def _column_of(heading: str) -> tuple[str, float] | None:
     if found is None:
         return None
     words = found[1].lower().split()
-    unit = (found[2] or found[3] or found[4]).strip().lower()
-    unit = re.sub(r"[·*⋅ .-]", "", unit.replace("µ", "u").replace("μ", "u"))
+    unit = (found[2] or found[3] or found[4]).lower().translate(_PLAIN)
     named = (" ".join(words), words[-1], words[0])
     for word in ("resonance",) if any(word.startswith("resonan") for word in words) else named:
         for column, units in _KINDS.get(_WORDS.get(word, word), ()):

@@ -61,7 +61,6 @@ class Prediction:
     values: Array  # at the measured points, then of the curves
     solutions: tuple[Solution, ...] = ()  # of the points
     peaks: Mapping[int, Peak] = field(default_factory=dict)  # by the places of measured resonances
-    states: tuple[SteadyState, ...] = ()
 
     @property
     def known(self) -> bool:
@@ -283,8 +282,7 @@ class Predictor:
             except (ParameterError, SimulationError):  # no such motor at the temperature, or no such run
                 parts.append(np.full(len(one.measured), np.nan))
         solutions = tuple(state.solution if state and _sound(state) else None for state in states)
-        plain = tuple(replace(state, solution=None) for state in states if isinstance(state, SteadyState))
-        return Prediction(np.concatenate(parts), solutions, trial.peaks, plain)
+        return Prediction(np.concatenate(parts), solutions, trial.peaks)
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.

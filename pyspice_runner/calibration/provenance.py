@@ -49,12 +49,11 @@ def words_of(measured: Sequence[str]) -> str:
     return "the " + ", ".join(key.rpartition("_")[0].replace("_", " ") for key in measured)
 
 
-def value_of(motor: Motor, path: str) -> float:
-    """Return a value of a motor; 0 for one that is not known."""
-    value: Any = motor.model_dump()
+def value_of(document: Any, path: str) -> float | None:
+    """Return a value of a motor's document by its path; ``None`` for one that is not known."""
     for key in path.split("."):
-        value = value[int(key)] if isinstance(value, list | tuple) else value[key]
-    return float(value or 0.0)
+        document = document[int(key)] if isinstance(document, list | tuple) else document.get(key)
+    return None if document is None else float(document)
 
 
 def of_spectra(
@@ -70,9 +69,10 @@ def of_spectra(
         known: prior relative standard deviation of the contact's stiffnesses.
     """
     contact = {path: share for path, share in relative.items() if path != "mass_kg"}
+    document = motor.model_dump()
     errors = _errors_of_modes(motor, fit, relative.get("mass_kg", 0.0))
     errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
-    errors |= {path: share * value_of(motor, path) for path, share in contact.items()}
+    errors |= {path: share * (value_of(document, path) or 0.0) for path, share in contact.items()}
     provenance = dict(motor.provenance)
     note = f"fitted to {words_of(targets)} by steady_state"
     # where the measurements improve on the base motor
@@ -86,7 +86,7 @@ def of_spectra(
     for path, own in provenance.items():
         if path.startswith("drive."):
             continue
-        value = abs(value_of(motor, path))
+        value = abs(value_of(document, path) or 0.0)
         width = errors[path] / value if path in errors and value else None
         of_sheet = path.startswith("contact.") or path.endswith("mass_kg")
         if own.kind == "assumed":
@@ -139,7 +139,7 @@ def of_class(motor: Motor, base: Motor, relative: Mapping[str, float], measured:
     origins, errors, provenance = dict[str, Origin](), dict[str, float](), dict[str, Provenance]()
     words = words_of(measured)
     for path in paths:
-        value, factor = value_of(motor, path), factors.get(path, "")
+        value, factor = value_of(document, path), factors.get(path, "")
         if not value:  # an effect that is off
             continue
         share = relative.get(factor, inf)

@@ -14,8 +14,7 @@ import numpy as np
 from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.points import TEMPERATURE, Curve, Points, read_points
 from pyspice_runner.calibration.prediction import Predictor
-from pyspice_runner.calibration.run_up import RunUp
-from pyspice_runner.calibration.spectra import Band, temperatures_of
+from pyspice_runner.calibration.spectra import temperatures_of
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_rows
@@ -23,7 +22,6 @@ from pyspice_runner.motor.motor import ALIASES, Motor, Provenance
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.steady.steady import SteadyState
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
 NO_SUPPORT = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
@@ -42,12 +40,6 @@ class Estimate:
     start: float
     unit: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the estimate, JSON-ready."""
-        found = json_ready(vars(self))
-        del found["path"]
-        return dict(found)
-
 
 @dataclass(frozen=True)
 class Rival:
@@ -58,10 +50,6 @@ class Rival:
     freedom: int  # number of values less that of parameters
     misfits: tuple[str, ...]  # the data that it does not explain
     failed: str = ""  # why, if it failed
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fit, JSON-ready."""
-        return {"contact": self.law, "aicc": self.aicc, "misfits": list(self.misfits), "failed": self.failed}
 
 
 @dataclass(frozen=True)
@@ -135,7 +123,6 @@ class Calibration(Result):
     fits: tuple[SetFit, ...]
     warnings: tuple[str, ...]
     steady_states: int
-    states: tuple[SteadyState, ...]
     rivals: tuple[Rival, ...] = ()
 
     @property
@@ -158,16 +145,6 @@ class Calibration(Result):
     def curves(self) -> list[tuple[Curve, slice]]:
         """The measured spectra, then the run-ups, each with the places of its values."""
         return self.predictor.of_curves
-
-    @property
-    def bands(self) -> tuple[Band, ...]:
-        """The measured spectra."""
-        return tuple(one for one in self.predictor.curves if isinstance(one, Band))
-
-    @property
-    def run_ups(self) -> tuple[RunUp, ...]:
-        """The measured run-ups."""
-        return tuple(one for one in self.predictor.curves if isinstance(one, RunUp))
 
     @property
     def measured(self) -> Array:
@@ -268,7 +245,9 @@ class Calibration(Result):
             "motor": self.start.name,
             "data": self.sources,
             "contact": self.law,
-            "parameters": {one.path: one.to_dict() for one in self.estimates},
+            "parameters": {
+                one.path: {name: value for name, value in vars(one).items() if name != "path"} for one in self.estimates
+            },
             "rms_residual": self.rms_residual,
             "warnings": list(self.warnings),
             "sum_of_squares": self.squares,
@@ -276,7 +255,11 @@ class Calibration(Result):
             "error_scale": self.scale,
             "fits": self.fits,
             "aicc": self.aicc,
-            "rivals": [{**one.to_dict(), "verdict": self._against(one)} for one in self.rivals],
+            "rivals": [
+                {"contact": one.law, "aicc": one.aicc, "misfits": one.misfits, "failed": one.failed,
+                 "verdict": self._against(one)}
+                for one in self.rivals
+            ],
             "correlations": self.correlations,
             "steady_states": self.steady_states,
             "points": [

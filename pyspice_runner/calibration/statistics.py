@@ -3,6 +3,11 @@ r"""What the end of a search means: covariance, intervals, fit of each set of da
 
 With the weights :math:`W` of the loss, the covariance is :math:`s^2 (J^T W J)^{-1}`, where s = 1 for given errors, and
 the RMS residual otherwise.
+
+Intervals are those of the profile likelihood. A value moves until the sum of squares, minimised over all other
+parameters, has grown by 3.84 s². The other parameters follow by Gauss and Newton's method, with a Jacobian that
+Broyden's rule keeps up to date. All parameters and both sides share the calls of the model. D. M. Bates, D. G. Watts,
+"Nonlinear Regression Analysis and Its Applications", Wiley 1988, ch. 6.
 """
 
 from __future__ import annotations
@@ -14,14 +19,17 @@ import numpy as np
 
 from pyspice_runner.calibration.misfit import WRONG_READING, fits_of, huber, misfits, weights_of
 from pyspice_runner.calibration.points import DEFAULT_ERROR
-from pyspice_runner.calibration.profiles import Side, Solution, profiles
 from pyspice_runner.calibration.result import Calibration, Estimate
 from pyspice_runner.calibration.run_up import RunUp
-from pyspice_runner.calibration.search import Search
+from pyspice_runner.calibration.search import Search, broyden
 from pyspice_runner.calibration.unknowns import WIDE, Unknown
 from pyspice_runner.run.waveforms import Array
 
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
+_RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
+_ROUNDS = 6  # computations of the sum of squares at each end of a profile, most of them for curved valleys
+_LONGEST_STEP = 0.3  # of the other parameters of a profile, in coordinates
+_FLAT = 0.05  # of the rise, below which a profile counts as flat
 _MOST_NAMED = 10  # outliers that are named
 _EXPERIMENTS = {  # start of a path → what determines such a value; the first that matches
     "modes.": "measure a spectrum of the free stator about that mode",
@@ -81,11 +89,10 @@ class Judgement:
             rms_residual=float(np.sqrt(np.mean(self.residuals[:count][known] ** 2))) if known.any() else 0.0,
             squares=self.squares, freedom=self.freedom, scale=self.scale, fits=self.fits,
             warnings=tuple(self._warnings(estimates, correlations)), steady_states=predictor.counter.solved,
-            states=self.here.states,
         )  # fmt: skip
 
-    def _profiles(self) -> list[tuple[Side, Side]]:
-        """Return both sides of the profile of each coordinate."""
+    def _profiles(self) -> list[tuple[_Side, _Side]]:
+        """Return both sides of the profile of each coordinate, at the ends of the interval."""
         predictor, prior = self.predictor, self.search.prior
 
         def residuals_at(places: list[Array]) -> list[Array]:
@@ -94,12 +101,16 @@ class Judgement:
                      for one, x in zip(found, places, strict=True)]  # fmt: skip
             return [np.where(self.known & np.isfinite(one), one, 0.0) for one in every]
 
-        return profiles(Solution(
-            self.x, self.search.bounds, self.covariance, self.slope, self.residuals, self.known, self.squares,
-            self.scale,
-        ), residuals_at)  # fmt: skip
+        pairs = [(_Side(self, place, -1.0), _Side(self, place, 1.0)) for place in range(len(self.x))]
+        for _ in range(_ROUNDS):
+            pending = [side for pair in pairs for side in pair if not side.done]
+            if not pending:
+                break
+            for side, residuals in zip(pending, residuals_at([side.x for side in pending]), strict=True):
+                side.take(residuals)
+        return pairs
 
-    def _estimate(self, place: int, unknown: Unknown, sides: tuple[Side, Side]) -> Estimate:
+    def _estimate(self, place: int, unknown: Unknown, sides: tuple[_Side, _Side]) -> Estimate:
         x = float(self.x[place])
         low, high = sorted(unknown.value(x + side.sign * side.end) for side in sides)
         closed = not any(side.open for side in sides)
@@ -155,6 +166,46 @@ class Judgement:
             f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
             for place in far[:_MOST_NAMED]
         ]
+
+
+class _Side:
+    """One end of an interval: the other parameters follow, until the sum of squares has grown by what it may."""
+
+    def __init__(self, solution: Judgement, place: int, sign: float) -> None:
+        self.solution, self.place, self.sign = solution, place, sign
+        variance = float(solution.covariance[place, place])
+        self.limit = min(WIDE, abs(float(solution.search.bounds[int(sign > 0.0), place] - solution.x[place])))
+        self.end = min(sqrt(_RISE * variance), self.limit)  # distance from the solution
+        self.x = np.clip(
+            solution.x + sign * self.end * solution.covariance[:, place] / variance, *solution.search.bounds
+        )
+        self.slope, self.residuals, self.at = solution.slope, solution.residuals, solution.x
+        self.done = self.open = False
+
+    def take(self, residuals: Array) -> None:
+        """Take the residuals at the place, and go on to the next one."""
+        solution, allowed = self.solution, _RISE * self.solution.scale**2
+        self.slope = broyden(self.slope, residuals - self.residuals, self.x - self.at)
+        self.residuals, self.at = residuals, self.x
+        others = np.arange(len(solution.x)) != self.place
+        roots = np.sqrt(weights_of(residuals) * solution.known)
+        slope = self.slope[:, others] * roots[:, None]
+        gradient = slope.T @ (roots * residuals)
+        move = np.clip(np.linalg.solve(slope.T @ slope, gradient), -_LONGEST_STEP, _LONGEST_STEP)
+        gain = float(gradient @ move)
+        rise = max(float(huber(residuals).sum()) - solution.squares, 0.0)
+        share = max((rise - gain) / allowed, _FLAT)  # what the other parameters will leave of it
+        following = self.x.copy()
+        following[others] -= move
+        if gain > 0.1 * allowed:  # the other parameters are still on their way
+            self.x = np.clip(following, *solution.search.bounds)
+            return
+        self.open = share < 1.0 and self.end >= self.limit
+        self.done = self.open or 0.8 < share < 1.25
+        grown = min(self.end * min(max(share**-0.5, 0.5), 2.0), self.limit)
+        following += (grown / self.end - 1.0) * (following - solution.x)
+        following[self.place] = solution.x[self.place] + self.sign * grown
+        self.end, self.x = grown, np.clip(following, *solution.search.bounds)
 
 
 def _undecided(estimates: Sequence[Estimate], place: int, correlations: Array) -> str:

@@ -22,9 +22,8 @@ def calibration(result: Calibration) -> Sheet:
     """Return the values over those at the start, residuals and curves of the points, each spectrum and run-up."""
     panels: dict[str, Panel] = {"values": partial(_values, result)}
     residuals = (result.predicted - result.measured) / result.errors
-    start = 0
     if result.points is not None:
-        start, numbers = len(result.points.values), result.columns()["point"]
+        numbers = result.columns()["point"]
         of_points = {}
         for quantity in dict.fromkeys(result.points.quantities):
             places = [place for place, name in enumerate(result.points.quantities) if name == quantity]
@@ -32,15 +31,15 @@ def calibration(result: Calibration) -> Sheet:
         panels["residuals"] = partial(_residuals, "number of the point", of_points, "points")
         if _curves(result):
             panels["curves"] = partial(_torques, result)
-    for number, band in enumerate(result.bands, start=1):
-        own = slice(start, start := start + len(band.measured))
+    bands = [(one, own) for one, own in result.curves if isinstance(one, Band)]
+    for number, (band, own) in enumerate(bands, start=1):
         panels[f"spectrum {number}"] = partial(_spectrum, band, result.predicted[own])
         frequency = LABELS["frequency_hz"]
         halves = zip(("real part", "imaginary part"), np.split(residuals[own], 2), strict=True)
         parts = {name: (frequency.scale * band.at, half) for name, half in halves}
         panels[f"residuals {number}"] = partial(_residuals, frequency, parts, band.state)
-    for number, run_up in enumerate(result.run_ups, start=1):
-        own = slice(start, start := start + len(run_up.measured))
+    run_ups = [(one, own) for one, own in result.curves if isinstance(one, RunUp)]
+    for number, (run_up, own) in enumerate(run_ups, start=1):
         panels[f"run-up {number}"] = partial(_run_up, run_up, result.predicted[own], result.start.slider is not None)
         time = time_label(float(run_up.at[-1]))
         parts = {"speed": (time.scale * run_up.at, residuals[own])}
