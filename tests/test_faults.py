@@ -49,6 +49,8 @@ RUNS = {  # the commands that run ngspice, with the shortest possible runs
     "track": ["andersen2002"],
     "report": ["andersen2002", "--output", "report.html"],
     "export": ["andersen2002", "--output", "motor.s2p"],
+    "steady": ["bimodal40"],
+    "map": ["bimodal40", "--over", "drive.voltage=100:150:2"],
 }
 SIMULATE = ["simulate", *RUNS["simulate"]]
 SWEEP = ["sweep", "andersen2002", "--over", "drive.voltage=10:40:4", "--duration", "2e-4", "--store", "../store"]
@@ -119,7 +121,7 @@ def test_an_old_ngspice_is_rejected(ngspice: Callable[..., None], capsys: pytest
     assert capsys.readouterr() == ("", "piezomotor: ngspice 34 is too old; version 36 or later is needed.\n")
 
 
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, RUNS, ["admittance", "sweep"]))
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, RUNS, ["admittance", "sweep", "steady", "map"]))
 def test_a_killed_ngspice_is_reported(
     name: str, folder: Path, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:

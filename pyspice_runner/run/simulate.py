@@ -112,8 +112,7 @@ def simulated(
         run = _run(point, duration, signals, record_from, record_every, estimate=estimate, progress=progress)
         if accuracy is None:
             return run
-        if run.error_estimate is None:
-            raise SimulationError("The error could not be estimated: the run failed with twice the step. Give a step.")
+        assert run.error_estimate is not None
         error = _MARGIN * run.error_estimate
         if error <= accuracy:
             return run
@@ -171,6 +170,7 @@ def _run(
                 errors = coarser.errors(waves)
             except KeyboardInterrupt:
                 interrupted = True
+            inexact += filter(None, [coarser.missing])
         window = Window(samples["time"], setup.source.measured_period(samples))
         stressed: dict[str, Any] = {"cautions": []}
         if signals is None:
@@ -294,6 +294,7 @@ class CoarserRuns:
         self._setup, self._names = setup, [name for name in JUDGED if name in names]
         self._duration, self._record_from = duration, record_from
         self.reached_s = 0.0  # COST times the duration at the end
+        self.missing = ""  # why there is no estimate, in a sentence
         self._pool = ThreadPoolExecutor(1)
         self._ended = Event()
 
@@ -305,12 +306,14 @@ class CoarserRuns:
         self._ended.set()
         self._pool.shutdown()
 
-    def _run(self) -> tuple[list[Mapping[str, Array]], float] | None:
-        """Return the columns of both runs and the wall time in s of ngspice; ``None`` if a run fails."""
+    def _run(self) -> tuple[list[Mapping[str, Array]], float]:
+        """Return the columns of the runs up to one that fails, and the wall time in s of ngspice."""
         setup, seconds = self._setup, 0.0
         coarser: list[Mapping[str, Array]] = []
         for factor, before in ((2.0, 0.0), (4.0, 0.5 * self._duration)):
             if factor * setup.step > setup.coarsest_step:
+                if factor == 2.0:
+                    self.missing = "No error is estimated: the model does not allow twice the step. Give a shorter one."
                 break
             trial = setup.with_step(factor * setup.step)
             recording = Recording(trial, trial.discretisation, self._record_from == 0.0)
@@ -318,8 +321,12 @@ class CoarserRuns:
             tell = partial(self._tell, factor, before)
             try:
                 outcome = trial.run(self._duration, vectors, record_from=self._record_from, progress=tell)
-            except (SimulationError, _Ended):
-                return None
+            except SimulationError as error:
+                if factor == 2.0:
+                    self.missing = f"No error is estimated, since the run with twice the step failed: {error}"
+                break
+            except _Ended:
+                break
             seconds += outcome.seconds
             coarser.append(recording.columns(outcome.vectors(), self._names))
         return coarser, seconds
@@ -330,11 +337,15 @@ class CoarserRuns:
         self.reached_s = before + reached / factor
 
     def errors(self, waves: Mapping[str, Array]) -> Errors | None:
-        """Return the errors of a run with these columns; ``None`` if a coarser run fails, or its step is too long."""
-        found = self._found.result()
-        if found is None or not found[0]:
+        """Return the errors of a run with these columns; ``None`` if the run with twice the step fails.
+
+        Raise SimulationError if it fails and an accuracy is requested.
+        """
+        coarser, seconds = self._found.result()
+        if not coarser and self._setup.solver.accuracy is not None:
+            raise SimulationError(self.missing)
+        if not coarser:
             return None
-        coarser, seconds = found
         setup, rested = self._setup, self._record_from == 0.0
         first = _distance(waves, coarser[0], rested)
         opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())

@@ -9,7 +9,6 @@ therefore measured in decks whose copies have their steps in common, one of them
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -118,7 +117,7 @@ class DrivenMap(PeriodMap):
             except SimulationError as error:
                 if error.deck is None:
                     raise  # ngspice did not run at all
-                shutil.rmtree(error.deck.parent, ignore_errors=True)
+                self.effort.fail(error)
                 half = len(others) // 2
                 parts = (others[:half], others[half:]) if half else ()
                 return [pair for part in parts for pair in evaluated([first, *part])] or [(None, None)]

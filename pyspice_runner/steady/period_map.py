@@ -106,6 +106,7 @@ class Effort:
     simulated_s: float = 0.0  # simulated time in s, summed over the states
     seconds: float = 0.0  # wall time in s that ngspice took, summed over the runs
     ngspice_version: str = ""  # of the last run; empty before the first
+    failure: SimulationError | None = None  # the first one, while every run fails
     _hashes: set[str] = field(default_factory=set, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)  # decks run in threads
 
@@ -117,10 +118,28 @@ class Effort:
             self.seconds += seconds
             self.ngspice_version = ngspice_version
             self._hashes.add(hashlib.sha256(deck.encode()).hexdigest())
+            if self.failure is not None:
+                _discard(self.failure)
+                self.failure = None
+
+    def fail(self, error: SimulationError) -> None:
+        """Note the failure of a run, and keep its netlist if it is the first of runs that all failed."""
+        with self._lock:
+            if self.evaluations or self.failure is not None:
+                _discard(error)
+            else:
+                self.failure = error
 
     def hashes(self) -> str:
         """Return the hashes of the circuits that were run, in an order that does not depend on their timing."""
         return "".join(sorted(self._hashes))
+
+
+def _discard(error: SimulationError) -> None:
+    """Delete the netlist of a failed run. Raise the error if it has none: ngspice did not run at all."""
+    if error.deck is None:
+        raise error
+    shutil.rmtree(error.deck.parent, ignore_errors=True)
 
 
 @dataclass
@@ -239,7 +258,7 @@ class PeriodMap:
         except SimulationError as error:
             if error.deck is None or (self.timeout is not None and perf_counter() - began >= self.timeout):
                 raise  # ngspice did not run at all, or took too long
-            shutil.rmtree(error.deck.parent, ignore_errors=True)
+            self.effort.fail(error)
         if len(copies) == 1:
             return [None]
         half = len(copies) // 2

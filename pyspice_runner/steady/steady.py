@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -80,6 +80,7 @@ class SteadyState(Quantities, Result):
         waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
         provenance: settings, numbers of runs and hashes, JSON-ready.
         solution: the solved point at the coarse step; ``None`` without a solution.
+        failure: the first failure of ngspice if every run failed, else ``None``.
     """
 
     motor: Motor = field(repr=False)
@@ -96,6 +97,7 @@ class SteadyState(Quantities, Result):
     waveforms: Waveforms | None = field(default=None, repr=False)
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
     solution: Orbit | None = field(default=None, repr=False)
+    failure: SimulationError | None = field(default=None, repr=False)
     current_a_phase_deg: float = float("nan")
     current_b_phase_deg: float = float("nan")
 
@@ -163,7 +165,9 @@ class SteadyState(Quantities, Result):
 
     def _limits(self) -> Iterator[str]:
         """Yield failed convergence, instability, and exceeded limits."""
-        if not self.converged:
+        if self.failure is not None:
+            yield f"Every run failed: {self.failure}"
+        elif not self.converged:
             yield "No steady state was found. Run simulate to see how the motor moves."
         elif not self.stable:
             yield f"The steady state is not stable: {self.instability}."
@@ -234,7 +238,10 @@ def steady_state(
 
 def settled(point: Point, accuracy: float = ACCURACY) -> SteadyState:
     """Return the steady state of an operating point, with its waveforms; ``accuracy`` is as in :func:`steady_state`."""
-    return steady_states([point], accuracy=accuracy, waveforms=True)[0]
+    state = steady_states([point], accuracy=accuracy, waveforms=True)[0]
+    if state.failure is not None:
+        raise state.failure
+    return state
 
 
 def steady_states(
@@ -543,7 +550,7 @@ def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap
         speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
-        audit=audit, waveforms=None, provenance=provenance, solution=None,
+        audit=audit, waveforms=None, provenance=provenance, solution=None, failure=maps[0].effort.failure,
     )  # fmt: skip
 
 

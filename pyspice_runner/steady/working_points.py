@@ -230,6 +230,9 @@ def _solved(setups: Mapping[Index, Point], accuracy: float, progress: Progress) 
         for number, states in _as_ready(solved, needs, cores() + 2):
             found |= zip(parts[number].setups, states, strict=True)
             progress(len(found), len(setups))
+    failures = [state.failure for state in found.values() if state.failure is not None]
+    if len(failures) == len(found):
+        raise failures[0]
     return found
 
 

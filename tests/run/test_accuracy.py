@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from time import monotonic
+from typing import Any
 
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.simulate import TIP, CoarserRuns
 from pyspice_runner.run.waveforms import Waveforms
@@ -86,6 +88,24 @@ def test_a_run_with_a_given_step_has_no_estimate() -> None:
     assert run.error_estimate is None
     assert run.accurate is None
     assert run.to_dict()["error_estimate"] is None
+
+
+def test_a_missing_estimate_of_the_error_names_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    motor = pr.load_motor("bimodal40")
+    drive = two_phase(150.0, 40.7e3, 62.0)
+    right, usual = OperatingPoint.run, OperatingPoint.of(motor, drive).step
+
+    def failing(point: OperatingPoint, *words: Any, **settings: Any) -> Outcome:
+        if point.step > usual:
+            raise pr.SimulationError("Timestep too small.")
+        return right(point, *words, **settings)
+
+    monkeypatch.setattr(OperatingPoint, "run", failing)
+    run = pr.simulate(motor, drive, duration=2e-4)
+    assert run.accurate is None
+    assert "No error is estimated, since the run with twice the step failed: Timestep too small." in run.cautions
+    with pytest.raises(pr.SimulationError, match=r"twice the step failed: Timestep too small\."):
+        pr.simulate(motor, drive, duration=2e-4, step=usual, accuracy=0.01)
 
 
 SEPARATE = "hammers, hardly pressed"  # where the contact opens, the whole distance from a coarser run is stated
