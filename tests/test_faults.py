@@ -625,3 +625,11 @@ def test_paths_may_hold_spaces_and_any_characters(tmp_path: Path) -> None:
     for target in (one[one.index("--output") + 1] for one in commands):
         assert (place / target).stat().st_size > 0, target
     assert list((place / "tmp dir").iterdir()) == []
+
+
+def test_a_matplotlibrc_with_tex_in_the_working_folder_changes_no_plot(folder: Path) -> None:
+    words = ["-m", "pyspice_runner", "show", "bimodal40", "--plot"]
+    assert command(sys.executable, *words, "plain.png", cwd=folder, shell=True)[0] == 0
+    (folder / "matplotlibrc").write_text("text.usetex: True\n", encoding="utf-8")
+    status, _, said = command(sys.executable, *words, "tex.png", cwd=folder, shell=True)
+    assert (status, (folder / "tex.png").read_bytes() == (folder / "plain.png").read_bytes()) == (0, True), said

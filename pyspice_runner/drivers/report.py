@@ -168,7 +168,7 @@ class DriveReport(Result):
     @property
     def balance_residual(self) -> float:
         """Input power minus losses, stored power and motor power, over the input power."""
-        return (self.power_in_w - self.power_found_w) / self.power_in_w
+        return _quotient(self.power_in_w - self.power_found_w, self.power_in_w)
 
     @property
     def power_found_w(self) -> float:
@@ -178,12 +178,12 @@ class DriveReport(Result):
     @property
     def driver_efficiency(self) -> float:
         """Power into the motor over the input power."""
-        return self.motor_power_w / self.power_in_w
+        return _quotient(self.motor_power_w, self.power_in_w)
 
     @property
     def efficiency(self) -> float:
         """Shaft power over the input power; negative where the shaft is driven."""
-        return self.shaft_power_w / self.power_in_w
+        return _quotient(self.shaft_power_w, self.power_in_w)
 
     @property
     def power_factor(self) -> float:

@@ -24,6 +24,7 @@ DASHES = ("-", "--", "-.", ":")
 LAST_PERIODS = 3  # of the drive, in panels that show the end of a run
 AXIS: dict[str, Any] = {"color": "0.3", "linewidth": 0.8}  # of a line through zero
 _DPI = 150
+_LOOK: Any = {"font.size": 9, "text.usetex": False}  # TeX would read names and units as its commands
 _LETTERS_PER_INCH = 15  # of the font of captions
 
 Panel = Callable[[Axes], object]
@@ -47,7 +48,8 @@ def write(figure: Figure, file: Any, dpi: int, kind: str | None = None) -> None:
     """Write a figure; a character without a glyph becomes a box."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
-        figure.savefig(file, dpi=dpi, format=kind)
+        with matplotlib.rc_context(_LOOK):  # some texts are made here
+            figure.savefig(file, dpi=dpi, format=kind)
 
 
 def plain(text: str) -> str:
@@ -69,7 +71,7 @@ def filled(pages: Sequence[Sheet], cautions: Sequence[str] = (), *, shown: bool 
     lines = [
         line for caution in cautions for line in textwrap.wrap(f"Caution: {caution}", int(_LETTERS_PER_INCH * width))
     ]
-    with matplotlib.rc_context({"font.size": 9}):
+    with matplotlib.rc_context(_LOOK):
         if shown:
             from matplotlib import pyplot
 

@@ -204,6 +204,14 @@ def test_parameters_of_the_driver_are_set_like_those_of_the_built_in_ones(capsys
     assert found["losses_w"]["driver_b.stage"] > found["losses_w"]["driver_a.stage"] > 0.0
 
 
+def test_a_shorted_output_has_no_power_and_no_efficiency(tmp_path: Path) -> None:
+    text = ".subckt short out com amplitude=1 frequency=1 phase_deg=0\nV1 out com 0\n.ends\n"
+    (tmp_path / "own.lib").write_text(text)
+    found = report(driver(f"{tmp_path}/own.lib:short"))
+    assert found.summary()
+    assert (found.power_in_w, found.driver_efficiency, found.efficiency) == (0.0, 0.0, 0.0)
+
+
 # --- what is not accepted ------------------------------------------------------------------------------------
 
 DRIVER = ".subckt one in out com gain=20\nE1 out com in com {gain}\nR1 out com 1k\n.ends one\n"

@@ -23,6 +23,7 @@ from pyspice_runner.motor.solid.parameters import LARGEST, Box, Electrode, MeshF
 
 MOST_CELLS = 20_000  # some 350,000 unknowns, beyond the memory of most machines
 _NEAR = 1e-6  # of an element: places that are meant to coincide
+_FLAT = 1e-9  # of a cube's volume: of a cell without one
 
 Mask = NDArray[np.bool_]
 
@@ -116,6 +117,21 @@ class _Regions:
         self._points = points.T[: self._dimension]
         self._groups = _groups(file)
         self._build(cells)
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
+        """Raise ParameterError for a cell without a volume, or folded so that its corners turn both ways."""
+        size = np.ptp(self.mesh.p[:, self.mesh.t], axis=1).max(axis=0)[:, np.newaxis]
+        shapes = (
+            self.mesh.mapping().detDF(self.element.refdom.p) / size**self._dimension
+        )  # at the corners; ±1 of a cube
+        low, high = shapes.min(axis=1), shapes.max(axis=1)
+        flat = np.flatnonzero((np.maximum(-low, high) < _FLAT) | (np.minimum(-low, high) > _FLAT))
+        if len(flat):
+            corner = ", ".join(f"{value:g}" for value in self.mesh.p[:, self.mesh.t[0, flat[0]]])
+            raise ParameterError(
+                f"The mesh has {len(flat)} flat or folded cells, one with a corner at ({corner}) m. Mesh the part anew."
+            )
 
     def _build(self, cells: Indices) -> None:
         import skfem
@@ -238,6 +254,8 @@ def _cells(blocks: Iterable[Any], dimension: int) -> tuple[str, Indices]:
 
 
 def _check_points(points: Array, dimension: int) -> None:
+    if not np.isfinite(points).all():
+        raise ParameterError("The mesh has points whose coordinates are no numbers. Save it anew.")
     size = np.ptp(points, axis=0)
     if size.max() > 2.0 * LARGEST:
         raise ParameterError(

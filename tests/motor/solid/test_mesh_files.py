@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -288,6 +289,18 @@ def test_a_file_that_is_no_mesh_or_has_other_cells_is_refused(tmp_path: Path) ->
         path.write_bytes(content)
         with pytest.raises(pr.ParameterError, match=r"is not a mesh that can be read .*Save it with gmsh"):
             solve_stator(read("plate", path))
+
+
+@pytest.mark.parametrize("theory", ["plate", "solid"])
+@pytest.mark.parametrize(("place", "message"), [("nan", "coordinates are no numbers"), ("6.5", "flat or folded cell")])
+def test_a_mesh_with_an_unfit_corner_is_refused(place: str, message: str, theory: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "bar.msh", cut(theory), theory)
+    text = path.read_text(encoding="utf-8")  # a line of a corner: number, x, y and z in mm
+    moved = re.sub(r"(?m)^(\d+) 4\S* 2\S* (?=0\S*$)", rf"\1 {place} 2.0 ", text)
+    assert moved != text
+    path.write_text(moved, encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match=message):
+        solve_stator(read(theory, path))
 
 
 def test_a_region_without_a_mesh_is_refused() -> None:
