@@ -139,10 +139,10 @@ def test_the_first_steps_are_valid_commands() -> None:
     ("words", "completed"),
     [
         ("piezomotor sim", ["simulate"]),
-        ("piezomotor simulate andersen2002-", ["andersen2002-unintended-mode"]),
+        pytest.param("piezomotor simulate andersen2002-", ["andersen2002-unintended-mode"], marks=pytest.mark.soak),
         ("piezomotor simulate mi", ["mine.toml"]),
         pytest.param("piezomotor simulate **mi", [], marks=pytest.mark.fuzz),  # which is no pattern
-        ("piezomotor simulate andersen2002 --dur", ["--duration"]),
+        pytest.param("piezomotor simulate andersen2002 --dur", ["--duration"], marks=pytest.mark.soak),
     ],
 )
 def test_tab_completes_commands_motors_and_options(words: str, completed: list[str], tmp_path: Path) -> None:

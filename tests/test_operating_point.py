@@ -57,9 +57,10 @@ VERBS: dict[str, tuple[Callable[[], Any], Callable[[], Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("verb", ["simulate", "steady", "curve", "averaged", *(
-    pytest.param(verb, marks=pytest.mark.slow) for verb in ("map", "branch", "small_signals", "design")
-)])  # fmt: skip
+@pytest.mark.parametrize("verb", ["simulate", "steady", "curve", "averaged",
+    pytest.param("map", marks=pytest.mark.slow),
+    *(pytest.param(verb, marks=pytest.mark.soak) for verb in ("branch", "small_signals", "design")),
+])  # fmt: skip
 def test_a_verb_gives_exactly_what_its_function_gives(verb: str) -> None:
     by_point, by_function, name = VERBS[verb]
     ours, theirs = (np.asarray(getattr(run(), name)) for run in (by_point, by_function))

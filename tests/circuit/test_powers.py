@@ -15,6 +15,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.spice.library import library_names, read_library
 from tests.drivers.test_driver import KINDS, NETWORKS, driver
+from tests.selection import mostly
 
 PARTS = [name for name in library_names() if read_library(name).losses or read_library(name).stores]
 
@@ -28,7 +29,7 @@ def test_every_loss_feed_and_store_of_a_header_is_a_power(name: str) -> None:
     assert found.keys() == {f"v(xpart.{kind}_{entry})" for kind, entries in kinds.items() for entry, _ in entries}
 
 
-@pytest.mark.parametrize("network", NETWORKS)
+@pytest.mark.parametrize("network", mostly(pytest.mark.soak, NETWORKS, ["llcc"]))  # which has all kinds of parts
 @pytest.mark.parametrize("kind", KINDS)
 def test_powers_are_those_of_the_nodes_that_the_circuit_leaves_out(kind: str, network: str) -> None:
     """Within the tolerance of the solver, which the nodes have and the evaluated expressions do not need."""

@@ -169,7 +169,12 @@ M1 d g 0 {part.lower()}
 
 
 @pytest.mark.parametrize(
-    ("dead_time", "edge"), [(40e-9, 5e-9), (200e-9, 5e-9), (200e-9, 25e-9), (2e-6, 5e-9), (2e-6, 1e-7)]
+    ("dead_time", "edge"),
+    mostly(
+        pytest.mark.soak,
+        [(40e-9, 5e-9), (200e-9, 5e-9), (200e-9, 25e-9), (2e-6, 5e-9), (2e-6, 1e-7)],
+        [(40e-9, 5e-9), (2e-6, 1e-7)],
+    ),
 )
 def test_dead_time_and_edges_of_the_gates_are_those_of_the_settings(
     dead_time: float, edge: float, tmp_path: Path

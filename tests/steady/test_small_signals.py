@@ -249,6 +249,7 @@ def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stat
     assert np.abs(running - cold).max() > 0.02 * np.abs(cold).max()
 
 
+@pytest.mark.soak
 def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> None:
     bands = np.ones((6, 3), complex)
     carriers = {"current_a": 1j, "current_b": 1j, "motional_a": 1j, "motional_b": 0.0}
@@ -292,6 +293,7 @@ def test_wrong_requests_say_what_is_allowed() -> None:
         signals(FAST).transfer("speed", "volume")
 
 
+@pytest.mark.soak
 def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None:
     paper = pr.load_motor("andersen2002").updated({"mount": None})
     lag = stator_lag(paper, 1, 0.2 * 2.0 * paper.modes[1].coupling_a_n_per_v)
