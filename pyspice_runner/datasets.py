@@ -227,7 +227,10 @@ class WorkingPoints(DatasetResult):
         if unstable := int((data["converged"] & ~data["stable"]).sum()):
             yield f"{unstable} of {total} points are not stable."
         if not self.best:
-            yield "No point is stable and within the limits."
+            yield (
+                "No point is stable and within the limits, those of the motor among them; a limit that is given "
+                "replaces the motor's own of the same name."
+            )
         yield from self._attribute("cautions", [])
 
     def summary(self) -> dict[str, str]:
@@ -285,6 +288,7 @@ class Sweep(DatasetResult):
             yield f"{count} of {total} points {'is' if count == 1 else 'are'} {words}; see '{names[words]}'."
         if self.failures:
             yield f"{len(self.failures)} of {total} points failed; the first: {self.failures[0]['reason']}"
+        yield from self._attribute("cautions", [])
 
     def to_dict(self) -> dict[str, Any]:
         """Return axes, quantities, failures and provenance, JSON-ready; ``None`` where a point failed."""

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from math import isfinite
 from pathlib import Path
@@ -21,6 +22,8 @@ from pyspice_runner.units import linear_words, unit_in, with_linear
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+_NUMBER = re.compile(r"(?<!\w)[+-]?\d+\.?\d*(?:e[+-]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,23 @@ def json_ready(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [json_ready(item) for item in value]
     return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def grouped(points: Sequence[Iterable[str]]) -> list[str]:
+    """Return the cautions of several points once each, with the number of points and the largest of their values."""
+    kinds: dict[str, list[str]] = {}
+    for point in points:
+        for sentence in dict.fromkeys(point):
+            kinds.setdefault(_NUMBER.sub("#", sentence), []).append(sentence)
+    total = len(points)
+    worst = {
+        kind: max(several, key=lambda one: [float(number) for number in _NUMBER.findall(one)])
+        for kind, several in kinds.items()
+    }
+    return [
+        worst[kind] if len(several) == total else f"{len(several)} of {total} points: {worst[kind]}"
+        for kind, several in kinds.items()
+    ]
 
 
 def contact_row(run: Mapping[str, Any]) -> dict[str, str]:

@@ -170,6 +170,19 @@ def temperature_rise(motor: Motor, heat_w: float) -> float:
     return nan if motor.limits is None else motor.limits.thermal_resistance_k_per_w * heat_w
 
 
+def limits_of(motor: Motor) -> dict[str, float]:
+    """Return the motor's own limits by the name of the quantity, those that are known."""
+    limits = motor.limits
+    if limits is None:
+        return {}
+    of_contact = {name: getattr(limits, limit) for name, (limit, _) in _OF_CONTACT.items()}
+    return {
+        "ceramic_stress_pa": limits.dynamic_strength_pa,
+        "temperature_c": 0.5 * limits.curie_temperature_c,
+        **{name: limit for name, limit in of_contact.items() if limit is not None},
+    }
+
+
 def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
     """Return one sentence for each limit that a quantity of :data:`COMPARED` exceeds, after the motor's own."""
     stress, rise, wear = (

@@ -22,6 +22,8 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
+from pyspice_runner.motor.strength import exceeded, limits_of
+from pyspice_runner.result import grouped
 from pyspice_runner.run.audit import delivering
 from pyspice_runner.run.dynamometer import STUCK, UNITS
 from pyspice_runner.run.paths import LOADS, canonical
@@ -85,7 +87,8 @@ def working_points(
         objective: quantity that the best point maximises: ``"torque"``, ``"speed"``, ``"efficiency"``, or
             ``"power"`` at the shaft; not the speed or the torque if ``speed`` or ``load_torque`` fixes it.
         limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
-            ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``.
+            ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``. The
+            motor's own ``limits`` of stress, temperature, pressure and tension hold unless another value is given here.
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
         progress: called with the number of finished points and of all points.
@@ -157,6 +160,10 @@ def mapped(
         cautions=[
             *([STUCK] if any(state.held_by_friction for state in states.values()) else []),
             *delivering(state.quantities for state in states.values()),
+            *grouped([
+                (*exceeded(state.motor, state.quantities), *too_fast(state.motor.to_dict(), state.speed_rad_s))
+                for state in states.values()
+            ]),
         ],
         method=[states[index].method for index in setups],
         run=law.to_dict() | {"speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy},
@@ -297,5 +304,8 @@ def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
     }
     row = with_linear(row) if state.motor.slider else row
     within = all(abs(row[name]) <= limit for name, limit in limits.items())
+    given = {*limits, *(["temperature_c"] if "temperature_rise_k" in limits else [])}
+    own = {name: most for name, most in limits_of(state.motor).items() if name not in given}
+    within = within and not any(abs(row[name]) > most for name, most in own.items())
     within = within and not too_fast(state.motor.to_dict(), state.speed_rad_s)
     return {**row, "allowed": bool(state.stable and not state.audit.findings and within)}

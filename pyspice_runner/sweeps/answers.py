@@ -79,7 +79,7 @@ def _together(tasks: Mapping[str, Task]) -> Iterator[tuple[str, dict[str, Any]]]
 def picked_from(result: Mapping[str, Any], wanted: Mapping[str, Quantity]) -> dict[str, Any]:
     """Return the wanted quantities and the hash of the deck. Raise ParameterError if there is no such quantity."""
     numbers = result["numbers"]
-    values: dict[str, Any] = {"deck_sha256": result["deck_sha256"]}
+    values: dict[str, Any] = {"deck_sha256": result["deck_sha256"], "cautions": result["cautions"]}
     values |= {name: numbers[name] for name in FLAGS if name in numbers and name not in wanted}
     for name, source in wanted.items():
         key = source if isinstance(source, str) else name

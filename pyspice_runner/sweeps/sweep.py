@@ -23,6 +23,7 @@ from pydantic import SkipValidation
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import Stated, checked, quoted
+from pyspice_runner.result import grouped
 from pyspice_runner.run.paths import LOADS, canonical, changed, unit_of_name, unknown
 from pyspice_runner.run.simulate import simulate
 from pyspice_runner.run.waveforms import Array
@@ -120,6 +121,7 @@ def sweep(
         "motor": json.dumps(motor.to_dict()),
         "drive": json.dumps(drive_document(drive)),
         "run": json.dumps(plain(run)),
+        "cautions": json.dumps(grouped([found[address]["cautions"] for address in addresses if address in found])),
         "analysis": origin["function"],
         **({"sampling": f"{sampling}, seed {seed}"} if "sample" in plan.shape else {}),
         **versions,

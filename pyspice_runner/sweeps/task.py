@@ -54,6 +54,7 @@ class Task:
             "analysis": identity(self.analysis),
             "functions": {name: identity(function) for name, function in self.functions.items()},
             "motor": self.motor.to_dict(),
+            "stator": [part and part.model_dump(mode="json") for part in (self.motor.structure, self.motor.solid)],
             "drive": drive_document(self.drive),
             "run": {name: value for name, value in settings.items() if name != "timeout"} | beside,
             "versions": self.versions,
@@ -95,7 +96,8 @@ class Task:
         numbers.pop("solver_seconds", None)  # of the machine, not of the motor
         settings = document.get("run") or {}
         deck = document.get("deck_sha256") or settings.get("deck_sha256", "")
-        return {"numbers": numbers, "deck_sha256": str(deck)}
+        cautions = getattr(result, "cautions", None) or document.get("cautions") or ()
+        return {"numbers": numbers, "deck_sha256": str(deck), "cautions": list(cautions)}
 
 
 def _numbers(document: Any, prefix: str = "") -> Iterator[tuple[str, float]]:

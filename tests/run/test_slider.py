@@ -125,7 +125,7 @@ def test_a_point_of_a_sweep_has_force_and_speed() -> None:
 
 def test_a_map_has_force_and_speed() -> None:
     points = pr.working_points(
-        STAGE, DRIVE, over={"load.speed": [0.1, 0.2]}, limits={"force_n": 10.0}, accuracy=0.1, step=4e-7
+        STAGE, DRIVE, over={"load.speed": [0.1, 0.2]}, limits={"force_n": 10.0, "tensile_stress_pa": 2e9}, **COARSE
     )
     result: WorkingPoints = points.piezomotor
     assert points["load.speed"].attrs["units"] == "m/s"

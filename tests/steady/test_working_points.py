@@ -7,6 +7,7 @@ import json
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray
 
@@ -46,7 +47,23 @@ def test_the_best_point_is_the_greatest_within_the_limits() -> None:
     assert not bool(data["allowed"].sel({"drive.voltage": 100.0}).any())
     none = pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [100.0]}, limits={"voltage_v": 80.0})
     assert none.piezomotor.best is None
-    assert none.piezomotor.cautions == ("No point is stable and within the limits.",)
+    assert none.piezomotor.cautions[0].startswith("No point is stable and within the limits")
+
+
+def test_a_point_beyond_a_limit_of_the_motor_is_not_the_best_and_its_caution_is_kept() -> None:
+    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(voltage=50.0, frequency=54e3, phase_deg=90.0)
+    over = {"drive.voltage": [100.0, 200.0, 300.0]}
+    found = pr.working_points(motor, drive, over=over)
+    # half of the Curie temperature, 350 °C, is the limit
+    assert found["allowed"].values.tolist() == (found["temperature_c"].values <= 175.0).tolist() == [True, False, False]
+    assert found.piezomotor.best["drive.voltage"] == 100.0
+    alone = pr.steady_state(motor, drive.updated({"voltage": 300.0}), speed=0.0).cautions
+    assert len(alone) == 4
+    for sentence in alone[:3]:  # of the motor, at all points
+        assert sentence in found.piezomotor.cautions
+    assert found.piezomotor.cautions[3].startswith("2 of 3 points: In the steady state the losses heat the stator by 6")
+    hot = pr.working_points(motor, drive, over=over, limits={"temperature_c": 1000.0})
+    assert hot.piezomotor.best["drive.voltage"] == 300.0
 
 
 def test_temperature_is_that_of_the_losses_and_a_limit() -> None:
@@ -91,7 +108,8 @@ def test_the_command_prints_the_best_point_and_draws_the_map(
     files = ["--output", str(tmp_path / "map.nc"), "--plot", str(tmp_path / "map.png")]
     assert run([*words, "--json", *files]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["best"]["shaft_power_w"] == max(max(row) for row in document["shaft_power_w"])
+    powers, allowed = (np.ravel(document[name]) for name in ("shaft_power_w", "allowed"))
+    assert document["best"]["shaft_power_w"] == powers[allowed].max()
     assert document["best"]["drive.frequency"] in (44500.0, 46000.0)
     assert (tmp_path / "map.png").stat().st_size > 10_000
     with xarray.open_dataset(tmp_path / "map.nc") as data:

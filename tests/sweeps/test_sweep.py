@@ -289,6 +289,30 @@ def test_functions_and_versions_are_part_of_the_address(quick: dict[str, Any], m
     assert heard(over=over, **quick)[1][0] == (0, 1)
 
 
+def test_the_stator_from_which_modes_follow_is_part_of_the_address() -> None:
+    """With modes of its own a motor has no beam, whose ceramic has a stress."""
+    for name in ("andersen2002", "bimodal40"):
+        motor = pr.load_motor(name)
+        bare = motor.updated({"modes.0.damping_n_s_per_m": motor.modes[0].damping_n_s_per_m})
+        assert bare.to_dict() == motor.to_dict()
+        one, other = (Task(held_point, each, DRIVE, {}, {}, {}).address for each in (motor, bare))
+        assert one != other
+
+
+def test_cautions_of_the_points_are_kept_grouped_and_counted(tmp_path: Path) -> None:
+    over = {"drive.voltage": [100.0, 200.0, 300.0]}
+    drive, losses = DRIVE.updated({"frequency": 54e3}), ["temperature_rise_k", "dielectric_loss_w", "damping_loss_w"]
+    for _ in ("computed", "stored"):
+        found = pr.sweep(MOTOR, drive, over=over, analysis=held_point, speed=0.0, quantities=losses,
+                         store=tmp_path)  # fmt: skip
+        hottest = found["temperature_rise_k"].values
+        # 100 K/W; the limit is 175 °C
+        assert hottest == pytest.approx(100.0 * (found["dielectric_loss_w"] + found["damping_loss_w"]).values, rel=1e-3)
+        assert (25.0 + hottest > 175.0).tolist() == [False, True, True]
+        assert [caution[:13] for caution in found.cautions] == [*(one[:13] for one in MOTOR.cautions), "2 of 3 points"]
+        assert f"heat the stator by {hottest[2]:.0f} K to" in found.cautions[-1]
+
+
 # --- failures ---
 
 
@@ -597,7 +621,8 @@ def test_sweep_prints_one_json_object_and_writes_the_requested_files(
         document = json.loads(captured.out)
         moving = np.count_nonzero(np.equal(document["quantities"]["settled"], 0))
         assert moving > 0
-        assert captured.err == f"piezomotor: {moving} of 6 points are not settled; see 'settled'.\n"
+        assert captured.err.startswith(f"piezomotor: {moving} of 6 points are not settled; see 'settled'.\n")
+        assert all(f"piezomotor: {caution}\n" in captured.err for caution in MOTOR.cautions)
     assert document["points"] == 6
     assert document["dimensions"] == {"drive.voltage": 3, "sample": 2}
     assert np.shape(document["quantities"]["mean_torque_n_m"]) == (3, 2)
