@@ -115,6 +115,16 @@ def test_a_missing_ngspice_is_reported(
     assert list(folder.iterdir()) == []
 
 
+def test_a_killed_version_query_is_not_a_missing_program(
+    ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    ngspice("", version="kill -9 $$")
+    assert run(SIMULATE) == 3
+    said = capsys.readouterr().err
+    assert "ngspice --version` was killed by signal 9 (Killed). Try again." in said
+    assert "Install" not in said
+
+
 def test_an_old_ngspice_is_rejected(ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]) -> None:
     ngspice("", version="echo '** ngspice-34 : Circuit level simulation program'")
     assert run(SIMULATE) == 3

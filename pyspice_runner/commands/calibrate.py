@@ -56,6 +56,8 @@ def calibrate(call: Call) -> int:
 
     Example: piezomotor calibrate bimodal40 --points points.csv --free contact.friction --output calibrated.toml
     """
+    if not call.spectrum:
+        call.refuse_idle("without --spectrum", "connection spectrum_error")
     files = [_stated(text) for text in call.spectrum or ()]
     inputs = [call.motor, call.points, call.resume, *(file for file, *_ in files), *(call.transient or ())]
     call.check(".toml", ".json", ".csv", inputs=inputs)

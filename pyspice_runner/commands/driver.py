@@ -69,7 +69,7 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
     form = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
     for path, text in common.pairs_of("--part", changes, form):
         try:
-            values[path] = float(text)
+            values[path.lower()] = float(text)  # SPICE does not distinguish case
         except ValueError:
             raise pr.ParameterError(f"--part {path}: {text!r} is not a number. Give one, in SI units.") from None
     return values

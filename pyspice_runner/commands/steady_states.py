@@ -15,6 +15,8 @@ from pyspice_runner.steady.working_points import ACCURACY, Objective
 
 _SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
 
+NO_START = "on a steady state, which has no start"
+
 
 @command("motor", DRIVE, "speed load", PERIOD, "accuracy", DRIVER, "audit changes", TARGETS, accuracy=2e-3)
 def steady(call: Call) -> int:
@@ -22,6 +24,7 @@ def steady(call: Call) -> int:
 
     Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
+    call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".csv", ".nc", ".cir")
     motor, source = in_front(call)
     with common.busy("ngspice runs periods of the drive"):
@@ -45,6 +48,7 @@ def small_signals(call: Call) -> None:
 
     Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
     """
+    call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".csv", ".nc")
     with common.busy("ngspice runs periods of the drive"):
         result = pr.small_signals(
@@ -76,6 +80,7 @@ def map_points(call: Call) -> None:
     Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
     --over drive.voltage=60,100 --limit current_a=0.06 --plot map.png
     """
+    call.refuse_idle(NO_START, "soft_start")
     call.check(".nc", ".csv", ".json")
     limits, axes = _limits(call.limit), common.axes_of(call.over)
     free = call.speed is None and not call.load and not LOADS.keys() & set(map(canonical, axes))

@@ -22,7 +22,7 @@ from pyspice_runner.averaged.core import INPUTS, AveragedMotor, LinearMotor
 from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import model_cautions
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import TwoPhaseDrive
+from pyspice_runner.motor.drive import TwoPhaseDrive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
@@ -73,8 +73,9 @@ class StateSpace(Result):
     provenance: dict[str, Any] = field(repr=False)
 
     def _limits(self) -> Iterable[str]:
-        """Return the cautions of the averaged model at the steady state."""
-        return model_cautions(self.point["check"], self.point["separated"])
+        """Return the cautions of the averaged model at the steady state, and of a speed beyond its limit."""
+        fast = too_fast(self.provenance["motor"], self.point["speed"])
+        return *model_cautions(self.point["check"], self.point["separated"]), *fast
 
     def transfer(self, output: str, of: str, frequency: Array) -> NDArray[np.complex128]:
         """Return a transfer function over frequency in Hz.

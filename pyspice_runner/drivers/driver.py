@@ -120,7 +120,7 @@ class Driver(Stated, Source):
     voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
     frequency: float = quantity("frequency", "Hz", ge=1e3, le=5e5)
     phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
-    ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=0.01, le=100.0)
+    ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=1e-3, le=1e3)
     network: NetworkKind = Field(default="none", description="network between stage and group")
     supply_v: float = quantity(
         "supply: voltage between the rails of a bridge, each rail of a linear amplifier or the user's own stage; 0: as "

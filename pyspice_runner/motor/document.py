@@ -20,7 +20,7 @@ def read_document(path: Path, wanted: str, most: int = MOST_BYTES) -> str:
 
     Raise ParameterError if the file is not a regular file, is too large, is not text, or cannot be read.
     """
-    return _read(path, str(path), wanted, most, lambda file: file.read_text(encoding="utf-8"))
+    return _read(path, str(path), wanted, most, lambda file: file.read_text(encoding="utf-8-sig"))
 
 
 def read_bytes(path: str, what: str, most: int, wanted: str = "the path of a .lib file") -> bytes:

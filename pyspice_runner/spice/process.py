@@ -80,8 +80,12 @@ def version_of(executable: str) -> str:
     Raises:
         SimulationError: if it does not answer, or is older than version 36.
     """
-    output = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT).stdout
+    ended = answer([executable, "--version"], timeout=_VERSION_TIMEOUT, hint=_INSTALL_HINT)
+    output = ended.stdout
     match = re.search(r"ngspice-(\d+)([.\d+]*)", output)
+    if not match and ended.returncode < 0:
+        how = signal.strsignal(-ended.returncode)
+        raise SimulationError(f"`{executable} --version` was killed by signal {-ended.returncode} ({how}). Try again.")
     if not match:
         raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=output)
     if int(match.group(1)) < OLDEST_VERSION:

@@ -197,3 +197,47 @@ def test_set_takes_what_the_file_of_a_beam_states() -> None:
     shorter = load_changed("andersen2002", ["patches.0.end_m=0.008"])
     assert shorter.piezo.capacitance_a_f < plain.piezo.capacitance_a_f
     assert shorter.piezo.capacitance_b_f == plain.piezo.capacitance_b_f
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        ("steady bimodal40 --soft-start 1e-3", "--soft-start"),
+        ("small-signals bimodal40 --soft-start 1e-3", "--soft-start"),
+        ("map bimodal40 --over drive.voltage=100:150:2 --soft-start 1e-3", "--soft-start"),
+        ("calibrate bimodal40 --points p.csv --free contact.friction --connection B", "--connection"),
+    ],
+)
+def test_an_option_without_effect_is_refused(words: str, option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(words.split()) == 2
+    assert f"{option} has no effect" in capsys.readouterr().err
+
+
+def test_a_part_of_an_own_driver_may_be_written_in_either_case(tmp_path: Path) -> None:
+    library = tmp_path / "own.lib"
+    library.write_text(".subckt own in out com L=1u\nE1 x com in com 20\nL1 x out {L}\n.ends\n", encoding="utf-8")
+    words = ["drive", "bimodal40", "--driver", f"{library}:own", "--duration", "3e-4", "--json", "--output"]
+    inductances = []
+    for number, part in enumerate(("driver.L=2e-6", "driver.l=2e-6")):
+        assert run([*words, str(tmp_path / f"{number}.json"), "--part", part]) == 0
+        inductances.append(json.loads((tmp_path / f"{number}.json").read_text())["driver"]["parts"]["a"]["driver"]["l"])
+    assert inductances == [2e-6, 2e-6]
+
+
+def test_a_motor_saved_with_a_byte_order_mark_is_the_same_motor(tmp_path: Path) -> None:
+    text = Path("tests/data/every_effect.toml").read_bytes()
+    (tmp_path / "marked.toml").write_bytes(b"\xef\xbb\xbf" + text)
+    assert pr.load_motor(tmp_path / "marked.toml") == pr.load_motor("tests/data/every_effect.toml")
+
+
+def test_a_state_space_at_a_speed_beyond_the_limit_has_the_caution_of_the_steady_state() -> None:
+    motor = pr.load_motor("bimodal40")
+    system = pr.state_space(motor, pr.default_drive(motor), load_torque=10.0)
+    assert system.point["speed"] < -1e5
+    assert any("above which its rim bursts. Lower the load." in caution for caution in system.cautions)
+
+
+@pytest.mark.parametrize("kind", ["half-bridge", "full-bridge", "push-pull", "linear"])
+def test_the_smallest_ratio_of_amplitudes_holds_behind_every_stage(kind: str) -> None:
+    driver = pr.Driver(kind=kind, network="inductor", voltage=50.0, ratio_b=0.01, frequency=40.7e3)
+    assert driver.equivalent.ratio_b == pytest.approx(0.01, rel=0.02)
