@@ -27,6 +27,9 @@ sys.dont_write_bytecode = False
 # a shell without job control starts `make test &` with SIGINT ignored, and so would all processes of the tests be
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# the same of SIGHUP under nohup; the tests of signals need it as a terminal's processes have it
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 gc.disable()  # while the tests are collected, which makes many objects and little garbage: half of the time
 

@@ -86,6 +86,8 @@ def test_a_row_of_the_page_is_what_ngspice_gives(
         ["ngspice", "-b", "deck.cir"], cwd=folder, capture_output=True, text=True, timeout=30, check=False
     )
     if "Timestep too small" in results.values():
+        if done.returncode == 0 and VERSION != MEASURED:
+            pytest.skip(f"ngspice {VERSION} finishes this deck, at which ngspice {MEASURED} stops")
         assert done.returncode != 0
         assert "Timestep too small" in done.stdout + done.stderr
         return
