@@ -9,6 +9,7 @@ from math import isfinite
 from time import monotonic
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.averaged.columns import averaged_columns, missing_energy, saved_vectors, spice_rows
@@ -19,7 +20,7 @@ from pyspice_runner.averaged.schedules import ScheduleLike
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import Drive
+from pyspice_runner.motor.drive import Drive, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.shaft import ShaftLoad
@@ -31,6 +32,7 @@ from pyspice_runner.run.kernel import progress_callback, run_bench, transient_ti
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.compiler import find_compiler
+from pyspice_runner.steady.steady import stability_cautions
 
 FEWEST_PERIODS = 10
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
@@ -130,6 +132,12 @@ def averaged_run(
         deck_sha256 = {"deck_sha256": outcome.deck_sha256}
         write_deck = partial(str, outcome.deck)
     columns = averaged_columns(motor, rows, course)
+    end = {name: float(values[-1]) for name, values in columns.items()}
+    ceramic = averaged_ceramic(
+        motor, amplitudes, end["normal_force_n"], end["heat_w"], columns["rotor_speed_rad_s"]
+    )  # fmt: skip
+    if end["separated"] and end["amplitude_a_v"] + end["amplitude_b_v"]:
+        ceramic["cautions"] = [*_stability(run, end, timeout), *ceramic["cautions"]]
     residual = missing_energy(columns, rows["stored_energy"])
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
@@ -149,13 +157,20 @@ def averaged_run(
                 "harmonics": run.harmonics, **run.run_settings(),
             },
             **deck_sha256,
-            **averaged_ceramic(
-                motor, amplitudes, float(columns["normal_force_n"][-1]), float(columns["heat_w"][-1]),
-                columns["rotor_speed_rad_s"],
-            ),
+            **ceramic,
         },
         write_deck=write_deck,
     )  # fmt: skip
+
+
+def _stability(run: AveragedPoint, end: dict[str, float], timeout: float | None) -> tuple[str, ...]:
+    """Return the cautions for the stability of the motion at the end of a run, whose columns end with these values."""
+    motor = run.motor if run.thermal is None else run.thermal.warmed(run.motor, end["temperature_k"])
+    if "preload" in run.settings:
+        preload = float(np.interp(end["time_s"], *np.transpose(run.settings["preload"])))
+        motor = motor.updated({"contact.preload_n": preload})
+    drive = ideal_drive(end["amplitude_a_v"], end["amplitude_b_v"], end["phase_deg"], end["frequency_hz"])
+    return stability_cautions(motor, drive, end["rotor_speed_rad_s"], run.point.law, timeout)
 
 
 def averaged_engine(engine: Engine) -> Literal["spice", "compiled"]:

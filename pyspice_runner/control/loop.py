@@ -31,6 +31,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result
+from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -534,7 +535,8 @@ def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> Control
         "phase": (result.current_phase_deg - phase + 180.0) % 360.0 - 180.0,
     }[loop.quantity]
     response = np.asarray(deviation[STEPPED:] / step)
+    unstable = stability_cautions(motor, drive, speed) if result.samples["separated"].any() else ()
     return replace(
         loop, step_simulated=response, overshoot_simulated=max(0.0, float(response.max()) - 1.0),
-        trusted=result.trusted, model_cautions=result.cautions,
+        trusted=result.trusted, model_cautions=(*unstable, *result.cautions),
     )  # fmt: skip

@@ -27,6 +27,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.run.point import Point
+from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ class StateSpace(Result):
         outputs: names of the outputs and their units.
         point: the steady state: outputs, torque, and the check of the averaged model.
         provenance: motor, drive and load, JSON-ready.
+        stability_cautions: whether the full motor is not stable at this state.
     """
 
     a: Array = field(repr=False)
@@ -71,11 +73,12 @@ class StateSpace(Result):
     outputs: Mapping[str, str]
     point: Mapping[str, float]
     provenance: dict[str, Any] = field(repr=False)
+    stability_cautions: tuple[str, ...] = ()
 
     def _limits(self) -> Iterable[str]:
         """Return the cautions of the averaged model at the steady state, and of a speed beyond its limit."""
         fast = too_fast(self.provenance["motor"], self.point["speed"])
-        return *model_cautions(self.point["check"], self.point["separated"]), *fast
+        return *self.stability_cautions, *model_cautions(self.point["check"], self.point["separated"]), *fast
 
     def transfer(self, output: str, of: str, frequency: Array) -> NDArray[np.complex128]:
         """Return a transfer function over frequency in Hz.
@@ -265,4 +268,5 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
         small.by_state[np.ix_(kept, kept)], driven[kept], np.array(rows)[:, kept], np.array(through),
         states, inputs, outputs, point,
         {"motor": motor.to_dict(), "drive": drive.model_dump(), "run": {"load_torque_n_m": load_torque}},
+        stability_cautions(motor, drive, point["speed"]) if point["separated"] else (),
     )  # fmt: skip

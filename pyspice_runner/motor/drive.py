@@ -125,6 +125,15 @@ class TwoPhaseDrive(Drive):
         )
 
 
+def ideal_drive(voltage_a: float, voltage_b: float, phase_deg: float, frequency: float) -> TwoPhaseDrive:
+    """Return the drive of two amplitudes in V; one that is below a hundredth of the other is raised to it."""
+    voltage = max(voltage_a, 0.01 * voltage_b)
+    return TwoPhaseDrive(
+        voltage=voltage, ratio_b=max(voltage_b / voltage, 0.01), phase_deg=180.0 - (180.0 - phase_deg) % 360.0,
+        frequency=frequency,
+    )  # fmt: skip
+
+
 def two_phases(drive: Any) -> dict[str, float]:
     """Return the values of two phases by their names, of a drive, a driver or a tracker."""
     return {name: getattr(drive, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}

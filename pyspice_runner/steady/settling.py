@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import statistics
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -43,17 +44,24 @@ class Settling:
     def holds(self, before: Sequence[Block], now: Sequence[Block], slack: float = 1.0) -> bool:
         """Whether the means of two successive groups of blocks are the same, to so many times the tolerance."""
         bench = now[0].bench
-        torques, forces = (
-            [sum(getattr(block, name) for block in group) / len(group) for group in (before, now)]
-            for name in ("torque", "normal_force")
-        )
+        torques, forces = ([_mean(group, name) for group in (before, now)] for name in ("torque", "normal_force"))
         energies = [bench.stored(group[-1].end) for group in (before, now)]
-        friction_torque = bench.motor.contact.friction * bench.motor.rotor.radius_m * forces[1]
-        scales = (abs(torques[1]) + _SMALL * friction_torque, forces[1], 4.0 * energies[1])
+        scales = (_torque_scale(now), forces[1], 4.0 * energies[1])
         return all(
             abs(pair[1] - pair[0]) <= slack * self.tolerance * scale
             for pair, scale in zip((torques, forces, energies), scales, strict=True)
         )
+
+
+def _mean(blocks: Sequence[Block], name: str) -> float:
+    return statistics.fmean(getattr(block, name) for block in blocks)
+
+
+def _torque_scale(blocks: Sequence[Block]) -> float:
+    """Return the mean torque, without sign, plus a small part of what friction can transmit."""
+    motor = blocks[0].bench.motor
+    friction_torque = motor.contact.friction * motor.rotor.radius_m * _mean(blocks, "normal_force")
+    return abs(_mean(blocks, "torque")) + _SMALL * friction_torque
 
 
 def settle(
@@ -79,11 +87,11 @@ def settle(
         before, now = _groups(blocks)
         if before and begun - 2 * len(now) * bench.duration >= soft_start * (1.0 - 1e-9):
             if all(block.metered for block in now) and settling.holds(before, now):
-                return _outcome(now, True, before, len(blocks)), blocks[-1]
+                return _outcome(now, before, len(blocks), settling.tolerance, True), blocks[-1]
             meters = meters or settling.holds(before, now, slack=_APPROACH)
         if len(blocks) >= settling.patience:
             now = [block for block in blocks[-(settling.patience // 2) :] if block.metered]
-            return _outcome(now, False, before, len(blocks)), blocks[-1]
+            return _outcome(now, before, len(blocks), settling.tolerance, False), blocks[-1]
         meters = meters or len(blocks) >= settling.patience - settling.patience // 2
 
 
@@ -99,9 +107,9 @@ def _settle_from_rest(
         for end in range(2, len(blocks) + 1):
             before, now = _groups(blocks[:end])
             if settling.holds(before, now):
-                return _outcome(now, True, before, end), blocks[end - 1]
+                return _outcome(now, before, end, settling.tolerance, True), blocks[end - 1]
         if number >= settling.patience:
-            return _outcome(blocks[-(number // 2) :], False, before, number), blocks[-1]
+            return _outcome(blocks[-(number // 2) :], before, number, settling.tolerance, False), blocks[-1]
         number = min(2 * number, settling.patience)
 
 
@@ -111,11 +119,25 @@ def _groups(blocks: list[Block]) -> tuple[list[Block], list[Block]]:
     return blocks[-2 * size : -size], blocks[-size:]
 
 
-def _outcome(now: list[Block], settled: bool, before: list[Block], blocks: int) -> dict[str, Any]:
+def _scatter(values: Sequence[float]) -> float:
+    """Return twice the standard error of a mean over time, the largest over means of 1, 2, 4, … values; 0 for few.
+
+    Longer means have the scatter of slow motions, too. H. Flyvbjerg, H. G. Petersen, J. Chem. Phys. 91, 461 (1989).
+    """
+    largest, size = 0.0, 1
+    while (count := len(values) // size) >= _FEWEST_BLOCKS:
+        means = [statistics.fmean(values[place * size : (place + 1) * size]) for place in range(count)]
+        largest = max(largest, 2.0 * statistics.stdev(means) / count**0.5)
+        size *= 2
+    return largest
+
+
+def _outcome(now: list[Block], before: list[Block], blocks: int, tolerance: float, settled: bool) -> dict[str, Any]:
+    error = max(tolerance * _torque_scale(now), _scatter([block.torque for block in now]))
     return {
         **_audited(now), "settled": settled, "torque_drift_n_m": now[-1].torque - before[-1].torque,
         "simulated_s": blocks * now[0].bench.duration, "deck_sha256": now[-1].deck_sha256,
-        "torque_error_n_m": float("nan"), "largest_multiplier": float("nan"), "method": "settle",
+        "torque_error_n_m": error, "largest_multiplier": float("nan"), "method": "settle",
     }  # fmt: skip
 
 

@@ -48,8 +48,11 @@ OUTCOME = {
     **UNITS,
     "settled": ("1", "whether the means stayed the same from block to block"),
     "audit_passed": ("1", "whether the means passed the physical audit"),
-    "torque_error_n_m": ("N·m", "estimated error of the mean torque by the time step; NaN where it was not estimated"),
-    "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
+    "torque_error_n_m": (
+        "N·m",
+        "estimated error of the mean torque by the time step, of a time average by its scatter",
+    ),
+    "largest_multiplier": ("1", "largest Floquet multiplier; beyond 1 the periodic motion is unstable"),
     "torque_drift_n_m": ("N·m", "change of the mean torque from block to block"),
     "simulated_s": ("s", "time that was simulated"),
 }
@@ -203,7 +206,7 @@ def held_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> lis
         with suppress(ParameterError, SimulationError, TypeError, ValueError):
             benches[place] = _held(motor, drive, **settings)
     try:
-        found = _steady(list(benches.values()))
+        found, _ = _steady(list(benches.values()))
     except (ParameterError, SimulationError):
         return [None] * len(points)
     answers: list[dict[str, Any] | None] = [None] * len(points)
@@ -234,7 +237,9 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
 def _cautions(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
     laws = (bench.setup.law for bench in benches)
     found = any(law and law.sliding and stuck(outcome) for law, outcome in zip(laws, outcomes, strict=True))
-    return [*([STUCK] if found else []), *delivering(outcomes)]
+    unstable = sum(outcome["largest_multiplier"] >= 1.0 for outcome in outcomes)
+    averages = f"{unstable} of {len(outcomes)} points have an unstable periodic motion: their values are time averages."
+    return [*([averages] if unstable else []), *([STUCK] if found else []), *delivering(outcomes)]
 
 
 # --- points ---
@@ -246,11 +251,12 @@ def _measured(
     """Return the outcomes by place, and the error or interrupt if some are missing."""
     tell = progress or (lambda *_: None)
     found: dict[int, dict[str, Any]] = {}
+    multipliers: dict[int, float] = {}
     fault: KeyboardInterrupt | SimulationError | None = None
     try:
         if mode == "steady":
             tell(0, len(points))
-            found = _steady(points)
+            found, multipliers = _steady(points)
         others = {place: bench for place, bench in enumerate(points) if place not in found}
         finished = len(found)
         if others:
@@ -259,6 +265,8 @@ def _measured(
             tell(len(points), len(points))
     except (KeyboardInterrupt, SimulationError) as error:
         fault = error
+    for place in found.keys() & multipliers.keys():
+        found[place]["largest_multiplier"] = multipliers[place]
     for place in sorted(found):
         bench = points[place]
         if bench.setup.solver.audit and found[place]["findings"]:
@@ -269,20 +277,23 @@ def _measured(
     return found, fault
 
 
-def _steady(points: Sequence[Dynamometer]) -> dict[int, dict[str, Any]]:
-    """Return by place the outcomes of the points that have a stable steady state."""
+def _steady(points: Sequence[Dynamometer]) -> tuple[dict[int, dict[str, Any]], dict[int, float]]:
+    """Return by place the outcomes of the points that have a stable steady state, and the multipliers of all found."""
     setups = [replace(bench.setup, solver=replace(bench.setup.solver, audit=False)) for bench in points]
-    return {
+    states = {place: state for place, state in enumerate(steady_states(setups)) if state.converged}
+    multipliers = {place: float(np.abs(state.floquet_multipliers).max(initial=0.0)) for place, state in states.items()}
+    outcomes = {
         place: {
             **state.quantities, "settled": True, "audit_passed": bool(state.audit.passed),
             "findings": state.audit.findings, "torque_error_n_m": state.torque_error_n_m,
-            "largest_multiplier": float(np.abs(state.floquet_multipliers).max(initial=0.0)), "torque_drift_n_m": 0.0,
+            "largest_multiplier": multipliers[place], "torque_drift_n_m": 0.0,
             "simulated_s": state.provenance["simulated_s"], "deck_sha256": state.provenance["deck_sha256"],
             "method": state.method,
         }
-        for place, state in enumerate(steady_states(setups))
+        for place, state in states.items()
         if state.stable
     }  # fmt: skip
+    return outcomes, multipliers
 
 
 # --- axes ---

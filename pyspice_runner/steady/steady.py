@@ -17,6 +17,7 @@ from typing import Any, Generic, TypeVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
@@ -291,6 +292,30 @@ def steady_states(
                     state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
                 found[place] = state
     return [found[place] for place in range(len(setups))]
+
+
+def stability_cautions(
+    motor: Motor, drive: Drive, speed: float, contact: ContactLaw | None = PAPER_LAW, timeout: float | None = None
+) -> tuple[str, ...]:
+    """Return a caution for averaged models where the periodic motion that they describe is unstable, at a held speed.
+
+    The multipliers are those of the full motor at the coarse step. Where ngspice fails there is a caution, too.
+    """
+    point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
+    try:
+        (state,) = steady_states([point], accuracy=None)
+    except (ParameterError, SimulationError) as error:
+        return (f"Whether the motion at {drive.label} is stable is not known: {error}",)
+    if state.stable:
+        return ()
+    found = "was not found"
+    if state.converged:
+        found = f"is unstable ({state.instability}, multiplier {np.abs(state.floquet_multipliers).max():.5g})"
+    caution = (
+        f"The periodic motion that the averaged model describes {found} in the full motor at {drive.label}: the motor "
+        "moves otherwise. speed_torque and simulate give the time averages."
+    )
+    return (caution,)
 
 
 def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> list[Orbit | None]:

@@ -24,7 +24,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive
+from pyspice_runner.motor.drive import Load, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
@@ -35,6 +35,7 @@ from pyspice_runner.run.point import MOST_POINTS, Point, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, Array
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
+from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, run_averaged
 from pyspice_runner.trackers.loop import LockedPoint, LoopDesign, running_loop
 from pyspice_runner.trackers.tracker import (
@@ -519,9 +520,7 @@ def _with_loop(
     if speed is None and not found.settled:
         speed = found.speed_after_rad_s
     ratio = pins["b"] / pins["a"]
-    drive = TwoPhaseDrive(
-        voltage=abs(pins["a"]), ratio_b=abs(ratio), phase_deg=degrees(phase(ratio)), frequency=found.end_frequency_hz
-    )
+    drive = ideal_drive(abs(pins["a"]), abs(pins["b"]), degrees(phase(ratio)), found.end_frequency_hz)
     target = tracker.target_deg + disturbance.target_step_deg
     source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
     begins = np.exp(-1j * phase(pins["a"]) * np.arange(1, len(force) + 1))  # group A has the phase 0
@@ -551,6 +550,12 @@ def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
         float(curves["separated"].max()),
         damping_factor(motor.to_dict(), curves["frequency"], curves["tip_y"]),
     )
+    if curves["separated"][-1]:
+        pins, drifting = done.voltages, run.disturbance.drifting
+        turned = degrees(phase(pins["b"]) - phase(pins["a"]))
+        drive = ideal_drive(abs(pins["a"]), abs(pins["b"]), turned, float(curves["frequency"][-1]))
+        hot = drifting.warmed(motor, float(curves["temperature"][-1])) if drifting else motor
+        cautions += stability_cautions(hot, drive, float(curves["speed"][-1]), timeout=run.setup.solver.timeout)
     stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
     found = replace(found, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
     if run.source.tracker.kind == "pll":

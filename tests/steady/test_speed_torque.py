@@ -294,6 +294,22 @@ def test_a_point_that_begins_with_the_motion_of_another_settles_where_one_from_r
     assert point["torque_n_m"] == pytest.approx(alone, rel=2e-3)
 
 
+def test_an_unstable_periodic_motion_gives_the_time_average_with_its_error() -> None:
+    """7.375 mN·m is the mean over the last 120 ms of 240 ms; the periodic motion has 9.48 mN·m. Averaged models say so."""
+    known = pr.load_motor("andersen2002-unintended-mode")
+    stiffness = 1.2 * known.contact.normal_stiffness_n_per_m15
+    motor = known.updated({"contact.friction": 0.24, "contact.normal_stiffness_n_per_m15": stiffness})
+    point = held_point(motor, drive(46e3), patience=12)
+    assert not point["settled"]
+    assert point["largest_multiplier"] == pytest.approx(1.0039, abs=1e-4)
+    assert abs(point["torque_n_m"] - 7.375e-3) < point["torque_error_n_m"] < 1e-3
+    assert "1 of 1 points have an unstable periodic motion: their values are time averages." in point["cautions"]
+    averaged = pr.simulate_averaged(motor, drive(46e3), 0.05, speed=0.0)
+    assert averaged.torque_n_m[-1] == pytest.approx(9.48e-3, rel=1e-3)
+    for found in (averaged, pr.state_space(motor, drive(46e3))):
+        assert any("is unstable (irrational, multiplier 1.0039)" in caution for caution in found.cautions)
+
+
 def test_two_tones_that_beat_never_settle_and_say_so() -> None:
     beating = pr.TwoToneDrive(voltage_1=60.0, frequency_1=45e3, voltage_2=60.0, frequency_2=45.21e3)
     step = 3.0 * dynamometer(beating).setup.step  # the beat does not need fine steps
