@@ -141,6 +141,7 @@ class AveragedRun(RunOverTime):
         solver_seconds: wall time that the engine took.
         ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
         audit: the power balance.
+        check_stability: returns cautions where the full motor is not stable at the end; called for ``cautions``.
     """
 
     curves: Mapping[str, Array] = field(repr=False)
@@ -148,8 +149,13 @@ class AveragedRun(RunOverTime):
     solver_seconds: float
     ngspice_version: str | None
     audit: Audit = field(default_factory=Audit)
+    check_stability: Callable[[], tuple[str, ...]] = field(default=tuple, repr=False)
 
     units = COLUMNS
+
+    @cached_property
+    def _stability_cautions(self) -> tuple[str, ...]:
+        return self.check_stability()
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
@@ -166,6 +172,7 @@ class AveragedRun(RunOverTime):
         yield from self._model_cautions
         if held and stuck(end):
             yield STUCK
+        yield from self._stability_cautions
         yield from self.provenance["cautions"]
 
     @property

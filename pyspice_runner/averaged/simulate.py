@@ -136,8 +136,6 @@ def averaged_run(
     ceramic = averaged_ceramic(
         motor, amplitudes, end["normal_force_n"], end["heat_w"], columns["rotor_speed_rad_s"]
     )  # fmt: skip
-    if end["separated"] and end["amplitude_a_v"] + end["amplitude_b_v"]:
-        ceramic["cautions"] = [*_stability(run, end, timeout), *ceramic["cautions"]]
     residual = missing_energy(columns, rows["stored_energy"])
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
@@ -160,11 +158,14 @@ def averaged_run(
             **ceramic,
         },
         write_deck=write_deck,
+        check_stability=partial(_stability, run, end, timeout),
     )  # fmt: skip
 
 
 def _stability(run: AveragedPoint, end: dict[str, float], timeout: float | None) -> tuple[str, ...]:
     """Return the cautions for the stability of the motion at the end of a run, whose columns end with these values."""
+    if not (end["separated"] and end["amplitude_a_v"] + end["amplitude_b_v"]):
+        return ()
     motor = run.motor if run.thermal is None else run.thermal.warmed(run.motor, end["temperature_k"])
     if "preload" in run.settings:
         preload = float(np.interp(end["time_s"], *np.transpose(run.settings["preload"])))

@@ -123,6 +123,7 @@ def averaged_tracked_bench(
 
 
 LONGEST = 1e5  # s, of an averaged run
+PATIENCE = 60.0  # s of wall time without a timeout: an oscillator that hunts at its rail keeps the steps below a period
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of an averaged run
 NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
 _HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
@@ -213,7 +214,7 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
         courses["load_torque"] = disturbance.ramp(disturbance.load_torque_n_m)
     running.set(amplitude_a=stage.voltage, amplitude_b=stage.voltage_b, phase=stage.phase_deg)
     begun = monotonic()
-    rows = running.record(courses, run.duration, timeout=setup.solver.timeout)
+    rows = running.record(courses, run.duration, timeout=setup.solver.timeout or PATIENCE)
     seconds = monotonic() - begun
     names = {
         "time": "time", "frequency": "frequency", "phase": "mode_phase", "speed": "speed", "check": "check",
