@@ -295,7 +295,7 @@ def test_a_point_that_begins_with_the_motion_of_another_settles_where_one_from_r
 
 
 def test_an_unstable_periodic_motion_gives_the_time_average_with_its_error() -> None:
-    """7.375 mN·m is the mean over the last 120 ms of 240 ms; the periodic motion has 9.48 mN·m. Averaged models say so."""
+    """7.375 mN·m is the mean over 120 of 240 ms; the periodic motion has 9.48 mN·m. Averaged models say so."""
     known = pr.load_motor("andersen2002-unintended-mode")
     stiffness = 1.2 * known.contact.normal_stiffness_n_per_m15
     motor = known.updated({"contact.friction": 0.24, "contact.normal_stiffness_n_per_m15": stiffness})
