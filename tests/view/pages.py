@@ -8,12 +8,14 @@ from typing import Any
 
 from playwright.sync_api import Browser, Page
 
+LONGEST = 600_000  # ms until a condition holds, far beyond what a busy machine takes
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 
 
 def opened(browser: Browser, file: Path, ready: str, link: str = "", **settings: Any) -> tuple[Page, list[str]]:
     """Return the page, offline, when an element ``ready`` is there; and what went wrong."""
     page = browser.new_page(viewport=settings.pop("viewport", DESKTOP), **settings)
+    page.set_default_timeout(LONGEST)
     wrong: list[str] = []
     local = ("file:", "blob:", "data:")
     page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
@@ -22,5 +24,5 @@ def opened(browser: Browser, file: Path, ready: str, link: str = "", **settings:
     page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
     page.context.set_offline(True)
     page.goto(file.as_uri() + link)
-    page.wait_for_selector(ready, state="attached", timeout=60_000)
+    page.wait_for_selector(ready, state="attached")
     return page, wrong

@@ -52,7 +52,7 @@ def drawn(desktop: tuple[Page, list[str]]) -> tuple[Page, list[str]]:
     page.evaluate("void (window.further = curves)")
     answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
     answered(page, typed(page, "frequency", 39.65))
-    page.wait_for_selector("html[data-further=done]", state="attached", timeout=90_000)
+    page.wait_for_selector("html[data-further=done]", state="attached")
     page.evaluate("void (window.further = () => {})")
     return page, wrong
 
@@ -63,7 +63,7 @@ def answered(page: Page, do: Callable[[], object], *, settled: bool = False) -> 
     do()
     first = "" if settled else "html[data-picture], "
     # a picture settles in 3 s on an idle machine
-    page.wait_for_selector(f"{first}html[data-busy=false]", state="attached", timeout=120_000)
+    page.wait_for_selector(f"{first}html[data-busy=false]", state="attached")
     page.wait_for_timeout(50)  # what was answered is drawn in the next frame
     return data(page)
 
@@ -193,7 +193,7 @@ def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser
     file = save_live_page(motor, tmp_path / "live.html")
     page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     page.evaluate("void (window.further = () => {})")
-    page.wait_for_selector("html[data-busy=false]", state="attached", timeout=60_000)
+    page.wait_for_selector("html[data-busy=false]", state="attached")
     assert re.search(r"mm/s, .* m?N \(", page.inner_text("#status"))
     free = pr.steady_state(motor, pr.default_drive(motor))
     # the same motor cycle by cycle; 2 % is what the page calls settled
@@ -302,7 +302,7 @@ def test_a_motor_that_the_preview_does_not_describe_runs_cycle_by_cycle(browser:
     file.write_text(live_page(motor, []), encoding="utf-8")
     page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     assert "all numbers come cycle by cycle" in page.inner_text("#motor-note")
-    page.wait_for_selector("html[data-busy=false]", state="attached", timeout=60_000)
+    page.wait_for_selector("html[data-busy=false]", state="attached")
     found = data(page)
     assert (found["model"], found["settled"]) == ("cycles", "true")
     steady = pr.steady_state(motor, pr.default_drive(motor))
@@ -463,7 +463,7 @@ def test_a_motor_whose_modes_ring_for_long_settles_too(browser: Browser, page_fi
     """They follow the speed with a lag of three runs, by which the secant rule alone swings about the balance."""
     page, _ = opened(browser, page_file, READY, "#A.motor=bimodal40", reduced_motion="reduce")
     page.evaluate("void (window.further = () => {})")
-    page.wait_for_selector("html[data-settled=true]", state="attached", timeout=400_000)
+    page.wait_for_selector("html[data-settled=true]", state="attached")
     motor = pr.load_motor("bimodal40")
     steady = pr.steady_state(motor, pr.default_drive(motor))
     # the step is 1/80 of the shortest period here and 1/128 there
