@@ -51,6 +51,7 @@ _OF_DRIVE = (*dict.fromkeys([*TwoPhaseDrive.model_fields, *TwoToneDrive.model_fi
 DEFAULT_ERROR = 0.02
 _RESONANCE_SPAN = 0.05
 _FAR = 2.0  # of the motor's modes: farther, a resonance has another unit
+_FAR_BEYOND = 20.0  # torques over that of friction; a factor of 1000 between units exceeds it
 
 _HEADING = re.compile(r"\s*([A-Za-z][A-Za-z .]*?)\s*(?:\[([^\]]+)\]|\(([^)]+)\)|/\s*(\S.*?))\s*")
 _G = 9.80665  # m/s², standard gravity: weights are given in grams
@@ -111,6 +112,15 @@ class Points:
                         f"{where} takes a voltage of group {group.upper()} at one frequency. Its drive is "
                         f"{getattr(drive, 'label', type(drive).__name__)}. Leave the phase out."
                     )
+            motor = setups[row].motor
+            most = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+            if quantity == "torque_n_m" and abs(value) > _FAR_BEYOND * most:
+                named, unit = ("force_n", "N") if motor.slider else (quantity, "N·m")
+                raise ParameterError(
+                    f"{self.source}: {named} of point {row + 1} is {value:g} {unit}; friction at the preload holds "
+                    f"{most:.3g} {unit}, and at most {_FAR_BEYOND:g} times that is allowed. Give it in {unit}, or "
+                    f"state the unit in the heading: {'Force (mN)' if motor.slider else 'Torque (mN.m)'}."
+                )
             if quantity == RESONANCE:
                 if not isinstance(drive, TwoPhaseDrive):
                     raise ParameterError(f"{where} takes a drive with one frequency. Leave the resonance out.")

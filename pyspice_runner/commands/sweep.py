@@ -17,6 +17,8 @@ from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import spec_of
 from pyspice_runner.commands.options import DRIVE, DRIVERS, LAW, TARGETS, Call, command, option
+from pyspice_runner.errors import did_you_mean
+from pyspice_runner.sweeps.answers import FLAGS
 from pyspice_runner.sweeps.plan import Distribution, Sampling
 from pyspice_runner.sweeps.specification import met
 from pyspice_runner.units import linear_name
@@ -93,7 +95,6 @@ def sweep(call: Call) -> int:
             loaded, contact=contact, speed=call.speed, load_torque=call.load_torque or 0.0
         )
     excitation = behind or call.stated
-    limits = _limits(call.limit)
     axes: dict[str, Any] = {**common.axes_of(call.over)}
     common.refuse_covered(call.context, axes)
     for path, text in common.pairs_of("--tolerance", call.tolerance):
@@ -113,6 +114,7 @@ def sweep(call: Call) -> int:
     usual = _question(analysis, call.quantity)
     if loaded.slider and not call.quantity:
         usual["quantities"] = [linear_name(name) or name for name in usual["quantities"]]
+    limits = _limits(call.limit, [*usual["quantities"], *FLAGS])
     how = {name: value for name, value in usual.items() if f"run.{name}" not in axes} | run
     with _cluster(call.scheduler, call.workers) as executor, common.points_progress() as progress:
         try:
@@ -159,8 +161,8 @@ def _question(analysis: str, quantity: list[str] | None) -> dict[str, Any]:
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
 
 
-def _limits(limit: list[str] | None) -> dict[str, tuple[float, float]] | None:
-    """Return the limits of a specification."""
+def _limits(limit: list[str] | None, known: list[str]) -> dict[str, tuple[float, float]] | None:
+    """Return the limits of a specification, of known quantities."""
     found = {}
     for name, text in common.pairs_of("--limit", limit):
         try:
@@ -170,6 +172,15 @@ def _limits(limit: list[str] | None) -> dict[str, tuple[float, float]] | None:
             found[name] = (float(low or "-inf"), float(high or "inf"))
         except ValueError:
             raise pr.ParameterError(f"--limit {name}: {text!r} is not LOW:HIGH. Write 135:165, or 3e-3:.") from None
+        if name not in known:
+            raise pr.ParameterError(
+                f"--limit {name}: there is no such quantity in this sweep. {did_you_mean(name, known, 'It has')} "
+                "Keep another one by --quantity NAME."
+            )
+        if not found[name][0] <= found[name][1]:
+            raise pr.ParameterError(
+                f"--limit {name}={text} is not valid: LOW must be at most HIGH. Write {name}=LOW:HIGH, as 135:165."
+            )
     return found or None
 
 

@@ -440,10 +440,6 @@ def track(
     source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver)
     setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
     begin = _settled(tracker, disturb) if begin is None else begin
-    stall = None
-    if disturb == "load" and load_torque is None:
-        stall = _stall_torque(setup, source)  # of the full motor
-        load_torque = 0.5 * stall
     disturbance = Disturbance(
         kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
         drift_time_s=drift_time, target_step_deg=target_step if disturb == "target" else 0.0,
@@ -451,6 +447,18 @@ def track(
     )  # fmt: skip
     if duration is None:
         duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
+    if not averaged:
+        _check_duration(setup, source, duration)
+    seen = disturbance.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency
+    if not averaged and disturb != "start" and duration < seen:
+        raise ParameterError(
+            f"duration = {duration:g} s does not show the disturbance, which lasts from {disturbance.begin_s:.4g} to "
+            f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
+        )
+    stall = None
+    if disturb == "load" and load_torque is None:
+        stall = _stall_torque(setup, source)  # of the full motor
+        disturbance = disturbance.model_copy(update={"load_torque_n_m": 0.5 * stall})
     source = replace(source, disturbance=disturbance)
     setup = replace(setup, source=source)
     run = TrackedRun(setup, source, disturbance, duration, lag, stall, margin and tracker.kind == "pll")
@@ -477,15 +485,8 @@ def _check_together(
 
 def _track_full(run: TrackedRun) -> Tracking:
     """Track the full motor."""
-    setup, source, disturbance, duration = run.setup, run.source, run.disturbance, run.duration
+    setup, source, duration = run.setup, run.source, run.duration
     motor, mode = setup.motor, source.mode
-    _check_duration(setup, source, duration)
-    seen = disturbance.end_s + 2 * SMOOTHED_PERIODS / source.tracker.frequency
-    if disturbance.kind != "start" and duration < seen:
-        raise ParameterError(
-            f"duration = {duration:g} s does not show the disturbance, which lasts from {disturbance.begin_s:.4g} to "
-            f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
-        )
     forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if setup.law else []
     electrical = ["v(a)", "v(b)", *(source.current(group)[0] for group in GROUPS), *modal_vectors(motor)]
     outcome = setup.run(duration, list(dict.fromkeys(_vectors(mode, *forces, *electrical))))

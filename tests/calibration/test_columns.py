@@ -120,6 +120,7 @@ POINT = {"speed_rad_s": [4.0, 4.0], "torque_n_m": [0.01, 0.01]}
         ({"Phase (deg)": [60.0, 60.0]}, "current_a_phase_deg and current_b_phase_deg are measured"),
         ({"resonance_hz": [44.6, 45.0]}, "resonance_hz of point 1 is 44.6 Hz; the modes of the motor allow"),
         ({"resonance_hz": [-45e3, 45e3]}, "the modes of the motor allow"),
+        ({"torque_n_m": [12.0, 9.0]}, "torque_n_m of point 1 is 12 N·m; friction at the preload holds 0.0"),
         ({"resonance_hz": [45e3, 45e3], "Resonance (kHz)": [45, 45]}, "second column"),
         ({"current_a_phase_deg": [10.0, 10.0], "current_a_phase_deg_error": [0.0, 1.0]}, "must be a number > 0"),
     ],

@@ -689,6 +689,8 @@ def test_a_simulator_that_fails_everywhere_ends_with_3(in_folder: Path, capsys: 
         (["--over", "modes.*.tip_x=1", "--over", "modes.0.tip_x=1"], "modes.0.tip_x twice"),
         (["--over", "drive.voltage=1", "--quantity", "mean_torque"], "Did you mean 'mean_torque_n_m'?"),
         (["--over", "drive.voltage=1", "--quantity", "solver_seconds"], "There is no quantity 'solver_seconds'"),
+        (["--over", "drive.voltage=1", "--limit", "nothing=1:5"], "--limit nothing: there is no such quantity"),
+        (["--over", "drive.voltage=1", "--limit", "mean_torque_n_m=5:1"], "LOW must be at most HIGH"),
         (["--over", "drive.voltage=1", "--workers", "0"], "workers = 0 is not valid"),
         (["--over", "drive.voltage=1", "--duration", "nan"], "duration = nan s is not valid"),
         (["--over", "drive.voltage=1:2:1001", "--over", "contact.friction=0.1:1:1000"], "at most 1e+06"),

@@ -315,3 +315,12 @@ def test_a_run_shorter_than_the_mode_takes_to_build_up_says_so() -> None:
     chosen = pr.Tracker(kind="pll", voltage=5.0, frequency=ringing.modes[1].frequency_hz, bandwidth_hz=800.0)
     found = pr.track(ringing, chosen, 2e-3, contact=None, step=COARSE)
     assert "shorter than 3 time constants of the mode" in found.cautions[0]
+
+
+def test_a_run_that_is_too_short_is_refused_before_the_stall_torque_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pyspice_runner.trackers.track._stall_torque", lambda *_: pytest.fail("it has run"))
+    base = pr.load_motor("bimodal40")
+    chosen = pr.Tracker(kind="pll", voltage=100.0, frequency=40.7e3)
+    for duration, message in ((1e-3, "duration = 0.001 s is not valid"), (3e-3, "does not show the disturbance")):
+        with pytest.raises(pr.ParameterError, match=message):
+            pr.track(base, chosen, disturb="load", duration=duration)
