@@ -87,6 +87,14 @@ def test_a_run_is_that_of_an_independent_integrator(reference: str) -> None:
     assert run.energy_residual < 1e-3
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_the_contact_is_separated_while_its_normal_force_is_zero(law: str) -> None:
+    """Damping ends the force of a contact that opens before its penetration ends."""
+    run = pr.simulate(MOTOR, DRIVE, duration=3e-4, contact=law, audit=False)
+    assert np.array_equal(run.normal_force_n > 1e-9, run.contact_state > 0.5)
+    assert 0.1 < np.mean(run.contact_state > 0.5) < 0.9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", mostly(pytest.mark.soak, LAWS, ["spring-slider"]))
 def test_a_steady_state_is_what_a_run_settles_to(law: str) -> None:
