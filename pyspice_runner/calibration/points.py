@@ -51,7 +51,7 @@ _OF_DRIVE = (*dict.fromkeys([*TwoPhaseDrive.model_fields, *TwoToneDrive.model_fi
 DEFAULT_ERROR = 0.02
 _RESONANCE_SPAN = 0.05
 _FAR = 2.0  # of the motor's modes: farther, a resonance has another unit
-_FAR_BEYOND = 20.0  # torques over that of friction; a factor of 1000 between units exceeds it
+_FAR_BEYOND = 20.0  # times the torque of friction at the preload; a factor of 1000 between units exceeds it
 
 _HEADING = re.compile(r"\s*([A-Za-z][A-Za-z .]*?)\s*(?:\[([^\]]+)\]|\(([^)]+)\)|/\s*(\S.*?))\s*")
 _G = 9.80665  # m/s², standard gravity: weights are given in grams

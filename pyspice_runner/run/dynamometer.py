@@ -87,9 +87,12 @@ STUCK = (
 )
 
 
+ROUNDED = 1e-6  # share of time, below which it is rounding of ngspice's integral
+
+
 def stuck(outcome: Mapping[str, Any]) -> bool:
     """Whether a contact neither slips nor opens, for an outcome by names of quantities."""
-    return bool(outcome["slip"] == 0.0 and outcome["separated"] == 0.0)
+    return bool(abs(outcome["slip"]) < ROUNDED and abs(outcome["separated"]) < ROUNDED)
 
 
 UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}

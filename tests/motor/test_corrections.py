@@ -377,39 +377,37 @@ def test_the_printed_stick_test_never_ends_stick(pair: Pair) -> None:
 # --- the event rule -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Slide:
-    """Spring–slider under a prescribed motion, in units of δ₀ = 1, u_lim(δ₀) = 1 and μ F₀ = 1."""
+def by_events(depth: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+    """Take the paper's rule through small steps: in slip u = s u_lim, until v₁ - v₂ = v_rel - u̇ changes sign.
 
-    u: Array
-    slip: NDArray[np.bool_]
-    differs: NDArray[np.bool_]
-    """slip in which the limit grows faster than the surfaces move: 0 ≤ s v_rel < u̇_lim"""
-    work: Array
-    """done against friction by the slipping surfaces, from the start"""
-
-
-def slide(depth: Array, velocity: Array, step: float, *, printed: bool) -> Slide:
-    """Take the event rule as printed, or the projection, through small steps; the bound |u| ≤ u_lim holds in both."""
-    u = np.zeros_like(depth)
-    slipping = np.zeros(len(depth), dtype=bool)
-    differs = np.zeros(len(depth), dtype=bool)
-    work = np.zeros_like(depth)
-    side = 0.0
+    In units of δ₀ = 1, u_lim(δ₀) = 1 and μ F₀ = 1. Returns the slider's displacement, and the work done against
+    friction by the slipping surfaces.
+    """
+    u, work = np.zeros_like(depth), np.zeros_like(depth)
+    slipping, side = False, 0.0
     for i in range(1, len(depth)):
         limit, growth = max(depth[i], 0.0), (max(depth[i], 0.0) - max(depth[i - 1], 0.0)) / step
         v = 0.5 * (velocity[i] + velocity[i - 1])
-        differs[i] = slipping[i - 1] and 0.0 <= side * v < growth
-        if slipping[i - 1] and limit > 0.0 and side * v >= (0.0 if printed else growth):
-            u[i], slipping[i] = side * limit, True
+        if slipping and limit > 0.0 and side * (v - side * growth) >= 0.0:
+            u[i] = side * limit
         else:
             u[i] = u[i - 1] + v * step
-            if abs(u[i]) > limit:
+            slipping = bool(abs(u[i]) > limit)
+            if slipping:
                 side = float(np.sign(u[i]))
-                u[i], slipping[i] = side * limit, limit > 0.0
-        power = side * limit**1.5 * (v - (u[i] - u[i - 1]) / step) if slipping[i] else 0.0
+                u[i], slipping = side * limit, limit > 0.0
+        power = side * limit**1.5 * (v - (u[i] - u[i - 1]) / step) if slipping else 0.0
         work[i] = work[i - 1] + power * step
-    return Slide(u, slipping, differs, work)
+    return u, work
+
+
+def projected(depth: Array, velocity: Array, step: float) -> Array:
+    """Return the displacement of a slider that moves with the surfaces and is held inside its limit."""
+    u = np.zeros_like(depth)
+    for i in range(1, len(depth)):
+        limit = max(depth[i], 0.0)
+        u[i] = np.clip(u[i - 1] + 0.5 * (velocity[i] + velocity[i - 1]) * step, -limit, limit)
+    return u
 
 
 def ellipse(
@@ -421,48 +419,19 @@ def ellipse(
     return depth, amplitude * 0.8 * 2 * pi * np.sin(2 * pi * t + radians(phase_deg)), 1 / points
 
 
-def test_the_printed_event_rule_creates_energy() -> None:
-    """The example of the page, per period once it repeats, to its two digits; the steps' error is 1e-3 of it."""
-    depth, velocity, step = ellipse(150.0)
-    last = len(depth) - 1 - round(1 / step)
-    printed = slide(depth, velocity, step, printed=True).work
-    projected = slide(depth, velocity, step, printed=False).work
-    assert printed[-1] - printed[last] == pytest.approx(-0.42, abs=0.005)
-    assert projected[-1] - projected[last] == pytest.approx(0.10, abs=0.005)
-
-
-@pytest.mark.parametrize("amplitude", [0.5, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize("amplitude", [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0])
 @pytest.mark.parametrize("phase_deg", range(0, 360, 30))
-def test_the_projection_never_creates_energy_and_differs_from_the_printed_rule_only_there(
-    phase_deg: float, amplitude: float
-) -> None:
+def test_the_event_rule_is_the_projection_and_never_creates_energy(phase_deg: int, amplitude: float) -> None:
     depth, velocity, step = ellipse(phase_deg, amplitude, periods=2, points=1000)
-    projected = slide(depth, velocity, step, printed=False)
-    printed = slide(depth, velocity, step, printed=True)
-    assert (np.diff(projected.work) >= -1e-12).all()
-    lost = np.flatnonzero(np.diff(printed.work) < -1e-9) + 1
-    assert printed.differs[lost].all()  # energy comes back nowhere else
-    parting = int(np.argmax(printed.differs)) if printed.differs.any() else len(depth)
-    np.testing.assert_array_equal(projected.u[:parting], printed.u[:parting])
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_both_rules_agree_under_a_constant_and_a_falling_load(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    t = np.linspace(0, 1, 4001)
-    velocity = sum(random.normal() * 20 * np.sin(2 * pi * k * t + random.uniform(0, 2 * pi)) for k in range(1, 6))
-    for depth in (np.ones_like(t), 1.0 - 0.9 * t):
-        printed = slide(depth, velocity, t[1], printed=True)
-        projected = slide(depth, velocity, t[1], printed=False)
-        assert printed.slip.any()
-        np.testing.assert_array_equal(printed.u, projected.u)
-        np.testing.assert_array_equal(printed.slip, projected.slip)
+    u, work = by_events(depth, velocity, step)
+    np.testing.assert_allclose(u, projected(depth, velocity, step), rtol=0.0, atol=1e-12)
+    assert (np.diff(work) >= -1e-12).all()
 
 
 def test_the_circuit_sticks_again_when_its_limit_exceeds_the_slider() -> None:
     """ngspice: dragged at a constant speed until it slips, then pressed in so fast that u_lim grows faster than that.
 
-    The slider must then move with the surfaces (the printed rule would keep it on its limit), and slip again once the
+    The slider must then move with the surfaces, and slip again once the
     load no longer grows. The slider's displacement is that of the projection to slider_time · velocity = 0.5 nm.
     """
     contact = read_library("piezomotor_contact")
