@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from threading import Lock
 from types import CodeType
 from typing import Any
 
@@ -139,6 +140,10 @@ def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, P
     return found
 
 
+# threads that parse at a time disturb each other's count of the depth in Python 3.11 (SystemError)
+_PARSING = Lock()
+
+
 @cache
 def library_function(library: Library) -> LibraryFunction:
     """Return the equations of a library as a function."""
@@ -148,7 +153,9 @@ def library_function(library: Library) -> LibraryFunction:
         flow = "+".join(known.currents.get(node, ["0"]))
         leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
         texts.append((f"rate_{node}", f"({flow}{leak})/{capacitance}", 1))
-    values = [_Shorter().visit(ast.parse(translated(text, "python", str), mode="eval").body) for _, text, _ in texts]
+    with _PARSING:
+        parsed = [ast.parse(translated(text, "python", str), mode="eval").body for _, text, _ in texts]
+    values = [_Shorter().visit(tree) for tree in parsed]
     shared = _Shared(value for value, (*_, times) in zip(values, texts, strict=True) if times == 1)
     program = []
     for (name, _, times), value in zip(texts, values, strict=True):

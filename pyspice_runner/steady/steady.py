@@ -301,8 +301,8 @@ def stability_cautions(
 
     The multipliers are those of the full motor at the coarse step. Where ngspice fails there is a caution, too.
     """
-    point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
     try:
+        point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
         (state,) = steady_states([point], accuracy=None)
     except (ParameterError, SimulationError) as error:
         return (f"Whether the motion at {drive.label} is stable is not known: {error}",)

@@ -129,7 +129,9 @@ def _motors() -> tuple[dict[str, Any], ...]:
 
 
 def _plain(value: Any) -> Any:
-    return value["value"] if isinstance(value, dict) else value
+    if not isinstance(value, dict):
+        return value
+    return value["value"] if "value" in value else {name: _plain(inner) for name, inner in value.items()}
 
 
 def _draw_motor(rng: random.Random) -> bytes:
