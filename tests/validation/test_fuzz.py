@@ -22,6 +22,8 @@ from validation.fuzz.entry_points import ENTRY_POINTS, EntryPoint, warm
 
 COUNT, SEED = 20, 7
 
+sys.dont_write_bytecode = True  # the watch refuses the file of a module that an input is the first to import
+
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
