@@ -11,6 +11,7 @@ from __future__ import annotations
 import atexit
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -19,6 +20,7 @@ from typing import Any
 
 NOTHING_DONE = "piezomotor: interrupted; nothing was written.\n"
 _ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_REMIND = 0.01  # s; delay before a signal received where no exception can be raised is sent again
 
 
 @contextmanager
@@ -123,16 +125,33 @@ def raised() -> Iterator[list[int]]:
         came.append(number)
         raise Stopped(number)
 
+    def remind(unraisable: sys.UnraisableHookArgs) -> None:
+        """Raise the exception again if it came in a finaliser or a callback, where Python only prints it."""
+        if isinstance(unraisable.exc_value, Stopped):
+            threading.Timer(_REMIND, os.kill, (os.getpid(), unraisable.exc_value.number)).start()
+        else:
+            complain(unraisable)
+
+    complain, sys.unraisablehook = sys.unraisablehook, remind
     before = _handle(stop)
     try:
         yield came
-    except Exception:
-        if came:  # of any kind: a signal breaks the import of an extension, and what was going on
+    except Exception as error:
+        if came and (
+            isinstance(error, ImportError) or _comes_of_a_signal(error)
+        ):  # a signal breaks the import of an extension
             raise Stopped(came[-1]) from None
         raise
     finally:
         for number, handler in before.items():
             signal.signal(number, _leave_done if handler is _leave else handler)
+        sys.unraisablehook = complain
+
+
+def _comes_of_a_signal(error: BaseException | None) -> bool:
+    while error is not None and not isinstance(error, Stopped):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 class Stopped(KeyboardInterrupt):

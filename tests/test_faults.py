@@ -231,6 +231,19 @@ def test_a_curve_keeps_its_finished_points(
     assert json.loads(output)["torque_n_m"][1] is None
 
 
+def test_a_report_keeps_its_finished_parts(
+    folder: Path, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    ngspice("grep -q 'copies of\\|piezomotor_dynamometer' deck.cir && kill -9 $$")  # all of the speed-torque curve
+    assert run(["report", "andersen2002", "--duration", "5e-4", "--speeds=0,1"]) == 3
+    kept = re.search(r"ngspice was killed .* What was finished is kept in (.*)\.\n", capsys.readouterr().err)
+    assert kept
+    assert {path.name for path in Path(kept[1]).iterdir()} == {
+        "admittance_free.csv", "admittance_preloaded.csv", "run.nc"
+    }  # fmt: skip
+    assert list(folder.iterdir()) == []
+
+
 def test_a_report_without_plotly_is_rejected_before_its_runs(
     ngspice: Callable[..., None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -312,6 +325,7 @@ def test_a_full_disk_loses_no_result(folder: Path) -> None:
     # a sweep whose store itself is full
     stored = list((seen / "store").rglob("*.json"))
     assert all("seal" in json.loads(entry.read_text(encoding="utf-8")) for entry in stored)
+    assert sum("Cannot write" in line for line in lines) == 2
     assert lines[-1:] == [f"piezomotor: Cannot write the store store: {full}. Free it, or choose another folder."]
     assert 0 < len(stored) < 4
 
@@ -419,6 +433,14 @@ def test_an_input_file_is_never_overwritten(
     assert run([*words, "--output", name]) == 2
     assert f"{name} is an input file, and writing would replace it. Choose another" in capsys.readouterr().err
     assert (folder / "in.csv").read_bytes() == content
+
+
+def test_an_export_does_not_overwrite_its_motor(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "andersen2002", "--output", "mine.toml"]) == 0
+    content = (folder / "mine.toml").read_bytes()
+    assert run(["export", "mine.toml", "--set", "contact.preload_n=8", "--output", "mine.toml"]) == 2
+    assert "mine.toml is an input file" in capsys.readouterr().err
+    assert (folder / "mine.toml").read_bytes() == content
 
 
 def test_too_many_open_files_are_named(folder: Path) -> None:

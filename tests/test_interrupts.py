@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
+import weakref
 from collections.abc import Iterator
 
 import pytest
@@ -122,3 +124,17 @@ def test_an_import_error_caused_by_a_signal_is_an_interrupt() -> None:
         load()
     with pytest.raises(ImportError), raised():
         raise ImportError("not there")
+
+
+def test_a_signal_in_a_finaliser_is_raised_again() -> None:
+    class Thing:
+        pass
+
+    def wait() -> None:
+        weakref.finalize(Thing(), press)  # which is gone at once
+        threading.Event().wait(60.0)
+
+    complain = sys.unraisablehook
+    with pytest.raises(Stopped), raised():
+        wait()
+    assert sys.unraisablehook is complain

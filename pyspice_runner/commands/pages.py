@@ -56,11 +56,17 @@ def report(call: Call) -> None:
         tracking = _tracked(call)
         common.caution(tracking)
     with common.points_progress() as progress:
-        result = pr.report(
-            loaded, call.stated, speeds=common.grid_or_none("--speeds", call.speeds),
-            levels=common.grid("--levels", call.levels), measured=spectrum, tracking=tracking, progress=progress,
-            **call.pick("duration connection calibration timeout"),
-        )  # fmt: skip
+        try:
+            result = pr.report(
+                loaded, call.stated, speeds=common.grid_or_none("--speeds", call.speeds),
+                levels=common.grid("--levels", call.levels), measured=spectrum, tracking=tracking, progress=progress,
+                **call.pick("duration connection calibration timeout"),
+            )  # fmt: skip
+        except pr.SimulationError as error:
+            kept = common.keep([(Path(name), save) for name, save in (error.partial or {}).items()])
+            if kept is None:
+                raise
+            raise pr.SimulationError(f"{error} What was finished is kept in {kept}.") from None
 
     def save(path: Path) -> None:
         with common.busy("writing the page"):

@@ -27,6 +27,7 @@ _MOST_BYTES = 1 << 22  # manufacturers' libraries have hundreds of parts
 _TYPES = ("D", "SW", "CSW", "NMOS", "PMOS", "VDMOS", "NPN", "PNP", "NJF", "PJF", "R", "RES", "C", "CAP", "L", "IND")
 _RULES = Rules("device", "RLCVIEFGHBDKSWMQJTX", _TYPES, MOSFET)
 _DEEPEST = 8  # subcircuits within subcircuits
+_MOST_ELEMENTS = 10_000  # with those of the subcircuits within; 90,000 take ngspice more than a minute to read
 _WITH_MODEL = "DSWMQJ"  # elements that need a .model
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,59}")
 _DRAIN_GATE_SOURCE = ({"d", "drain"}, {"g", "gate"}, {"s", "source"})
@@ -200,12 +201,13 @@ class _Devices(OwnFile):
         """
         allowed = {*self._blocks, *self._needs()}
         written: dict[str, str] = {}
+        elements: dict[str, int] = {}  # of a subcircuit, with those of its parts
         needs: set[str] = set()
 
         def write(one: _Block, called: str, head: str, depth: int) -> None:
             if depth > _DEEPEST:
                 self._fail(one.begin, f"{one.name} contains itself, or is nested too deeply")
-            lines = [f".subckt {called} {head}"]
+            lines, count = [f".subckt {called} {head}"], 0
             for _, text in self._checked(one, allowed):
                 part = self._part(text) if text[0] in "xX" else ""
                 if part in self._blocks:
@@ -215,13 +217,22 @@ class _Devices(OwnFile):
                     lines.append(" ".join(words))
                     if deeper not in written:
                         write(inner, deeper, " ".join([*inner.pins, *inner.parameters]), depth + 1)
+                    count += elements[deeper]
                 else:
                     lines.append(text)
+                    count += text[0] != "."
                     needs.update([part] if part else [])
             written[called] = "\n".join([*lines, f".ends {called}"])
+            elements[called] = count
 
         values = [f"{parameter.name}={parameter.default!r}" for parameter in parameters] or block.parameters
         write(block, name, " ".join([*pins, *values]), 0)
+        if elements[name] > _MOST_ELEMENTS:
+            self._fail(
+                block.begin,
+                f"{block.name} has {elements[name]:.3g} elements with those of its subcircuits; at most "
+                f"{_MOST_ELEMENTS} are allowed",
+            )
         return "\n".join(written.values()), tuple(sorted(needs))
 
     def _checked(self, block: _Block, allowed: Collection[str]) -> list[Statement]:

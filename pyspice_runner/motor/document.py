@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import stat
 import tomllib
 from collections.abc import Callable
@@ -13,6 +14,19 @@ from pyspice_runner.errors import ParameterError
 
 Content = TypeVar("Content", str, bytes)
 MOST_BYTES = 2**18  # a motor has a few kB, a fit about ten; a MiB of tables would take the parser seconds
+MOST_PARTS = 32  # of a dotted key; a motor's longest key has four
+
+_NO_KEY = re.compile(  # strings and comments of TOML; a string that is not closed ends with its line or the file
+    r"""
+    \"{3} (?: \\. | [^\\] )*? (?: \"{3,5} | \Z )
+    | '{3} .*? (?: '{3,5} | \Z )
+    | " (?: \\[^\n] | [^"\\\n] )*+ "?
+    | ' [^'\n]*+ '?
+    | \# [^\n]*
+    """,
+    re.DOTALL | re.VERBOSE,
+)
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
 
 
 def read_document(path: Path, wanted: str, most: int = MOST_BYTES) -> str:
@@ -49,7 +63,15 @@ def _read(path: Path, shown: str, wanted: str, most: int, read: Callable[[Path],
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """Return the table of a TOML text. Raise ParameterError if it is not valid, or nests its values too deeply."""
+    """Return the table of a TOML text. Raise ParameterError if it is not valid, or nests its values too deeply.
+
+    Memory and time of the parser grow with the square of the number of parts of a dotted key, and its recursion with
+    the nesting of arrays; both are limited here.
+    """
+    if _LONG_KEY.search(_NO_KEY.sub("_", text)):
+        raise ParameterError(
+            f"{name} has a key of more than {MOST_PARTS} dotted parts. Use the keys of a motor's TOML."
+        )
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

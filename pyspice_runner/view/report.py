@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -13,7 +14,8 @@ from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
 from pyspice_runner.calibration.record import Record
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.files import write_netcdf
 from pyspice_runner.impedance.admittance import Admittance, admittance
 from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
 from pyspice_runner.motor.drive import Drive
@@ -75,7 +77,8 @@ def report(
 
     Raises:
         ParameterError: for an invalid value.
-        SimulationError: if ngspice fails or its result is not valid.
+        SimulationError: if ngspice fails or its result is not valid; ``partial`` maps the file name of each finished
+            part to the function that writes it.
     """
     if not levels or not all(0.0 < level <= 1.0 for level in levels):
         raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
@@ -103,21 +106,33 @@ def report(
     advance(0)
     spectra: dict[State, Admittance] = {}
     curves: dict[float, xarray.Dataset] = {}
-    for state in get_args(State):
-        spectra[state] = _spectrum(motor, state, timeout)
+    finished: dict[str, Callable[[Path], object]] = {}
+    try:
+        for state in get_args(State):
+            spectra[state] = _spectrum(motor, state, timeout)
+            finished[f"admittance_{state}.csv"] = spectra[state].save
+            advance()
+        run = simulate(motor, drive, duration=duration, timeout=timeout)
+        finished["run.nc"] = run.save
         advance()
-    run = simulate(motor, drive, duration=duration, timeout=timeout)
-    advance()
-    step = run.provenance["run"]["step_s"]
-    # only for the estimate of the error: the audit of the finer run counts
-    coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
-    advance()
-    for level, at_level in scaled.items():
-        free = _free_rotor(motor, at_level, timeout)
+        step = run.provenance["run"]["step_s"]
+        # only for the estimate of the error: the audit of the finer run counts
+        coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
         advance()
-        at = _speeds(motor, free, run) if speeds is None else speeds
-        curves[level] = speed_torque(motor, at_level, speeds=at, step=2.0 * step, patience=PATIENCE, timeout=timeout)
-        advance(np.size(at))
+        for level, at_level in scaled.items():
+            free = _free_rotor(motor, at_level, timeout)
+            advance()
+            at = _speeds(motor, free, run) if speeds is None else speeds
+            curves[level] = speed_torque(
+                motor, at_level, speeds=at, step=2.0 * step, patience=PATIENCE, timeout=timeout
+            )
+            finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
+            advance(np.size(at))
+    except SimulationError as error:
+        if error.partial is not None:  # of a curve
+            finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
+        error.partial = finished
+        raise
     return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection, tracking, record)
 
 

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+import time
 from cmath import rect
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -345,3 +346,26 @@ def test_a_hostile_line_in_a_library_reaches_no_netlist(what: str, tmp_path: Pat
                     read(f"{path}:one")
                 assert clear(str(caught.value)), text
     assert not list(tmp_path.rglob(MARKER))
+
+
+def nested(depth: int, instances: int) -> str:
+    """A driver of nested subcircuits, each with instances of the next."""
+    texts = [".subckt one out com", *(f"X{n} out com part1" for n in range(instances)), ".ends"]
+    for level in range(1, depth):
+        texts += [f".subckt part{level} p n", *(f"X{n} p n part{level + 1}" for n in range(instances)), ".ends"]
+    return "\n".join([*texts, f".subckt part{depth} p n", "R1 p n 1k", ".ends"])
+
+
+def test_the_elements_of_nested_subcircuits_are_counted_before_the_run(tmp_path: Path) -> None:
+    library = tmp_path / "my.lib"
+    parameters = " amplitude=1 frequency=1 phase_deg=0\n"
+    library.write_text(nested(8, 8).replace("\n", parameters, 1), encoding="utf-8")
+    began = time.monotonic()
+    with pytest.raises(pr.ParameterError, match=r"line 1: one has 1.68e\+07 elements .* at most 10000 are allowed"):
+        driver(f"{library}:one")  # 8^8
+    assert time.monotonic() - began < 1.0
+    library.write_text(nested(4, 10).replace("\n", parameters, 1), encoding="utf-8")
+    assert driver(f"{library}:one").own  # 10^4
+    library.write_text(nested(4, 10).replace("R1 p n 1k", "R1 p n 1k\nR2 p n 1k").replace("\n", parameters, 1))
+    with pytest.raises(pr.ParameterError, match=r"one has 2e\+04 elements"):
+        driver(f"{library}:one")

@@ -315,6 +315,11 @@ TOML = "mine.toml is not valid TOML:"
             "mine.toml: rotor.radius_m is missing (radius R at the contact, in m). State it.",
         ),
         (b"a = " + b"[" * 5000, "mine.toml nests its values too deeply. Use the structure of a motor's TOML."),
+        (b".".join([b"a"] * 40_000) + b" = 1", "mine.toml has a key of more than 32 dotted parts. {hint}"),
+        (
+            b"[" + b" . ".join([b'"a.b"', b"c"] * 20_000) + b"]",
+            "mine.toml has a key of more than 32 dotted parts. {hint}",
+        ),
         (b"", f"mine.toml must state its modes by exactly one of the tables {STATED}; it has none of them."),
     ],
 )
@@ -323,7 +328,7 @@ def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Pa
     path.write_bytes(content)
     with pytest.raises(ParameterError) as caught:
         load_motor(path)
-    assert str(caught.value) == sentence.format(path=path)
+    assert str(caught.value) == sentence.format(path=path, hint="Use the keys of a motor's TOML.")
 
 
 # --- mistakes in a document ----------------------------------------------------------------------------------
