@@ -228,8 +228,8 @@ class WorkingPoints(DatasetResult):
             yield f"{unstable} of {total} points are not stable."
         if not self.best:
             yield (
-                "No point is stable and within the limits, those of the motor among them; a limit that is given "
-                "replaces the motor's own of the same name."
+                "No point is stable and within the limits given and those of the motor. A given limit replaces the one "
+                "of the motor with the same name: tensile_stress_pa=2e9."
             )
         yield from self._attribute("cautions", [])
 

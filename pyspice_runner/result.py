@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-_NUMBER = re.compile(r"(?<!\w)[+-]?\d+\.?\d*(?:e[+-]?\d+)?")
+_NUMBER = re.compile(r"(?<!\w)([+-]?\d+\.?\d*(?:e[+-]?\d+)?)(\s[fpnµmkMG](?=(?:Pa|Hz|rad|[smNWVA])\b))?")
+_PREFIX = dict(zip("fpnµmkMG", (1e-15, 1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9), strict=True))
 
 
 @dataclass(frozen=True)
@@ -73,20 +74,23 @@ def json_ready(value: Any) -> Any:
 
 
 def grouped(points: Sequence[Iterable[str]]) -> list[str]:
-    """Return the cautions of several points once each, with the number of points and the largest of their values."""
-    kinds: dict[str, list[str]] = {}
+    """Return the cautions of several points once each, with the number of points and the worst of their values.
+
+    The worst value is the largest, or the shortest time after which something happens.
+    """
+    kinds: dict[str, dict[str, list[float]]] = {}
+    counts: dict[str, int] = {}
     for point in points:
         for sentence in dict.fromkeys(point):
-            kinds.setdefault(_NUMBER.sub("#", sentence), []).append(sentence)
-    total = len(points)
-    worst = {
-        kind: max(several, key=lambda one: [float(number) for number in _NUMBER.findall(one)])
-        for kind, several in kinds.items()
-    }
-    return [
-        worst[kind] if len(several) == total else f"{len(several)} of {total} points: {worst[kind]}"
-        for kind, several in kinds.items()
-    ]
+            values = [float(number) * _PREFIX.get(prefix.strip(), 1.0) for number, prefix in _NUMBER.findall(sentence)]
+            kind = _NUMBER.sub(lambda found: "#" + (found[2] or "")[:1], sentence)
+            kinds.setdefault(kind, {})[sentence] = values
+            counts[kind] = counts.get(kind, 0) + 1
+    found = []
+    for kind, several in kinds.items():
+        worst = (min if "after #" in kind else max)(several, key=lambda sentence: several[sentence])
+        found.append(worst if counts[kind] == len(points) else f"{counts[kind]} of {len(points)} points: {worst}")
+    return found
 
 
 def contact_row(run: Mapping[str, Any]) -> dict[str, str]:

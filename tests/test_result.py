@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import pyspice_runner as pr
 from pyspice_runner.datasets import Curves, Dataset, as_result
-from pyspice_runner.result import Audit, Result
+from pyspice_runner.result import Audit, Result, grouped
 from pyspice_runner.units import engineering
 from pyspice_runner.view.draw import plain
 
@@ -198,3 +198,16 @@ def test_a_value_with_its_unit_is_drawn_without_a_box() -> None:
         plain(f"a tension of {engineering(1.9e9, 'Pa')}\x07 and $")
         == "a tension of 1.9 GPa\N{REPLACEMENT CHARACTER} and \\$"
     )
+
+
+def test_cautions_of_points_are_grouped_across_prefixes_with_the_worst_value() -> None:
+    """The unit has a space that does not break; the shortest time until the tip is worn is the worst."""
+    tension, worn = "a tension of {}\u00a0{}Pa; its strength is 380\u00a0MPa.", "after {}\u00a0{}s it is worn."
+    points = [
+        [tension.format(1.9, "G"), worn.format(38.7, "")],
+        [tension.format(900, "M"), worn.format(967.7, "m")],
+        [],
+    ]
+    found = [f"2 of 3 points: {tension.format(1.9, 'G')}", f"2 of 3 points: {worn.format(967.7, 'm')}"]
+    assert grouped(points) == found
+    assert grouped(points[:2]) == [sentence.removeprefix("2 of 3 points: ") for sentence in found]

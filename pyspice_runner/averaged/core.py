@@ -218,7 +218,7 @@ class AveragedMotor:
                 if progress:
                     progress(float(rows[-1, 0]))
                 if monotonic() > deadline:
-                    raise SimulationError(f"The averaged motor took longer than {timeout:g} s. Give more time.")
+                    raise SimulationError(f"The averaged motor took longer than {timeout:g} s. Give a greater timeout.")
         table = np.concatenate(found)
         return {name: table[:, place] for place, name in enumerate(("time", *self.shown))}
 

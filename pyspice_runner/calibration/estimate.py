@@ -2,8 +2,8 @@
 r"""Calibration: the parameters of a motor from measured operating points, spectra and run-ups.
 
 With the coordinates x of the free parameters (:class:`~.unknowns.Unknown`), the residuals are
-:math:`r_i = (f_i(x) - y_i)/\sigma_i` of each measured value, and :math:`x_j/w_j` of what was known before, at
-least the order of magnitude. :mod:`.search` finds x, :mod:`.statistics` its meaning and the intervals.
+:math:`r_i = (f_i(x) - y_i)/\sigma_i` of each measured value, and :math:`x_j/w_j` of the prior knowledge, at
+least an order of magnitude. :mod:`.search` computes x, :mod:`.statistics` the errors and the intervals.
 """
 
 from __future__ import annotations

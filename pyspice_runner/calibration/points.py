@@ -118,8 +118,8 @@ class Points:
                 named, unit = ("force_n", "N") if motor.slider else (quantity, "N·m")
                 raise ParameterError(
                     f"{self.source}: {named} of point {row + 1} is {value:g} {unit}; friction at the preload holds "
-                    f"{most:.3g} {unit}, and at most {_FAR_BEYOND:g} times that is allowed. Give it in {unit}, or "
-                    f"state the unit in the heading: {'Force (mN)' if motor.slider else 'Torque (mN.m)'}."
+                    f"{most:.3g} {unit}, and at most {_FAR_BEYOND:g} times this is allowed. Give it in {unit}, or "
+                    f"name the unit in the heading: {'Force (mN)' if motor.slider else 'Torque (mN.m)'}."
                 )
             if quantity == RESONANCE:
                 if not isinstance(drive, TwoPhaseDrive):

@@ -4,10 +4,10 @@ r"""What the end of a search means: covariance, intervals, fit of each set of da
 With the weights :math:`W` of the loss, the covariance is :math:`s^2 (J^T W J)^{-1}`, where s = 1 for given errors, and
 the RMS residual otherwise.
 
-Intervals are those of the profile likelihood. A value moves until the sum of squares, minimised over all other
-parameters, has grown by 3.84 s². The other parameters follow by Gauss and Newton's method, with a Jacobian that
-Broyden's rule keeps up to date. All parameters and both sides share the calls of the model. D. M. Bates, D. G. Watts,
-"Nonlinear Regression Analysis and Its Applications", Wiley 1988, ch. 6.
+The intervals follow from the profile likelihood. One parameter is moved until the sum of squares, minimised with
+respect to all other parameters, has grown by 3.84 s². The other parameters follow by the Gauss-Newton method, with a
+Jacobian that Broyden's rule updates. All parameters and both sides share the calls of the model. D. M. Bates, D. G.
+Watts, "Nonlinear Regression Analysis and Its Applications", Wiley 1988, ch. 6.
 """
 
 from __future__ import annotations

@@ -140,7 +140,7 @@ def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, P
     return found
 
 
-# threads that parse at a time disturb each other's count of the depth in Python 3.11 (SystemError)
+# Python 3.11 counts the depth of a syntax tree for all threads together: parallel parsing raises SystemError
 _PARSING = Lock()
 
 

@@ -229,7 +229,7 @@ class Design:
     def ran(
         self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
     ) -> Design:
-        """Return the design after runs from rest, by their parts and the greatest voltages of the pins.
+        """Return the design after runs from rest, from the loads of their parts and the maximum voltages at the pins.
 
         ``speed_rad_s`` is the mean at the end of the first one, ``None`` for a held shaft.
         """

@@ -192,7 +192,7 @@ def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
     if limits is not None:
         if stress > limits.dynamic_strength_pa:
             found.append(STRESSED.format(stress=1e-6 * stress, strength=1e-6 * limits.dynamic_strength_pa))
-        temperature, hottest = limits.ambient_c + rise, 0.5 * limits.curie_temperature_c
+        temperature, hottest = limits.ambient_c + rise, limits_of(motor)["temperature_c"]
         if temperature > hottest:
             found.append(HEATED.format(rise=rise, temperature=temperature, most=hottest))
         for name, (limit, sentence) in _OF_CONTACT.items():

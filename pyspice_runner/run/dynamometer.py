@@ -42,9 +42,9 @@ class Quantities:
     torque_n_m: float = measured("N·m", "mean torque of the contact on the rotor")
     torque_ripple_n_m: float = measured("N·m", "RMS of the torque about its mean")
     torque_min_n_m: float = measured(
-        "N·m", "end of the torques that friction holds in this state, at least; NaN if unknown"
+        "N·m", "minimum of the torques that friction holds at least; the torque where it slips, NaN if not known"
     )
-    torque_max_n_m: float = measured("N·m", "the other end; both are the torque where it is the only one")
+    torque_max_n_m: float = measured("N·m", "maximum of these torques")
     load_torque_n_m: float = measured("N·m", "mean torque taken at the shaft: that of the contact less the bearing's")
     normal_force_n: float = measured("N", "mean normal force")
     separated: float = measured("1", "share of time in which the tip is off the rotor")
@@ -87,7 +87,7 @@ STUCK = (
 )
 
 
-ROUNDED = 1e-6  # share of time, below which it is rounding of ngspice's integral
+ROUNDED = 1e-6  # share of time below which it is the rounding of ngspice's integral
 
 
 def stuck(outcome: Mapping[str, Any]) -> bool:

@@ -41,7 +41,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, copies_bench, copy_name, drive_voltage, motor_texts, phasor_at
 from pyspice_runner.steady.monodromy import Course, differentiable
 
-GRAZE = 0.01  # of the elastic range; a step at the turn of a motion of this range is up to (2 pi / 70)^2 / 2 = 0.004
+GRAZE = 0.01  # of the elastic range; one of 70 steps of a sine moves it by (2 pi / 70)^2 / 2 = 0.004 at its maximum
 GROSS_SLIP = 1.999  # state of the contact from which on all its sliders slip
 COPIES_PER_DECK = 8  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
 _SLIDERS_PER_DECK = 100  # the same of a brush: 3 copies with 32 sliders
@@ -374,10 +374,10 @@ def _dielectric_loss(plant: Plant) -> float:
 
 
 def held_by_friction(plant: Plant, trace: Trace) -> bool:
-    """Return whether friction holds a shaft at rest: the contact stays closed, and no more than grazes its limit.
+    """Return whether friction holds a shaft at rest: the contact stays closed, and does not slip as a whole.
 
-    Slip goes there and back in a period. A path below :data:`GRAZE` of the elastic range is that of single steps beyond
-    the limit, where the motion turns.
+    In a periodic motion the slip of one direction is equal to that of the other. A path shorter than :data:`GRAZE` of
+    the elastic range is no slip: single time steps exceed the limit where the direction of the motion changes.
     """
     if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
         return False
@@ -389,10 +389,10 @@ def held_by_friction(plant: Plant, trace: Trace) -> bool:
 
 
 def held_forces(plant: Plant, trace: Trace) -> tuple[float, float]:
-    """Return the constant forces in N, the most negative and the most positive, that friction takes besides.
+    """Return the minimum and the maximum of a constant force in N that friction can carry in addition.
 
-    The force shifts the friction of every step, which stays within ±μ F_N. The deflections of the contact's spring are
-    less than proportional to their forces, so that somewhat more is possible.
+    The force shifts the friction of every step, which must stay within ±μ F_N. This is a lower bound of the range: the
+    contact's tangential spring softens towards its limit, which reduces the alternating part.
     """
     limit, friction = plant.motor.contact.friction * trace.normal[1:], trace.friction[1:]
     return min(float(np.max(-limit - friction)), 0.0), max(float(np.min(limit - friction)), 0.0)
@@ -441,7 +441,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
-    found |= dict(zip(("held_min", "held_max"), held_forces(plant, trace) if held else (0.0, 0.0), strict=True))
+    found["held_min"], found["held_max"] = held_forces(plant, trace) if held else (0.0, 0.0)
     found["rubbing"] = _rubbing(plant, trace, discretisation, found["work"] - found["given"])
     for group, tones in zip(GROUPS, plant.drive.tones, strict=True):
         voltage = drive_voltage(tones, trace.time)[1:]

@@ -26,7 +26,7 @@ from pyspice_runner.run.window import interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
-from pyspice_runner.steady.period_map import PeriodMap, Trace, held_by_friction, held_forces, in_threads
+from pyspice_runner.steady.period_map import GROSS_SLIP, PeriodMap, Trace, held_by_friction, held_forces, in_threads
 
 Array = NDArray[np.float64]
 
@@ -58,10 +58,12 @@ class Tolerances:
     # copies and by the equations. About 1e-3 is left where the tip touches in the uneven steps between.
     memory: float = 0.1
     exact_memory: float = 2e-4
-    gross_slip: float = 0.999  # of the contact's state, from stick to where all sliders slip, or to separation
-    held: float = 0.9  # of the way to the end of the forces that friction holds, short of its limit
-    balance: float = 2e-4  # of the preload, mean friction force at which an unloaded contact is as at rest
-    unloadings: int = 4  # steps to it: the slider's spring is not linear
+    gross_slip: float = (
+        GROSS_SLIP - 1.0
+    )  # of the contact's state, from stick to where all sliders slip, or to separation
+    held: float = 0.9  # of the range of forces that friction holds, to which a point is moved in one step
+    balance: float = 2e-4  # of the preload, mean friction force below which the contact counts as unloaded
+    unloadings: int = 4  # maximum of these steps; the contact's tangential spring is not linear
     slipped: float = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
     slowest_s: float = 50.0  # time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
     settling: tuple[float, float] = (
@@ -257,12 +259,12 @@ class Orbit:
 
     @property
     def held(self) -> bool:
-        """Whether it is solved, and friction holds its shaft at rest, at any torque of a range."""
+        """Whether it is solved, and friction holds its shaft at rest, at any torque within a range."""
         ideal = self.plant.driver is None
         return self.done and ideal and self.trace is not None and held_by_friction(self.plant, self.trace)
 
-    def leaning(self, force_n: float) -> Orbit:
-        """Return the point with another constant friction force, which bends what is in series with the contact."""
+    def with_force(self, force_n: float) -> Orbit:
+        """Return the point with a constant friction force in addition, at the static deflections that it causes."""
         plant, motor, state = self.plant, self.plant.motor, self.state.copy()
         stator = motor.stator.with_carrier(plant.mount)
         places = [*range(plant.modes), *range(plant.carrier.start, plant.carrier.stop, 2)]
@@ -598,7 +600,7 @@ class Shooting:
         self.measure_anew()
 
     def _unload(self) -> None:
-        """Move points whose shafts friction holds to the torque nearest to that at rest, where the motor starts."""
+        """Move points whose shafts friction holds to the torque nearest to 0, from which a motor starts."""
         points = [point for point in self.points if point.held]
         for _ in range(NEWTON.unloadings):
             moved = []
@@ -607,7 +609,7 @@ class Shooting:
                 least, most = held_forces(point.plant, point.trace)
                 change = float(np.clip(-point.trace.friction[1:].mean(), NEWTON.held * least, NEWTON.held * most))
                 if abs(change) > NEWTON.balance * point.plant.motor.contact.preload_n:
-                    moved.append((point, point.leaning(change)))
+                    moved.append((point, point.with_force(change)))
             self.solve([there for _, there in moved])
             lost = [there for _, there in moved if there.failed]
             self._settle(lost, NEWTON.settling[0])

@@ -175,7 +175,7 @@ class SteadyState(Quantities, Result):
         elif self.held_by_friction:
             yield STUCK
             bounds = (engineering(value, "N·m") for value in (self.torque_min_n_m, self.torque_max_n_m))
-            yield "Friction holds the shaft at least from {} to {}; the torque given is the nearest to rest.".format(
+            yield "Friction holds the shaft at least from {} to {}; the torque shown is the nearest to 0.".format(
                 *bounds
             )
         yield from delivering([self.quantities])
@@ -299,7 +299,7 @@ def stability_cautions(
 ) -> tuple[str, ...]:
     """Return a caution for averaged models where the periodic motion that they describe is unstable, at a held speed.
 
-    The multipliers are those of the full motor at the coarse step. Where ngspice fails there is a caution, too.
+    The multipliers are those of the full motor at the coarse step. A failure of ngspice gives a caution as well.
     """
     try:
         point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
@@ -312,8 +312,8 @@ def stability_cautions(
     if state.converged:
         found = f"is unstable ({state.instability}, multiplier {np.abs(state.floquet_multipliers).max():.5g})"
     caution = (
-        f"The periodic motion that the averaged model describes {found} in the full motor at {drive.label}: the motor "
-        "moves otherwise. speed_torque and simulate give the time averages."
+        f"The periodic motion that the averaged model describes {found} in the full motor at {drive.label}, which "
+        "moves in another way. Use speed_torque or simulate for the time averages."
     )
     return (caution,)
 

@@ -134,9 +134,7 @@ def _contours(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> N
         ax.get_figure().colorbar(filled, ax=ax)  # type: ignore[union-attr]
     converged = data["converged"].values
     unstable = converged & ~data["stable"].values
-    outside = np.zeros_like(converged)
-    for name, limit in result.limits.items():
-        outside |= np.abs(data[name].values) > limit
+    outside = converged & data["stable"].values & ~data["allowed"].values
     if wide and outside.any():
         ax.contourf(x, y, outside, levels=[0.5, 1.5], colors="none", hatches=["//"])
         ax.fill_between([], [], fc="none", ec="black", hatch="//", lw=0.0, label="outside the limits")
@@ -147,7 +145,8 @@ def _contours(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> N
     if result.best:
         ax.plot(result.best[along], result.best[across], "*", color="white", mec="black", ms=12, ls="", label="best")
     ax.set(xlabel=_axis_label(data, along), ylabel=_axis_label(data, across), title=str(label))
-    ax.legend(fontsize="small")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(fontsize="small")
 
 
 def _mapped(result: WorkingPoints, quantity: str, label: Label, ax: Axes) -> None:

@@ -203,7 +203,7 @@ def _over_time(
         if begin_s is not None:
             ax.axvline(time.scale * begin_s, color=GREY, linestyle=":", linewidth=1.0)
 
-    return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 2, (5.0, 2.5), title)
+    return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 2, (6.0, 3.1), title)
 
 
 def tracking(result: Tracking) -> Sheet:
