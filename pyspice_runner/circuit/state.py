@@ -40,32 +40,19 @@ class Discretisation:
     step: float  # time step h in s
     exact_resonance: bool = True  # whether to adapt the modes
 
-    def mode(self, mode: Mode | Mount) -> tuple[float, float]:
-        """Return the mass (kg) and stiffness (N/m) to write for a mode or a carrier."""
-        if not self.exact_resonance:
-            return mode.mass_kg, mode.stiffness_n_per_m
-        return _discretised(mode.mass_kg, mode.stiffness_n_per_m, self.step)
-
     @property
     def slider_time(self) -> float:
         """Time constant that holds the slider at its limit, in s."""
         return self.step / 2.0
 
 
-@lru_cache(maxsize=1024)
-def _discretised(mass: float, stiffness: float, step: float) -> tuple[float, float]:
-    mass_kg, stiffness_n_per_m = discretised(mass, stiffness, step)
-    return float(mass_kg), float(stiffness_n_per_m)
-
-
+@lru_cache(maxsize=4096)
 def written(spring: Mode | Mount, discretisation: Discretisation | None) -> tuple[float, float]:
     """Return the mass (kg) and stiffness (N/m) of a mode or a carrier in the netlist."""
-    return discretisation.mode(spring) if discretisation else (spring.mass_kg, spring.stiffness_n_per_m)
-
-
-@lru_cache(maxsize=4096)
-def _written_stiffness(spring: Mode | Mount, discretisation: Discretisation | None) -> float:
-    return written(spring, discretisation)[1]
+    if discretisation is None or not discretisation.exact_resonance:
+        return spring.mass_kg, spring.stiffness_n_per_m
+    mass, stiffness = discretised(spring.mass_kg, spring.stiffness_n_per_m, discretisation.step)
+    return float(mass), float(stiffness)
 
 
 @derived
@@ -176,11 +163,11 @@ class State:
 
     def scale(self, discretisation: Discretisation | None) -> float:
         """Return the SI value of 1 V or 1 A of the vector."""
-        return 1.0 / _written_stiffness(self.spring, discretisation) if self.spring else self.unit
+        return 1.0 / written(self.spring, discretisation)[1] if self.spring else self.unit
 
     def at_rest(self, discretisation: Discretisation | None) -> float:
         """Return the SI value at preloaded rest."""
-        return self.rest / _written_stiffness(self.spring, discretisation) if self.spring else 0.0
+        return self.rest / written(self.spring, discretisation)[1] if self.spring else 0.0
 
     def start_value(self, value: float, discretisation: Discretisation | None) -> float:
         """Return the parameter or the initial voltage for an SI value at the start."""

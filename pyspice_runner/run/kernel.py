@@ -73,8 +73,9 @@ def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None
     ready = BatchSimulator(bench.circuit, timeout=timeout)
     ready.options(**bench.options)
     ready.initial_condition(**{node: voltage for node, voltage in bench.start.items() if voltage})
-    for name in vectors:
-        ready.save(*(bench.signals[name].terms if name in bench.signals else [name]))
+    ready.save(
+        *(term for name in vectors for term in (bench.signals[name].terms if name in bench.signals else (name,)))
+    )
     return ready
 
 

@@ -261,11 +261,21 @@ class Plant:
 
     def vectors(self, instance: str, shaft: str) -> list[str]:
         """Return the vectors that hold the states, in their order, for an instance and the node of its shaft."""
-        return [state.within(instance, shaft) for state in self.states]
+        return self._vectors.format(instance, shaft).split()
+
+    @cached_property
+    def _vectors(self) -> str:
+        return " ".join(state.vector for state in self.states)
 
     def units(self, discretisation: Discretisation) -> Array:
         """Return the SI value of 1 V or 1 A of each of these vectors."""
-        return np.array([state.scale(discretisation) for state in self.states])
+        if discretisation not in self._units:
+            self._units[discretisation] = np.array([state.scale(discretisation) for state in self.states])
+        return self._units[discretisation]
+
+    @cached_property
+    def _units(self) -> dict[Discretisation, Array]:
+        return {}
 
     # --- behind a driver: its inductances and capacitances are states ---
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW
-from pyspice_runner.circuit.state import Discretisation
+from pyspice_runner.circuit.state import Discretisation, written
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor import contact as contact_law
@@ -117,7 +117,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
     # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring
     modes = [
         {
-            "name": mode.name, "stiffness": Discretisation(step).mode(mode)[1], "frequency": mode.frequency_hz,
+            "name": mode.name, "stiffness": written(mode, Discretisation(step))[1], "frequency": mode.frequency_hz,
             "damping": mode.damping_n_s_per_m, "coupling": mode.couplings,
         }
         for mode in motor.modes

@@ -21,7 +21,7 @@ from pyspice_runner.circuit.fixtures import AC_OPTIONS, admittance_bench
 from pyspice_runner.circuit.law import LAWS, Law, law_of
 from pyspice_runner.circuit.motor import MotorSubCircuit, add_motor, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS, DriveSource
-from pyspice_runner.circuit.state import Discretisation
+from pyspice_runner.circuit.state import Discretisation, written
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.dielectric import lossy_capacitance
 from pyspice_runner.motor.drive import Drive, Load
@@ -283,7 +283,7 @@ def test_a_second_tip_of_a_mode_is_a_second_instance() -> None:
 def test_adapted_mode_resonates_where_the_rule_sees_it_right(frequency: float, points: float, quality: float) -> None:
     subject = mode("m", frequency, 0.003, quality)
     step = 1.0 / (points * frequency)
-    mass, stiffness = Discretisation(step).mode(subject)
+    mass, stiffness = written(subject, Discretisation(step))
     omega = 2.0 * pi * frequency
     assert (2.0 / step) * atan(np.sqrt(stiffness / mass) * step / 2.0) == pytest.approx(omega, rel=1e-12)
     # The rule replaces jω by (2j/h) tan(ωh/2) =: jw, and the arm's impedance at ω is to be c, its slope there 2jm:
@@ -292,13 +292,13 @@ def test_adapted_mode_resonates_where_the_rule_sees_it_right(frequency: float, p
     assert mass * w - stiffness / w == pytest.approx(0.0, abs=1e-9 * mass * w)
     slope = (mass + stiffness / w**2) / np.cos(omega * step / 2.0) ** 2
     assert slope == pytest.approx(2.0 * subject.mass_kg, rel=1e-9)
-    assert Discretisation(step, exact_resonance=False).mode(subject) == (subject.mass_kg, subject.stiffness_n_per_m)
+    assert written(subject, Discretisation(step, exact_resonance=False)) == (subject.mass_kg, subject.stiffness_n_per_m)
     assert Discretisation(step).slider_time == step / 2.0
 
 
 def ring(subject: Mode, step: float, periods: int, exact: bool) -> tuple[Array, Array]:
     """Release one mode from a deflection of −1 µm; return time and displacement in µm."""
-    mass, stiffness = Discretisation(step, exact_resonance=exact).mode(subject)
+    mass, stiffness = written(subject, Discretisation(step, exact_resonance=exact))
     circuit = Circuit("one free mode")
     circuit.raw_spice = definitions(read_library("piezomotor_mode"), read_library("piezomotor_tip")) + "\n"
     spring = {"stiffness": stiffness, "damping": subject.damping_n_s_per_m}
