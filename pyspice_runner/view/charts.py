@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The charts of the data sheet, as Plotly figures for a light and a dark page.
 
+Those that do not move are the panels of the pictures, drawn by Matplotlib and handed over line by line.
+
 An animated chart has frames in ``layout.meta["frames"]``, which the page plays with its own controls, and in
 ``layout.meta["order"]`` the sequence of the frames of one cycle. As frames of Plotly, a thousand lines would be
 checked, which takes longer than the rest of the page.
@@ -9,11 +11,15 @@ checked, which takes longer than the rest of the page.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from math import pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure as Plain
+from matplotlib.lines import Line2D
 from plotly.subplots import make_subplots
 
 from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
@@ -23,27 +29,17 @@ from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, St
 from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.run.waveforms import Array, Waveforms
-from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
-from pyspice_runner.view.draw import last_periods
-from pyspice_runner.view.style import (
-    BLUE,
-    CYCLE,
-    GREEN,
-    GREY,
-    LABELS,
-    PURPLE,
-    STATES,
-    VERMILION,
-    Label,
-    label_of,
-    time_label,
-)
+from pyspice_runner.trackers.loop import LoopDesign
+from pyspice_runner.view import plot_calibration, plot_curves, plot_runs, plot_spectra
+from pyspice_runner.view.draw import DASHES, Panel, last_periods
+from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of, time_label
 
 if TYPE_CHECKING:
     import xarray
 
-DASHES = ("solid", "dash", "dot", "dashdot")
-MARKS = ("circle", "diamond", "square", "cross")
+_DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}  # of Matplotlib → of Plotly
+_SYMBOLS = {"s": "square", "D": "diamond", "^": "triangle-up", "v": "triangle-down", "x": "x"}
+_STATES: dict[State, str] = {"free": "tip free", "preloaded": "tip pressed on"}
 
 MODE_STEPS = 12  # frames from the middle to the largest deflection
 TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
@@ -51,8 +47,6 @@ PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the beam's length: the largest deflection as it is drawn
 _MOST_SHAPES = 6
 _MOST_POINTS = 3000  # of a curve over time
-
-Line = dict[str, Any]  # of Plotly's scatter, with a name
 
 
 def theme(ink: str, grid: str) -> go.layout.Template:
@@ -202,55 +196,37 @@ def admittance(
     spectra: Mapping[State, Admittance], measured: Spectrum | None, measured_on: Connection
 ) -> tuple[go.Figure, go.Figure]:
     """Return |Y| and phase over frequency, and the G–B circle; ``meta.groups`` is the connection of every trace."""
-    magnitude, phase, circle, groups = list[Line](), list[Line](), list[Line](), list[str]()
+    traces, connections = list[plot_spectra.Trace](), list[Connection]()
     for connection in COUPLING:
-        for frequency, y, name, look in _spectra(spectra, measured, measured_on, connection):
-            hertz, shown = _short(1e-3 * frequency, precise=True), {"visible": connection == "A", **look}
-            magnitude.append(_line(name, hertz, 1e3 * np.abs(y), "%{x:.5g} kHz: %{y:.4g} mS", **shown))
-            phase.append(_line(name, hertz, np.degrees(np.angle(y)), "%{x:.5g} kHz: %{y:.4g}°", **shown))
-            hover = "%{customdata:.5g} kHz<br>G %{x:.4g} mS<br>B %{y:.4g} mS"
-            circle.append(_line(name, _short(1e3 * y.real), 1e3 * y.imag, hover, customdata=hertz, **shown))
-            groups.append(connection)
-    rows = [(LABELS["magnitude_s"], magnitude), (LABELS["phase_deg"], phase)]
-    bode = _stacked(LABELS["frequency_hz"], rows, 560, meta={"groups": groups * 2})
-    bode.update_yaxes(type="log", dtick="D2", row=1, col=1)
-    locus = _stacked(LABELS["conductance_s"], [(LABELS["susceptance_s"], circle)], 460, meta={"groups": groups})
-    locus.update_yaxes(scaleanchor="x")
-    return bode, locus
-
-
-def _spectra(
-    spectra: Mapping[State, Admittance], measured: Spectrum | None, measured_on: Connection, connection: Connection
-) -> list[tuple[Array, Any, str, dict[str, Any]]]:
-    """Return frequency, admittance, name and look of every spectrum that is drawn for a connection."""
-    found: list[tuple[Array, Any, str, dict[str, Any]]] = []
-    names = {"free": "tip free", "preloaded": "tip pressed on"}
-    for (state, result), colour, dash in zip(spectra.items(), CYCLE, DASHES, strict=False):
-        look = {"mode": "lines", "line": {"color": colour, "dash": dash}}
-        found.append((result.frequency_hz, result.driven(connection), names[state], look))
-    if measured is not None and (measured.ports == 2 or connection == measured_on):
-        y = measured.driven(connection).admittance_s if measured.ports == 2 else measured.admittance_s
-        look = {"mode": "markers", "marker": {"color": GREEN, "size": 5, "symbol": "circle-open"}}
-        found.append((measured.frequency_hz, y, "measured", look))
-    return found
+        for (state, result), colour, dash in zip(spectra.items(), CYCLE, DASHES, strict=False):
+            look: dict[str, Any] = {"color": colour, "linestyle": dash, "label": _STATES[state]}
+            traces.append(plot_spectra.Trace(result.frequency_hz, result.driven(connection), look))
+        if measured is not None and (measured.ports == 2 or connection == measured_on):
+            own = measured.driven(connection) if measured.ports == 2 else measured
+            look = {"color": GREEN, "linestyle": "", "marker": "o", "mfc": "none", "ms": 4, "label": "measured"}
+            traces.append(plot_spectra.Trace(own.frequency_hz, own.admittance_s, look))
+        connections += [connection] * (len(traces) - len(connections))
+    panels = plot_spectra.spectrum_panels(traces)
+    bode = _stacked([panels["magnitude"], panels["phase"]], 560, meta={"groups": connections * 2})
+    bode.update_yaxes(dtick="D2", row=1, col=1)
+    circle = _stacked([panels["circle"]], 460, meta={"groups": connections})
+    circle.update_yaxes(scaleanchor="x")
+    for figure in (bode, circle):
+        for trace, connection, over in zip(figure.data, connections * 2, bode.data, strict=False):
+            trace.update(visible=connection == "A", customdata=over.x)
+    circle.update_traces(hovertemplate=f"%{{customdata:.5g}} kHz<br>{circle.data[0].hovertemplate}")
+    return bode, circle
 
 
 def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:
     """Return torque, shaft power and efficiency over speed, a curve for each level of the drive."""
     linear = any(Curves(curve).linear for curve in curves.values())
-    along, rows = label_of("speed_rad_s", linear), []
+    named, panels = [(f"{100.0 * level:.3g} % of the voltage", curve) for level, curve in curves.items()], []
     for quantity in ("torque_n_m", "shaft_power_w", "efficiency"):
-        label, lines = label_of(quantity, linear), list[Line]()
-        for number, (level, curve) in enumerate(curves.items()):
-            settled, speed = curve["settled"].values, along.scale * curve["speed_rad_s"].values
-            symbols = [MARKS[number % 4] + ("" if steady else "-open") for steady in settled]
-            text = ["" if steady else "<br>did not settle" for steady in settled]
-            look = {"line": {"color": CYCLE[number % 4], "dash": DASHES[number % 4]}, "mode": "lines+markers"}
-            look |= {"marker": {"symbol": symbols, "size": 8}, "text": text}
-            name, hover = f"{100.0 * level:.3g} % of the voltage", f"%{{x:.4g}} {along.unit}: %{{y:.4g}}%{{text}}"
-            lines.append(_line(name, _short(speed), label.scale * curve[quantity].values, hover, **look))
-        rows.append((label._replace(name=label.name.partition(" on the ")[0]), lines))
-    figure = _stacked(along, rows, 640, spacing=0.06)
+        label = label_of(quantity, linear)
+        label = label._replace(name=label.name.partition(" on the ")[0])
+        panels.append(partial(plot_curves.over_speed, named, [quantity], label, "", linear))
+    figure = _stacked(panels, 640, spacing=0.06)
     figure.update_yaxes(range=_efficiency_range(curves), row=3, col=1)
     return figure
 
@@ -263,102 +239,80 @@ def _efficiency_range(curves: Mapping[float, xarray.Dataset]) -> list[float]:
 
 def calibration(points: Sequence[RecordedPoint]) -> go.Figure | None:
     """Return the residuals of the measured points of a calibration; ``None`` without points."""
-    if not points:
-        return None
-    parts: dict[str, tuple[list[float], list[float | None]]] = {}
-    for one in points:
-        numbers, residuals = parts.setdefault(one.quantity, ([], []))
-        numbers.append(one.point)
-        residuals.append(one.residual)
-    return _residuals("point", parts, 8, "point %{x}", 380)
+    parts: dict[str, Any] = {
+        quantity: np.array([(one.point, one.residual) for one in points if one.quantity == quantity], dtype=float).T
+        for quantity in dict.fromkeys(one.quantity for one in points)
+    }
+    return _stacked([partial(plot_calibration.residuals_over, "point", parts, "")], 380) if points else None
 
 
 def calibration_curve(curve: RecordedCurve) -> go.Figure:
     """Return the residuals of a spectrum or a run-up of a calibration: noise, unless the model is wrong."""
     label = time_label(max(curve.at)) if curve.along == "time_s" else LABELS[curve.along]
-    at = _short(label.scale * np.array(curve.at), precise=True)
-    residuals = {name: (at, values.residuals) for name, values in curve.quantities.items()}
-    return _residuals(label, residuals, 5, f"%{{x:.5g}} {label.unit}", 320)
-
-
-def _residuals(
-    along: Label | str, parts: Mapping[str, tuple[Any, Any]], size: int, place: str, height: int
-) -> go.Figure:
-    """Return residuals in standard errors by the name of their quantity, over a band of two standard errors."""
-    lines = []
-    for number, (name, (x, y)) in enumerate(parts.items()):
-        marker = {"color": CYCLE[number % len(CYCLE)], "symbol": MARKS[number % len(MARKS)], "size": size}
-        lines.append(_line(name, x, y, f"{place}: %{{y:.3g}} standard errors", mode="markers", marker=marker))
-    figure = _stacked(along, [("(predicted − measured)/error", lines)], height, showlegend=True)
-    figure.add_hrect(-2.0, 2.0, fillcolor=GREY, opacity=0.15, line_width=0, layer="below")
-    return figure
+    at = label.scale * np.array(curve.at)
+    parts = {name: (at, np.array(values.residuals, dtype=float)) for name, values in curve.quantities.items()}
+    return _stacked([partial(plot_calibration.residuals_over, label, parts, "")], 320)
 
 
 def spin_up(run: Waveforms) -> go.Figure:
     """Return the rotor's speed from rest."""
-    points, label = len(run.time_s), label_of("rotor_speed_rad_s", run.linear)
+    figure = _stacked([plot_runs.waveforms(run).panels["speed"]], 380)
+    points = len(run.time_s)
     kept = np.unique(np.linspace(0, points - 1, min(points, _MOST_POINTS)).astype(int))
-    time, speed = _short(1e3 * run.time_s[kept], precise=True), label.scale * run.rotor_speed_rad_s[kept]
-    line = _line(label.name, time, speed, f"%{{x:.4g}} ms: %{{y:.4g}} {label.unit}", line={"color": BLUE})
-    return _stacked(LABELS["time_ms"], [(label, [line])], 380, showlegend=False)
+    figure.update_traces(x=figure.data[0].x[kept], y=figure.data[0].y[kept])
+    return figure
 
 
 def electrical(run: Waveforms) -> go.Figure:
     """Return voltages and currents over the last three drive periods."""
-    inside, time = last_periods(run.time_s, run.drive_period_s)
-    rows = []
-    for quantity in ("voltage_v", "current_a"):
-        kind, unit = quantity.split("_")
-        lines = []
-        for group, colour, dash in (("a", BLUE, "solid"), ("b", VERMILION, "dash")):
-            values = LABELS[quantity].scale * getattr(run, f"{kind}_{group}_{unit}")[inside]
-            name, look = f"group {group.upper()}", {"color": colour, "dash": dash}
-            lines.append(_line(name, _short(1e6 * time), values, "%{x:.4g} µs: %{y:.4g}", line=look))
-        rows.append((LABELS[quantity], lines))
-    return _stacked(LABELS["time_us"], rows, 460)
+    return _stacked([partial(plot_runs.of_groups, run, quantity, "") for quantity in ("voltage_v", "current_a")], 460)
 
 
 def loop_gain(loop: LoopDesign) -> go.Figure:
     """Return magnitude and phase of the loop gain of a tracker over frequency, with its crossover and phase margin."""
-    frequency, at = loop.frequency_hz, loop.crossover_hz
-    phase = phase_shown_deg(frequency, loop.gain, at, loop.phase_margin_deg)
-    rows = []
-    for values, title, unit, marked in (
-        (np.abs(loop.gain), "loop gain", "", [1.0]),
-        (phase, "phase in °", "°", [-180.0, loop.phase_margin_deg - 180.0]),
-    ):
-        hover = f"%{{x:.4g}} Hz: %{{y:.4g}}{unit}"
-        gain = _line("running motor", _short(frequency), values, hover, line={"color": BLUE})
-        look = {"mode": "lines+markers", "line": {"color": VERMILION}}
-        rows.append((title, [gain, _line("crossover and phase margin", [at] * len(marked), marked, hover, **look)]))
-    figure = _stacked("frequency of a modulation in Hz", rows, 460)
-    figure.update_yaxes(type="log", exponentformat="power", row=1, col=1)
-    figure.update_xaxes(type="log", exponentformat="power")
-    return figure
+    return _stacked([
+        lambda ax: plot_runs.bode_magnitude(ax, loop, loop.gain, {}),
+        lambda ax: plot_runs.bode_phase(ax, loop, loop.gain),
+    ], 460)  # fmt: skip
 
 
-def _line(name: str, x: Any, y: Any, hover: str, **look: Any) -> Line:
-    """Return a line or markers; a value that is ``None`` or not a number leaves a gap."""
-    values = y if isinstance(y, list) else _short(y)
-    return {"name": name, "legendgroup": name, "mode": "lines", "x": x, "y": values, "hovertemplate": hover, **look}
+def _stacked(panels: Sequence[Panel], height: int, spacing: float = 0.08, **layout: Any) -> go.Figure:
+    """Return panels of Matplotlib one below the other, over the axis of the last; the legend is that of the first.
 
-
-def _stacked(
-    along: Label | str,
-    rows: Sequence[tuple[Label | str, Sequence[Line]]],
-    height: int,
-    spacing: float = 0.08,
-    **layout: Any,
-) -> go.Figure:
-    """Return panels over one axis, each with its label and its lines; the legend has those of the first."""
-    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=spacing)
-    for row, (label, lines) in enumerate(rows, start=1):
-        for line in lines:
-            figure.add_scatter(**line, showlegend=row == 1, row=row, col=1)
-        figure.update_yaxes(title_text=str(label), row=row, col=1)
-    figure.update_xaxes(title_text=str(along), row=len(rows), col=1)
+    Of a panel it takes lines, markers and bands over the whole width, not the title.
+    """
+    figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=spacing)
+    for row, panel in enumerate(panels, start=1):
+        ax = Plain().add_subplot()
+        panel(ax)
+        place: Any = {"row": row, "col": 1}
+        hover = f"{ax.get_xlabel()}: %{{x:.5g}}<br>{ax.get_ylabel()}: %{{y:.4g}}"
+        for line in ax.lines:
+            if line.get_transform() is ax.transData:  # not a line along an axis, which Plotly has at zero
+                figure.add_scatter(**_trace(line, row == 1), hovertemplate=hover, **place)
+        for band in ax.patches:
+            low, high = band.get_extents().transformed(ax.transData.inverted()).intervaly
+            figure.add_hrect(low, high, fillcolor=GREY, opacity=0.15, line_width=0, layer="below", **place)
+        figure.update_xaxes(type=ax.get_xscale(), exponentformat="power", **place)
+        figure.update_yaxes(type=ax.get_yscale(), title_text=ax.get_ylabel(), exponentformat="power", **place)
+    figure.update_xaxes(title_text=ax.get_xlabel(), row=len(panels), col=1)
     figure.update_layout(height=height + TOOL_BAR, **layout)
     return figure
+
+
+def _trace(line: Line2D, legend: bool) -> dict[str, Any]:
+    """Return a line of Matplotlib as a scatter of Plotly; a value that is not a number leaves a gap."""
+    name = str(line.get_label())
+    named, drawn, marked = not name.startswith("_"), line.get_linestyle() != "None", line.get_marker() != "None"
+    symbol = _SYMBOLS.get(str(line.get_marker()), "circle") + ("-open" if line.get_markerfacecolor() == "none" else "")
+    edge = to_hex(line.get_markeredgecolor())
+    return {
+        "name": name if named else "", "legendgroup": name, "showlegend": legend and named,
+        "x": _short(line.get_xdata(), precise=True), "y": _short(line.get_ydata()),
+        "mode": "+".join(["lines"] * drawn + ["markers"] * marked),
+        "line": {"color": to_hex(line.get_color()), "dash": _DASHES.get(str(line.get_linestyle()), "solid")},
+        "marker": {"color": edge, "symbol": symbol, "size": 2.0 * line.get_markersize()},
+    }  # fmt: skip
 
 
 def _short(values: Any, precise: bool = False) -> Any:

@@ -21,6 +21,7 @@ from pyspice_runner.view.style import CAUTION, Label
 
 ENDINGS = (".png", ".svg", ".pdf")
 DASHES = ("-", "--", "-.", ":")
+MARKS = ("o", "s", "^", "D")
 LAST_PERIODS = 3  # of the drive, in panels that show the end of a run
 AXIS: dict[str, Any] = {"color": "0.3", "linewidth": 0.8}  # of a line through zero
 _DPI = 150

@@ -28,7 +28,7 @@ def calibration(result: Calibration) -> Sheet:
         for quantity in dict.fromkeys(result.points.quantities):
             places = [place for place, name in enumerate(result.points.quantities) if name == quantity]
             of_points[quantity] = numbers[places], residuals[places]
-        panels["residuals"] = partial(_residuals, "number of the point", of_points, "points")
+        panels["residuals"] = partial(residuals_over, "number of the point", of_points, "points")
         if _curves(result):
             panels["curves"] = partial(_torques, result)
     bands = [(one, own) for one, own in result.curves if isinstance(one, Band)]
@@ -37,13 +37,13 @@ def calibration(result: Calibration) -> Sheet:
         frequency = LABELS["frequency_hz"]
         halves = zip(("real part", "imaginary part"), np.split(residuals[own], 2), strict=True)
         parts = {name: (frequency.scale * band.at, half) for name, half in halves}
-        panels[f"residuals {number}"] = partial(_residuals, frequency, parts, band.state)
+        panels[f"residuals {number}"] = partial(residuals_over, frequency, parts, band.state)
     run_ups = [(one, own) for one, own in result.curves if isinstance(one, RunUp)]
     for number, (run_up, own) in enumerate(run_ups, start=1):
         panels[f"run-up {number}"] = partial(_run_up, run_up, result.predicted[own], result.start.slider is not None)
         time = time_label(float(run_up.at[-1]))
         parts = {"speed": (time.scale * run_up.at, residuals[own])}
-        panels[f"residuals of run-up {number}"] = partial(_residuals, time, parts, run_up.source)
+        panels[f"residuals of run-up {number}"] = partial(residuals_over, time, parts, run_up.source)
     return Sheet(panels, 2, (5.6, 3.8), f"{result.start.name}, calibrated with {result.sources}")
 
 
@@ -118,7 +118,7 @@ def _spectrum(band: Band, predicted: np.ndarray, ax: Axes) -> None:
     dress(ax, frequency, magnitude, f"{band.spectrum.source or 'spectrum'}, {band.state}, {band.connection}")
 
 
-def _residuals(along: Label | str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]], data: str, ax: Axes) -> None:
+def residuals_over(along: Label | str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]], data: str, ax: Axes) -> None:
     """Draw (predicted - measured)/error of each part over its places: noise, unless the model is wrong."""
     for number, (name, (at, residuals)) in enumerate(parts.items()):
         mark, colour = _MARKS[number % len(_MARKS)], CYCLE[number % len(CYCLE)]

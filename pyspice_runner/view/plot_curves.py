@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from pyspice_runner.datasets import FLAGS, Branch, Curves, Sweep, WorkingPoints
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, dress
+from pyspice_runner.view.draw import AXIS, DASHES, MARKS, Panel, Sheet, dress
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION, Label, label_of
 
 _QUANTITIES = {  # panel → quantity, and name of its label
@@ -34,17 +34,22 @@ def _axis_label(data: Any, name: str) -> str:
 
 def speed_torque(curves: Curves) -> Sheet:
     """Return torque, efficiency, power and currents over speed."""
-    data = curves.dataset
+    data, linear = curves.dataset, curves.linear
+    data = data.assign(electrical_power_w=data["power_a_w"] + data["power_b_w"])
+    lines = [
+        (", ".join(f"{other} = {data[other].values[place]:g}" for other, place in at.items()), data.isel(at))
+        for at in _each(data, curves.others)
+    ]
+    currents = ("current_a_rms_a", "current_b_rms_a")
     panels: dict[str, Panel] = {
-        name: partial(_over_speed, curves, quantities, label_of(label, curves.linear), title)
+        name: partial(over_speed, lines, quantities, label_of(label, linear), title, linear)
         for name, quantities, label, title in (
-            ("torque", [data["torque_n_m"]], "torque_n_m", "Force" if curves.linear else "Torque"),
-            ("efficiency", [data["efficiency"]], "efficiency", "Efficiency: power at the shaft over electrical power"),
-            ("power", [data["power_a_w"] + data["power_b_w"]], "electrical_power_w", "Electrical power of both groups"),
-            ("current", [data["current_a_rms_a"], data["current_b_rms_a"]], "current_rms_a",
-             "Currents of group A and (dashed) group B"),
+            ("torque", ["torque_n_m"], "torque_n_m", "Force" if linear else "Torque"),
+            ("efficiency", ["efficiency"], "efficiency", "Efficiency: power at the shaft over electrical power"),
+            ("power", ["electrical_power_w"], "electrical_power_w", "Electrical power of both groups"),
+            ("current", currents, "current_rms_a", "Currents of group A and (dashed) group B"),
         )
-    }  # fmt: skip
+    }
     return Sheet(panels, 2, (5.0, 3.6), data.attrs["title"])
 
 
@@ -54,28 +59,24 @@ def _each(data: Any, others: list[str]) -> Iterator[dict[str, int]]:
         yield dict(zip(others, index, strict=True))
 
 
-def _over_speed(curves: Curves, quantities: list[Any], label: Label, title: str, ax: Axes) -> None:
-    """Draw quantities over speed, one curve for each value of the other axes; a ring marks a point not settled."""
-    data = curves.dataset
-    along, others = label_of("speed_rad_s", curves.linear), curves.others
-    speed = along.scale * data["speed_rad_s"].values
-    ring: dict[str, Any] = {"linestyle": "", "marker": "o", "mfc": "none", "mec": "black"}
-    rings = False
-    for number, at in enumerate(_each(data, others)):
-        one = data.isel(at)
-        name = ", ".join(f"{other} = {one[other].item():g}" for other in others)
-        unsettled = ~one["settled"].values
+def over_speed(
+    curves: Sequence[tuple[str, Any]], quantities: Sequence[str], label: Label, title: str, linear: bool, ax: Axes
+) -> None:
+    """Draw quantities over speed for each curve, by its name; a ring marks a point not settled."""
+    along, rings = label_of("speed_rad_s", linear), False
+    for number, (name, curve) in enumerate(curves):
+        speed = along.scale * curve["speed_rad_s"].values
         for quantity, dash in zip(quantities, DASHES, strict=False):
-            values = label.scale * quantity.isel(at).values
-            look: dict[str, Any] = {"color": CYCLE[number % 4], "label": name if dash == "-" and name else None}
-            ax.plot(speed, values, dash, marker=".", **look)
-            if (unsettled & np.isfinite(values)).any():
+            values = label.scale * curve[quantity].values
+            look: dict[str, Any] = {"color": CYCLE[number % 4], "marker": MARKS[number % 4], "ms": 3}
+            ax.plot(speed, values, dash, label=name if dash == "-" and name else None, **look)
+            ring = ~curve["settled"].values & np.isfinite(values)
+            if ring.any():
+                first = None if rings else "not settled"
+                ax.plot(speed[ring], values[ring], "o", ms=7, mfc="none", mec=GREY, label=first)
                 rings = True
-                ax.plot(speed[unsettled], values[unsettled], **ring)
     ax.axvline(0.0, **AXIS)
     ax.axhline(0.0, **AXIS)
-    if rings:
-        ax.plot([], [], **ring, label="not settled")
     dress(ax, along, label, title)
     low, high = ax.get_ylim()
     if label is LABELS["efficiency"] and (low < -100.0 or high > 100.0):  # it has no limit where hardly any power flows

@@ -35,7 +35,7 @@ def waveforms(run: Waveforms) -> Sheet:
         "speed": (partial(_speed, run), ("rotor_speed_rad_s",)),
         "path": (partial(_tip_path, run), ("tip_x_m", "tip_y_m", "contact_state")),
         "forces": (partial(_forces, run), ("normal_force_n", "friction_force_n")),
-        "currents": (partial(_currents, run), ("current_a_a", "current_b_a")),
+        "currents": (partial(of_groups, run, "current_a", "Currents"), ("current_a_a", "current_b_a")),
     }
     motor = run.provenance["motor"]
     title = f"{motor['name']}, {motor['contact']['preload_n']:g} N preload: {run.provenance['drive']['label']}"
@@ -86,16 +86,18 @@ def _forces(run: Waveforms, ax: Axes) -> None:
     draw_lines(ax, (LABELS["time_us"], time), LABELS["force_n"], lines, "Contact forces")
 
 
-def _currents(run: Waveforms, ax: Axes) -> None:
+def of_groups(run: Waveforms, quantity: str, title: str, ax: Axes) -> None:
+    """Draw voltages or currents of both groups over the last drive periods."""
     last, time = last_periods(run.time_s, run.drive_period_s)
+    kind, unit = quantity.split("_")
     lines = [
         (
-            getattr(run, groups.column("current", group, "a"))[last],
+            getattr(run, groups.column(kind, group, unit))[last],
             {"color": colour, "linestyle": dash, "label": f"group {group.upper()}"},
         )
         for (group, colour), dash in zip(GROUPS.items(), DASHES, strict=False)
     ]
-    draw_lines(ax, (LABELS["time_us"], time), LABELS["current_a"], lines, "Currents")
+    draw_lines(ax, (LABELS["time_us"], time), LABELS[quantity], lines, title)
 
 
 def averaged_run(run: AveragedRun) -> Sheet:
@@ -135,7 +137,7 @@ def control_loop(loop: ControlLoop) -> Sheet:
     gains = ", ".join(f"{name} {value:.4g} {loop.gain_units[name]}" for name, value in loop.gains.items())
     panels: dict[str, Panel] = {
         "magnitude": partial(_loop_magnitude, loop),
-        "phase": lambda ax: _bode_phase(ax, loop, loop.loop_gain),
+        "phase": lambda ax: bode_phase(ax, loop, loop.loop_gain),
         "step": partial(_loop_step, loop),
     }
     title = f"{loop.provenance['motor']['name']}: loop of the {loop.quantity}, {gains}"
@@ -143,13 +145,13 @@ def control_loop(loop: ControlLoop) -> Sheet:
 
 
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
-    _bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": np.abs(loop.plant)})
+    bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": np.abs(loop.plant)})
     if loop.gain_margin_db is not None:
         ax.axhline(10.0 ** (-loop.gain_margin_db / 20.0), color=VERMILION, linestyle=":", linewidth=1.0)
         ax.set_title(f"Magnitude; gain margin {loop.gain_margin_db:.3g} dB")
 
 
-def _bode_magnitude(
+def bode_magnitude(
     ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128], others: Mapping[str, Array]
 ) -> None:
     """Draw the magnitudes of a loop gain and of others, each over its first value."""
@@ -164,9 +166,10 @@ def _bode_magnitude(
     )
     ax.loglog()
     ax.axhline(1.0, color=GREY, linewidth=0.7)
+    ax.plot([loop.crossover_hz], [1.0], "o", color=VERMILION, markersize=3)
 
 
-def _bode_phase(ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128]) -> None:
+def bode_phase(ax: Axes, loop: ControlLoop | LoopDesign, gain: NDArray[np.complex128]) -> None:
     """Draw the phase of a loop gain with its margin."""
     shown = loop.frequency_hz > LOWEST_SHOWN * loop.crossover_hz
     phase = phase_shown_deg(loop.frequency_hz[shown], gain[shown], loop.crossover_hz, loop.phase_margin_deg)
@@ -219,8 +222,8 @@ def tracking(result: Tracking) -> Sheet:
     title = f"{result.settings['motor']['name']}: {disturbance['kind']}"
     sheet = _over_time(result.time_s, curves, title, disturbance["begin_s"], linewidth=1.0)
     if loop is not None:
-        sheet.panels["loop magnitude"] = lambda ax: _bode_magnitude(ax, loop, loop.gain, {})
-        sheet.panels["loop phase"] = lambda ax: _bode_phase(ax, loop, loop.gain)
+        sheet.panels["loop magnitude"] = lambda ax: bode_magnitude(ax, loop, loop.gain, {})
+        sheet.panels["loop phase"] = lambda ax: bode_phase(ax, loop, loop.gain)
     return sheet
 
 

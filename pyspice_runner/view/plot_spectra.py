@@ -19,16 +19,15 @@ from pyspice_runner.motor import groups
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.small_signals import INPUTS, OUTPUTS, SmallSignals
 from pyspice_runner.units import linear_words
-from pyspice_runner.view.draw import AXIS, DASHES, Panel, Sheet, draw_lines, dress, plain
+from pyspice_runner.view.draw import AXIS, DASHES, MARKS, Panel, Sheet, draw_lines, dress, plain
 from pyspice_runner.view.style import BLUE, CYCLE, GREY, GROUPS, LABELS, ORANGE, VERMILION, Label
 
 _DOTS: dict[str, Any] = {"marker": ".", "markersize": 3, "linestyle": ""}
-_MARKS = ("o", "s", "^", "D")
 _ERROR_BARS: dict[str, Any] = {"capsize": 3, "ecolor": VERMILION, "elinewidth": 1.2}
 _FREQUENCY = LABELS["frequency_hz"]
 
 
-class _Trace(NamedTuple):
+class Trace(NamedTuple):
     """A curve of admittance over frequency, and its Matplotlib properties."""
 
     frequency_hz: Array
@@ -36,13 +35,13 @@ class _Trace(NamedTuple):
     look: dict[str, Any]
 
 
-def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
+def spectrum_panels(traces: list[Trace]) -> dict[str, Panel]:
     """Return |Y|, phase, and the circle of conductance and susceptance."""
     frequency, magnitude = _FREQUENCY, LABELS["magnitude_s"]
     real, imaginary = LABELS["conductance_s"], LABELS["susceptance_s"]
 
     def draw_traces(
-        ax: Axes, x: Label, y: Label, title: str, of: Callable[[_Trace], tuple[Any, Any]], legend: bool = False
+        ax: Axes, x: Label, y: Label, title: str, of: Callable[[Trace], tuple[Any, Any]], legend: bool = False
     ) -> None:
         for trace in traces:
             across, up = of(trace)
@@ -65,10 +64,10 @@ def _spectrum_panels(traces: list[_Trace]) -> dict[str, Panel]:
 
 
 def _with_residuals(
-    traces: list[_Trace], mark: Callable[[Axes], object], name: str, residuals: Panel, title: str
+    traces: list[Trace], mark: Callable[[Axes], object], name: str, residuals: Panel, title: str
 ) -> Sheet:
     """Return the sheet of a comparison; ``mark`` completes the panels over frequency."""
-    panels = _spectrum_panels(traces)
+    panels = spectrum_panels(traces)
 
     def marked(panel: str) -> Panel:
         return lambda ax: (panels[panel](ax), mark(ax))
@@ -80,34 +79,32 @@ def _with_residuals(
 def admittance(result: Admittance) -> Sheet:
     """Return the admittance of both groups in phase, and in antiphase."""
     traces = [
-        _Trace(result.frequency_hz, result.driven("A+B"), {"color": BLUE, "label": "A+B"}),
-        _Trace(result.frequency_hz, result.driven("A-B"), {"color": VERMILION, "linestyle": "--", "label": "A−B"}),
+        Trace(result.frequency_hz, result.driven("A+B"), {"color": BLUE, "label": "A+B"}),
+        Trace(result.frequency_hz, result.driven("A-B"), {"color": VERMILION, "linestyle": "--", "label": "A−B"}),
     ]
-    return Sheet(_spectrum_panels(traces), 3, (4.4, 4.2), f"{result.motor['name']}, {result.state}")
+    return Sheet(spectrum_panels(traces), 3, (4.4, 4.2), f"{result.motor['name']}, {result.state}")
 
 
 def spectrum(result: Spectrum) -> Sheet:
     """Return a measured spectrum; of a two-port, every connection of the groups."""
     frequency = result.frequency_hz
     if result.ports == 1:
-        traces = [_Trace(frequency, result.admittance_s, {"color": BLUE, "label": "measured"})]
+        traces = [Trace(frequency, result.admittance_s, {"color": BLUE, "label": "measured"})]
     else:
         traces = [
-            _Trace(frequency, result.driven(name).admittance_s,
+            Trace(frequency, result.driven(name).admittance_s,
                    {"color": colour, "linestyle": dash, "label": name.replace("-", "−")})
             for name, colour, dash in zip(COUPLING, CYCLE, DASHES, strict=True)
         ]  # fmt: skip
-    return Sheet(_spectrum_panels(traces), 3, (4.4, 4.2), result.source)
+    return Sheet(spectrum_panels(traces), 3, (4.4, 4.2), result.source)
 
 
 def spectrum_fit(fit: SpectrumFit) -> Sheet:
     """Return the measured and the fitted admittance, and the residuals; dotted lines mark the series resonances."""
     fine = np.union1d(np.linspace(fit.frequency_hz[0], fit.frequency_hz[-1], 4001), fit.frequency_hz)
     traces = [
-        _Trace(fit.frequency_hz, fit.measured_s, {**_DOTS, "color": GREY, "label": "measured"}),
-        _Trace(
-            fine, fit.admittance(fine), {"color": BLUE, "linewidth": 1.2, "label": f"fitted, arms: {len(fit.arms)}"}
-        ),
+        Trace(fit.frequency_hz, fit.measured_s, {**_DOTS, "color": GREY, "label": "measured"}),
+        Trace(fine, fit.admittance(fine), {"color": BLUE, "linewidth": 1.2, "label": f"fitted, arms: {len(fit.arms)}"}),
     ]
 
     def mark_resonances(ax: Axes) -> None:
@@ -148,9 +145,9 @@ def comparison(result: Comparison) -> Sheet:
     """Return both admittances over the band of the measured one, and the deviations."""
     reference, measured = result.reference, result.measured
     traces = [
-        _Trace(reference.frequency_hz, reference.measured_s,
+        Trace(reference.frequency_hz, reference.measured_s,
                {"color": BLUE, "linewidth": 1.2, "label": plain(f"reference: {reference.source}")}),
-        _Trace(measured.frequency_hz, measured.measured_s,
+        Trace(measured.frequency_hz, measured.measured_s,
                {**_DOTS, "color": VERMILION, "label": plain(f"measured: {measured.source}")}),
     ]  # fmt: skip
     band = _FREQUENCY.scale * measured.frequency_hz[0], _FREQUENCY.scale * measured.frequency_hz[-1]
@@ -195,7 +192,7 @@ def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
         values = [100.0 * table[key] if np.isfinite(table[key]) else np.nan for table in tables]
         errors = [100.0 * (item.errors()[key] or 0.0) for item in result.comparisons]
         label = f"mode {key[1]}" if key[1] else None
-        look: dict[str, Any] = {"color": CYCLE[number % 4], "marker": _MARKS[number % 4], "capsize": 3}
+        look: dict[str, Any] = {"color": CYCLE[number % 4], "marker": MARKS[number % 4], "capsize": 3}
         ax.errorbar(result.at, values, errors, label=label, **look)
     ax.axhline(0.0, **AXIS)
     dress(ax, plain(result.label), LABELS["deviation"], title)

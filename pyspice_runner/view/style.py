@@ -13,7 +13,7 @@ CAUTION = VERMILION  # of the words that a result is not settled, or failed its 
 
 # Curves of one chart differ in colour and in dash, which also distinguishes them in print.
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE)
-GROUPS = {"a": BLUE, "b": ORANGE}  # of the motor
+GROUPS = {"a": BLUE, "b": VERMILION}  # of the motor
 
 
 class State(NamedTuple):
