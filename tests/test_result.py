@@ -156,7 +156,7 @@ def test_points_that_did_not_settle_are_marked_and_named() -> None:
     for panel in ("torque", "efficiency", "power", "current"):
         ax = Figure().subplots()
         shaky.plot(ax=ax, panel=panel)
-        rings = [line for line in ax.lines if line.get_marker() == "o" and len(line.get_xdata())]  # type: ignore[arg-type]
+        rings = [line for line in ax.lines if line.get_markerfacecolor() == "none"]
         assert {tuple(np.atleast_1d(ring.get_xdata())) for ring in rings} == {(2.0,)}
         legend = ax.get_legend()
         assert legend is not None
