@@ -15,7 +15,7 @@ matrix, which gives the constants c* = c − c₃ᵀ c₃/c₃₃, e₃* = e₃ 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -99,6 +99,20 @@ def assemble(
     return _summed(stiffness, place, size), _summed(mass, place, size)
 
 
+def assemble_field(basis: Any, parts: Sequence[Part], place: Indices, size: int) -> Any:
+    """Return the matrix of charges per potential of a solid that does not move, in F, sparse.
+
+    ``place`` has the row of the potential of each node, −1 where it is held at 0 or there is none.
+    """
+    entries = []
+    for part in parts:
+        own = basis.with_elements(part.cells)
+        gradient = np.stack([field[0].grad for field in own.basis])  # node, axis, cell, point
+        charged = np.einsum("ij,bjcq,cq->bicq", -part.matrix[6:, 6:], gradient, own.dx)
+        entries.append((own.element_dofs.T, np.einsum("aicq,bicq->cab", gradient, charged, optimize=True)))
+    return _summed(entries, place, size)
+
+
 def _summed(entries: Sequence[tuple[Indices, Array]], place: Indices, size: int) -> Any:
     """Return the sum of matrices of elements, (cells, n, n), of the unknowns (cells, n), compressed by columns."""
     from scipy.sparse import coo_matrix
@@ -111,6 +125,18 @@ def _summed(entries: Sequence[tuple[Indices, Array]], place: Indices, size: int)
         parts.append((local[kept], rows[kept], columns[kept]))
     values, rows, columns = (np.concatenate(items) for items in zip(*parts, strict=True))
     return coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
+
+
+def factor(matrix: Any) -> Callable[[Array], Array]:
+    """Return the solver of a sparse symmetric matrix, positive in displacements and negative in potentials.
+
+    Such a matrix has factors in any order (R. J. Vanderbei, SIAM J. Optim. 5 (1995) 100), so that no pivot is sought.
+    """
+    from scipy.sparse.linalg import splu
+
+    factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    solve: Callable[[Array], Array] = factor.solve
+    return solve
 
 
 def strains(basis: Any, part: Part, values: Array) -> Array:

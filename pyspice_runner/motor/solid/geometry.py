@@ -42,8 +42,11 @@ class Geometry:
         return 2 if self.dimension == 2 else 4
 
 
-def build_geometry(solid: Solid) -> Geometry:
-    """Return mesh, materials and places of a stator. Raise ParameterError for parts that miss it or touch wrongly."""
+def build_geometry(solid: Solid, finest_m: float | None = None) -> Geometry:
+    """Return mesh, materials and places of a stator. Raise ParameterError for parts that miss it or touch wrongly.
+
+    With ``finest_m`` the mesh of boxes is graded for the electric field (:func:`.places_of`).
+    """
     try:
         from skfem import Basis
     except ImportError:
@@ -51,7 +54,7 @@ def build_geometry(solid: Solid) -> Geometry:
             "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'pyspice-runner[solid]'`."
         ) from None
     plate = solid.theory == "plate"
-    shape, owner = _owned(solid)
+    shape, owner = _owned(solid, finest_m)
     basis = Basis(shape.mesh, shape.element, intorder=4)
     base = (2 if plate else 4) * basis.N
     used = [(np.flatnonzero(owner == index), box) for index, box in enumerate(solid.boxes)]
@@ -72,9 +75,9 @@ def build_geometry(solid: Solid) -> Geometry:
     return Geometry(basis, parts, place, displacements, size, springs, contact)
 
 
-def _owned(solid: Solid) -> tuple[Places, Indices]:
+def _owned(solid: Solid, finest_m: float | None = None) -> tuple[Places, Indices]:
     """Return the mesh without the cells that no box has, and the number of the box that each cell belongs to."""
-    shape = places_of(solid)
+    shape = places_of(solid, finest_m)
     owner = np.full(shape.mesh.nelements, -1)
     for index, box in enumerate(solid.boxes):
         owner[shape.cells(box, f"boxes.{index}")] = index

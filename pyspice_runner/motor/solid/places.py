@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
-from math import ceil
+from math import ceil, log
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.refusal import quoted
 from pyspice_runner.motor.solid.elements import Array, Indices
+from pyspice_runner.motor.solid.materials import materials
 from pyspice_runner.motor.solid.parameters import LARGEST, Box, Electrode, MeshFile, Placed, Solid, mesh_file
 
 MOST_CELLS = 20_000  # some 350,000 unknowns, beyond the memory of most machines
 _NEAR = 1e-6  # of an element: places that are meant to coincide
 _FLAT = 1e-9  # of a cube's volume: of a cell without one
+GRADING = 3.0  # ratio of neighbouring cells of a mesh that is graded towards the edges of electrodes
 
 Mask = NDArray[np.bool_]
 
@@ -31,16 +33,22 @@ Mask = NDArray[np.bool_]
 class _Blocks:
     """A mesh of boxes along the axes, cut into cells no longer than ``element_m``, and where its parts are.
 
-    ``name`` is the path of an item, for messages.
+    With ``finest_m`` the cells shrink towards edges and faces of electrodes to about this length, and are as long as
+    the parts elsewhere: for the electric field alone. ``name`` is the path of an item, for messages.
     """
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, finest_m: float | None = None) -> None:
         from skfem import ElementHexS2, ElementQuadS2, MeshHex, MeshQuad
 
         assert solid.element_m is not None
         self._near = _NEAR * solid.element_m
         plate = solid.theory == "plate"
-        lines = [self._line(solid, axis, solid.element_m) for axis in range(2 if plate else 3)]
+        axes = range(2 if plate else 3)
+        if finest_m is None:
+            lines = [self._line(solid, axis, solid.element_m) for axis in axes]
+        else:
+            lines = [_graded(self._line(solid, axis, 2.0 * LARGEST), electrode_edges(solid, axis), finest_m)
+                     for axis in axes]  # fmt: skip
         cells = int(np.prod([len(line) - 1 for line in lines]))
         if cells > MOST_CELLS:
             raise ParameterError(
@@ -98,6 +106,29 @@ class _Blocks:
             if abs(low - height) <= self._near and abs(high - height) <= self._near:
                 return row
         return None
+
+
+def electrode_edges(solid: Solid, axis: int) -> Array:
+    """Return the coordinates in m along an axis of faces of electrodes, and of their edges within the ceramic."""
+    ceramic = [box for box in solid.boxes if materials()[box.material].stress_constants_c_m2.any()]
+    ends = [corner[axis] for box in ceramic or solid.boxes for corner in box.corners]
+    pairs = [tuple(corner[axis] for corner in item.corners) for item in solid.electrodes]
+    return np.unique(
+        [edge for low, high in pairs for edge in (low, high) if low == high or min(ends) < edge < max(ends)]
+    )
+
+
+def _graded(line: Array, edges: Array, finest_m: float) -> Array:
+    """Return the coordinates of a mesh along an axis with cells that shrink towards ``edges`` to ``finest_m``."""
+    found = [line]
+    for low, high in pairwise(line):
+        near = [bool(np.isclose(edges, end, rtol=0.0, atol=0.1 * finest_m).any()) for end in (low, high)]
+        room = (high - low) / 2.0 if all(near) else high - low
+        steps = room / GRADING ** np.arange(1, max(ceil(log(room / finest_m, GRADING) - 0.5), 0) + 1)
+        found += [low + steps] if near[0] else []
+        found += [high - steps] if near[1] else []
+        found += [np.array([0.5 * (low + high)])] if all(near) else []
+    return np.unique(np.concatenate(found))
 
 
 _CORNERS = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8}
@@ -199,9 +230,12 @@ class _Regions:
 Places = _Blocks | _Regions
 
 
-def places_of(solid: Solid) -> Places:
-    """Return the mesh of a stator, built or read. Raise ParameterError for too many elements or an unfit file."""
-    return _Blocks(solid) if solid.mesh is None else _Regions(solid)
+def places_of(solid: Solid, finest_m: float | None = None) -> Places:
+    """Return the mesh of a stator, built or read. Raise ParameterError for too many elements or an unfit file.
+
+    A mesh of boxes with ``finest_m`` is graded for the electric field.
+    """
+    return _Blocks(solid, finest_m) if solid.mesh is None else _Regions(solid)
 
 
 def _read(source: MeshFile) -> Any:

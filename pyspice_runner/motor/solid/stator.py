@@ -22,7 +22,8 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.one_thread import one_thread
-from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, strains
+from pyspice_runner.motor.solid.capacitance import clamped_capacitance
+from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, factor, strains
 from pyspice_runner.motor.solid.geometry import Geometry, build_geometry
 from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.stator import MODE_COLUMNS
@@ -98,7 +99,7 @@ def solve_stator(solid: Solid) -> Stator:
     system, electric = stiffness[inner, inner], stiffness[inner, -2:].toarray()
     loads = np.hstack([-electric, _contact_loads(geometry)])
     shift = -((0.5 * pi * solid.highest_hz) ** 2)
-    solve = _factor(system - shift * mass[inner, inner])
+    solve = factor(system - shift * mass[inner, inner])
     squares, vectors = _lowest(
         solve, mass[:count, :count].tocsr(), system.shape[0], shift, (2.0 * pi * solid.highest_hz) ** 2
     )
@@ -108,7 +109,7 @@ def solve_stator(solid: Solid) -> Stator:
     total = clamped + loads[:, :2].T @ solve(loads[:, :2])
     if system.shape[0] > count:
         between = slice(count, geometry.size - 2)
-        clamped = clamped + electric[between].T @ _factor(system[between, between])(electric[between])
+        clamped = clamped + electric[between].T @ factor(system[between, between])(electric[between])
     compliance = loads[:, 2:].T @ solve(loads[:, 2:])
 
     rigid = squares < _RIGID * -shift
@@ -150,7 +151,7 @@ def solve_stator(solid: Solid) -> Stator:
     inside, outside = (Modes(*(column[..., chosen] for column in columns)) for chosen in (kept, others & takes_part))
     return Stator(
         **vars(inside),
-        clamped_f=clamped / VOLTS**2,
+        clamped_f=clamped_capacitance(solid, clamped / VOLTS**2),
         residual_f=(total - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
         residual_m_per_n=compliance - at_shift[2:, 2:] + beside[2:, 2:],
         stress_pa_per_m=stress,
@@ -161,18 +162,6 @@ def solve_stator(solid: Solid) -> Stator:
         cells=np.asarray(geometry.basis.mesh.t),
         shapes=(shapes[..., kept] / amplitude[kept])[:, geometry.basis.nodal_dofs[0]],
     )
-
-
-def _factor(matrix: Any) -> Callable[[Array], Array]:
-    """Return the solver of a sparse symmetric matrix, positive in displacements and negative in potentials.
-
-    Such a matrix has factors in any order (R. J. Vanderbei, SIAM J. Optim. 5 (1995) 100), so that no pivot is sought.
-    """
-    from scipy.sparse.linalg import splu
-
-    factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    solve: Callable[[Array], Array] = factor.solve
-    return solve
 
 
 def _lowest(solve: Callable[[Array], Array], mass: Any, rows: int, shift: float, highest: float) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from pyspice_runner.motor import strength
 from pyspice_runner.motor.load import SETS, changed_motor
 from pyspice_runner.motor.refusal import build
 from pyspice_runner.motor.solid import stator, store
-from pyspice_runner.motor.solid.elements import assemble
+from pyspice_runner.motor.solid.elements import assemble, factor
 from pyspice_runner.motor.solid.parameters import Box, Face, Solid, Support, solid_from
 from pyspice_runner.motor.solid.stator import Stator, solve_stator
 from pyspice_runner.view.datasheet import parameter_rows
@@ -125,7 +125,7 @@ def test_all_modes_are_found_and_those_of_one_frequency_each_on_its_own() -> Non
         inner, count = slice(0, geometry.size - 2), geometry.displacements
         system, heavy = stiffness[inner, inner].toarray(), mass[:count, :count]
         shift, highest = -((0.5 * pi * 200e3) ** 2), (2 * pi * 200e3) ** 2
-        solve = stator._factor(stiffness[inner, inner] - shift * mass[inner, inner])
+        solve = factor(stiffness[inner, inner] - shift * mass[inner, inner])
         found, vectors = stator._lowest(solve, heavy.tocsr(), len(system), shift, highest)
         between = system[:count, count:] @ np.linalg.solve(system[count:, count:], system[count:, :count])
         wanted = eigh(system[:count, :count] - between, heavy.toarray(), eigvals_only=True)
