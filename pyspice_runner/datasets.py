@@ -222,7 +222,9 @@ class WorkingPoints(DatasetResult):
     def _limits(self) -> Iterator[str]:
         """Yield the numbers of points without a stable steady state; whether no point is within the limits."""
         data, total = self.dataset, self.dataset["stable"].size
-        if lost := int((~data["converged"]).sum()):
+        if "incomplete" in data.attrs:
+            yield data.attrs["incomplete"]
+        if lost := int((~data["converged"]).sum()) - self._attribute("method", []).count(""):
             yield f"{lost} of {total} points have no steady state."
         if unstable := int((data["converged"] & ~data["stable"]).sum()):
             yield f"{unstable} of {total} points are not stable."

@@ -8,9 +8,12 @@ import sys
 import threading
 import weakref
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from pyspice_runner.commands import common
 from pyspice_runner.interrupts import Stopped, held, raised
 
 
@@ -138,3 +141,21 @@ def test_a_signal_in_a_finaliser_is_raised_again() -> None:
     with pytest.raises(Stopped), raised():
         wait()
     assert sys.unraisablehook is complain
+
+
+def test_a_signal_while_a_finished_file_is_noted_keeps_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, plain = tmp_path / "run.csv", Path.stat
+
+    def stat(path: Path, **how: Any) -> Any:
+        found = plain(path, **how)
+        if path == file:
+            press()
+        return found
+
+    monkeypatch.setattr(Path, "stat", stat)
+    monkeypatch.setattr(common, "written", [])
+    with pytest.raises(KeyboardInterrupt):
+        common.deliver({}, "", False, (file, lambda path: path.write_text("1", encoding="utf-8")))
+    assert common.written == [str(file)]

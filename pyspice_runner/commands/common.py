@@ -34,6 +34,7 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.files import save_by_ending, write_json, write_rows
+from pyspice_runner.interrupts import held
 from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.result import Result as _Result
 from pyspice_runner.spice.ngspice import ngspice_version
@@ -267,12 +268,14 @@ def _noted(path: Path) -> Iterator[None]:
     def stamp() -> tuple[int, int] | None:
         return (path.stat().st_ino, path.stat().st_mtime_ns) if path.is_file() else None
 
-    before = stamp()
-    try:
-        yield
-    finally:
-        if stamp() != before:
-            written.append(str(path))
+    with held() as listening:  # the name is noted also if a second signal comes
+        before = stamp()
+        try:
+            with listening():
+                yield
+        finally:
+            if stamp() != before:
+                written.append(str(path))
 
 
 def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> None:

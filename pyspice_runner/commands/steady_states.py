@@ -74,7 +74,7 @@ def small_signals(call: Call) -> None:
     ),
     accuracy=ACCURACY,
 )  # fmt: skip
-def map_points(call: Call) -> None:
+def map_points(call: Call) -> int:
     """Map steady states over parameters and find the best point. Writes .nc, .csv or .json.
 
     Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
@@ -86,14 +86,20 @@ def map_points(call: Call) -> None:
     free = call.speed is None and not call.load and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
         common.refuse_covered(call.context, axes)
+    status = 0
     with common.points_progress() as progress:
-        dataset = pr.working_points(
-            call.loaded, call.stated, over=axes, limits=limits, contact=call.law, progress=progress,
-            **call.pick("objective speed accuracy step timeout", load_torque="load"),
-        )  # fmt: skip
+        try:
+            dataset = pr.working_points(
+                call.loaded, call.stated, over=axes, limits=limits, contact=call.law, progress=progress,
+                **call.pick("objective speed accuracy step timeout", load_torque="load"),
+            )  # fmt: skip
+        except Interrupted as interrupt:
+            dataset, status = interrupt.partial, common.INTERRUPTED
+            common.complain(f"piezomotor: {interrupt}")
     result = dataset.piezomotor
     common.caution(result)
     call.deliver(result, dataset.attrs["title"])
+    return status
 
 
 def _limits(texts: list[str] | None) -> dict[str, float]:

@@ -18,7 +18,7 @@ from pydantic import SkipValidation
 
 from pyspice_runner.circuit.bench import FREE
 from pyspice_runner.circuit.law import touching_law
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
@@ -63,6 +63,7 @@ OUTCOME = {
     "allowed": ("1", "whether the point is stable, passed the audit, and is within all limits"),
 }
 _FLAGS = ("converged", "stable", "allowed")
+_MISSING = dict.fromkeys(OUTCOME, np.nan) | dict.fromkeys(_FLAGS, False)  # a point that was not reached
 
 
 @checked
@@ -103,6 +104,7 @@ def working_points(
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails, or no rotor speed is found for the default of ``speed``.
+        Interrupted: when interrupted; ``partial`` has the finished points, and NaN for the others.
     """
     base = Point.of(motor, drive, audit=False, **settings)
     return mapped(base, over, objective=objective, limits=limits, accuracy=accuracy, progress=progress)
@@ -143,8 +145,8 @@ def mapped(
         index: base.updated({path: float(axes[path][at]) for path, at in zip(axes, index, strict=True)})
         for index in product(*map(range, shape))
     }
-    states = _solved(setups, accuracy, progress or (lambda *_: None))
-    rows = {index: _row(states[index], bounds) for index in setups}
+    states, complete = _solved(setups, accuracy, progress or (lambda *_: None))
+    rows = {index: _row(states[index], bounds) if index in states else _MISSING for index in setups}
     goal = OBJECTIVES[objective]
     allowed = [index for index, row in rows.items() if row["allowed"] and np.isfinite(row[goal])]
     best: dict[str, Any] | None = None
@@ -153,9 +155,9 @@ def mapped(
         at = {path: float(values[place]) for (path, values), place in zip(axes.items(), index, strict=True)}
         best = at | {name: _plain(value) for name, value in rows[index].items() if name not in at}
     held = "" if base.load.speed is None else f", shaft at {base.load.speed:.4g} rad/s"
-    return dataset_of(
+    dataset = dataset_of(
         base, f"{objective} over {' and '.join(axes)}{held}", OUTCOME, list(rows.values()), coordinates(base, axes),
-        (states[index].provenance["deck_sha256"] for index in setups),
+        (states[index].provenance["deck_sha256"] for index in setups if index in states),
         objective=objective, best=best, limits=bounds,
         cautions=[
             *([STUCK] if any(state.held_by_friction for state in states.values()) else []),
@@ -165,9 +167,13 @@ def mapped(
                 for state in states.values()
             ]),
         ],
-        method=[states[index].method for index in setups],
+        method=[states[index].method if index in states else "" for index in setups],
         run=law.to_dict() | {"speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy},
     )  # fmt: skip
+    if complete:
+        return dataset
+    dataset.attrs["incomplete"] = f"{len(states)} of {len(setups)} points are finished."
+    raise Interrupted("The map was interrupted.", dataset)
 
 
 def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
@@ -210,8 +216,13 @@ def _usual_speed(base: Point, objective: Objective, accuracy: float) -> float | 
 Index = tuple[int, ...]
 
 
-def _solved(setups: Mapping[Index, Point], accuracy: float, progress: Progress) -> dict[Index, SteadyState]:
-    """Solve the points of a coarse grid, then those halfway between solved ones as soon as these are solved."""
+def _solved(
+    setups: Mapping[Index, Point], accuracy: float, progress: Progress
+) -> tuple[dict[Index, SteadyState], bool]:
+    """Solve the points of a coarse grid, then those halfway between solved ones as soon as these are solved.
+
+    Return the states, and whether they are complete: after an interrupt those that were found by then.
+    """
     check_accuracy(accuracy)
     beside: dict[Index, list[Index]] = {}  # the neighbours of each point from which it starts
     owner: dict[Index, int] = {}  # the part of each point
@@ -227,6 +238,7 @@ def _solved(setups: Mapping[Index, Point], accuracy: float, progress: Progress) 
     found: dict[Index, SteadyState] = {}
     needs = [{owner[other] for index in part.setups for other in beside[index]} for part in parts]
     progress(0, len(setups))
+    complete = True
     with KeptProcesses() as processes:
 
         def solved(number: int) -> list[SteadyState]:
@@ -234,13 +246,18 @@ def _solved(setups: Mapping[Index, Point], accuracy: float, progress: Progress) 
             starts = [_start([found[other] for other in beside[index]]) for index in part.setups]
             return solve_part(part, accuracy, starts, processes)
 
-        for number, states in _as_ready(solved, needs, cores() + 2):
-            found |= zip(parts[number].setups, states, strict=True)
-            progress(len(found), len(setups))
+        try:
+            for number, states in _as_ready(solved, needs, cores() + 2):
+                found |= zip(parts[number].setups, states, strict=True)
+                progress(len(found), len(setups))
+        except KeyboardInterrupt:
+            if not found:
+                raise
+            complete = len(found) == len(setups)
     failures = [state.failure for state in found.values() if state.failure is not None]
     if len(failures) == len(found):
         raise failures[0]
-    return found
+    return found, complete
 
 
 def _as_ready(

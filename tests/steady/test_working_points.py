@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +49,38 @@ def test_the_best_point_is_the_greatest_within_the_limits() -> None:
     none = pr.working_points(MOTOR, DRIVE, over={"drive.voltage": [100.0]}, limits={"voltage_v": 80.0})
     assert none.piezomotor.best is None
     assert none.piezomotor.cautions[0].startswith("No point is stable and within the limits")
+
+
+def test_an_interrupted_map_keeps_its_finished_points(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The signal comes when the first points are found, those of the coarse grid."""
+    plain = pr.working_points
+
+    def press(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    def interrupted(*args: Any, **settings: Any) -> xarray.Dataset:
+        return plain(*args, **settings | {"progress": press})
+
+    monkeypatch.setattr(pr, "working_points", interrupted)
+    file = tmp_path / "map.nc"
+    words = ["map", "bimodal40", "--over", "drive.voltage=20,25,30,35,40", "--speed", "10", "--output", str(file)]
+    assert run([*words, "--json"]) == 130
+    output, said = capsys.readouterr()
+    torques = json.loads(output)["torque_n_m"]
+    finished = [torque for torque in torques if torque is not None]
+    assert 0 < len(finished) < len(torques) == 5
+    assert f"{len(finished)} of 5 points are finished." in said
+    assert "no steady state" not in said
+    voltage = 20.0 + 5.0 * torques.index(finished[0])
+    motor = pr.load_motor("bimodal40")
+    alone = pr.steady_state(motor, pr.default_drive(motor).updated({"voltage": voltage}), speed=10.0)
+    friction_torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    assert finished[0] == pytest.approx(alone.torque_n_m, abs=1e-2 * friction_torque)
+    with xarray.open_dataset(file) as data:
+        assert int(data["torque_n_m"].notnull().sum()) == len(finished)
 
 
 def test_a_point_beyond_a_limit_of_the_motor_is_not_the_best_and_its_caution_is_kept() -> None:
