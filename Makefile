@@ -46,6 +46,7 @@ soak: setup ## run all further cases of tests, and 2,000 random motors (30 minut
 	$(PY) -m validation.runs
 	$(PY) -m validation.losses
 	$(PY) -m validation.contradictions
+	$(PY) -m validation.held_points
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)
 	@sh scripts/setup.sh test dev bench

@@ -16,7 +16,7 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import too_fast
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.result import Audit, Result, contact_row
-from pyspice_runner.run.dynamometer import STUCK, stuck
+from pyspice_runner.run.dynamometer import GRAZING, STUCK, stuck
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE
 from pyspice_runner.run.window import averaged_to_come
 
@@ -168,10 +168,10 @@ class AveragedRun(RunOverTime):
     def _limits(self) -> Iterator[str]:
         """Yield the findings of the model's own check; whether friction holds a held shaft at the end."""
         end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
-        held = self.provenance["run"]["speed_rad_s"] is not None
+        run = self.provenance["run"]
         yield from self._model_cautions
-        if held and stuck(end):
-            yield STUCK
+        if run["speed_rad_s"] is not None and stuck(end, max(GRAZING, 1.0 / run["phases"])):
+            yield f"{STUCK} The interval of torques is in the result of steady_state."
         yield from self._stability_cautions
         yield from self.provenance["cautions"]
 

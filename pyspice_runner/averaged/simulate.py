@@ -164,14 +164,16 @@ def averaged_run(
 
 def _stability(run: AveragedPoint, end: dict[str, float], timeout: float | None) -> tuple[str, ...]:
     """Return the cautions for the stability of the motion at the end of a run, whose columns end with these values."""
-    if not (end["separated"] and end["amplitude_a_v"] + end["amplitude_b_v"]):
+    if not end["amplitude_a_v"] + end["amplitude_b_v"]:
         return ()
     motor = run.motor if run.thermal is None else run.thermal.warmed(run.motor, end["temperature_k"])
     if "preload" in run.settings:
         preload = float(np.interp(end["time_s"], *np.transpose(run.settings["preload"])))
         motor = motor.updated({"contact.preload_n": preload})
     drive = ideal_drive(end["amplitude_a_v"], end["amplitude_b_v"], end["phase_deg"], end["frequency_hz"])
-    return stability_cautions(motor, drive, end["rotor_speed_rad_s"], run.point.law, timeout)
+    return stability_cautions(
+        motor, drive, end["rotor_speed_rad_s"], end["tip_y_amplitude_m"], run.point.law, timeout
+    )  # fmt: skip
 
 
 def averaged_engine(engine: Engine) -> Literal["spice", "compiled"]:

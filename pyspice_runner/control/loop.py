@@ -31,7 +31,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result
-from pyspice_runner.steady.steady import stability_cautions
+from pyspice_runner.steady.steady import STANDS, stability_cautions
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -46,7 +46,6 @@ STEPPED = 5  # samples before the step
 CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its least number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
 SMALL_DEG = 0.2  # step of the phase
-STANDS = 1e-3  # rad/s or m/s, below which a motor does not turn
 _RUN = 50e-3  # s from rest, after which the friction has stopped the rotor, or it turns
 _HALVINGS = 8  # of the interval from 0 V to the drive, in the search of the dead band
 _OF_POINT = ("load.", "temperature", "speed")  # of the paths of a spread, those that are not of the motor
@@ -535,7 +534,7 @@ def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> Control
         "phase": (result.current_phase_deg - phase + 180.0) % 360.0 - 180.0,
     }[loop.quantity]
     response = np.asarray(deviation[STEPPED:] / step)
-    unstable = stability_cautions(motor, drive, speed) if result.samples["separated"].any() else ()
+    unstable = stability_cautions(motor, drive, speed, run["operating_point"]["tip_y_amplitude"])
     return replace(
         loop, step_simulated=response, overshoot_simulated=max(0.0, float(response.max()) - 1.0),
         trusted=result.trusted, model_cautions=(*unstable, *result.cautions),

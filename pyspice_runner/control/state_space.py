@@ -9,7 +9,7 @@ All signals are deviations from the steady state. The states are those of the av
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import copysign, degrees
 from pathlib import Path
@@ -26,6 +26,7 @@ from pyspice_runner.motor.drive import TwoPhaseDrive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
+from pyspice_runner.run.dynamometer import stuck
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.units import linear_unit
@@ -35,7 +36,9 @@ Array = NDArray[np.float64]
 # names and units
 OF_INPUTS = {"amplitude": "V", "phase": "deg", "frequency": "Hz", "load_torque": "N·m"}
 OF_OUTPUTS = {"speed": "rad/s", "position": "rad", "current_amplitude_a": "A", "current_phase_a": "deg"}
-SHOWN = ("speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated")  # of the steady state
+SHOWN = (  # of the steady state
+    "speed", "torque", "current_amplitude_a", "current_phase_a", "check", "separated", "slip", "tip_y_amplitude",
+)  # fmt: skip
 OF_STATES = {
     "speed": "rad/s", "position": "rad", "load_speed": "rad/s", "load_position": "rad", "temperature": "K",
     "carrier_velocity": "m/s", "carrier_x_velocity": "m/s", "bearing": "1",
@@ -75,10 +78,16 @@ class StateSpace(Result):
     provenance: dict[str, Any] = field(repr=False)
     stability_cautions: tuple[str, ...] = ()
 
-    def _limits(self) -> Iterable[str]:
-        """Return the cautions of the averaged model at the steady state, and of a speed beyond its limit."""
-        fast = too_fast(self.provenance["motor"], self.point["speed"])
-        return *self.stability_cautions, *model_cautions(self.point["check"], self.point["separated"]), *fast
+    def _limits(self) -> Iterator[str]:
+        """Yield the cautions of the averaged model at the steady state, of a speed beyond its limit, and of stick."""
+        yield from self.stability_cautions
+        yield from model_cautions(self.point["check"], self.point["separated"])
+        yield from too_fast(self.provenance["motor"], self.point["speed"])
+        if stuck(self.point):
+            yield (
+                "Friction holds the shaft, which stands still: the system is that of a contact that sticks, whose "
+                "shaft no input turns. Raise the voltage."
+            )
 
     def transfer(self, output: str, of: str, frequency: Array) -> NDArray[np.complex128]:
         """Return a transfer function over frequency in Hz.
@@ -268,5 +277,5 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
         small.by_state[np.ix_(kept, kept)], driven[kept], np.array(rows)[:, kept], np.array(through),
         states, inputs, outputs, point,
         {"motor": motor.to_dict(), "drive": drive.model_dump(), "run": {"load_torque_n_m": load_torque}},
-        stability_cautions(motor, drive, point["speed"]) if point["separated"] else (),
+        stability_cautions(motor, drive, point["speed"], point["tip_y_amplitude"]),
     )  # fmt: skip

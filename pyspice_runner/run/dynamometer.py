@@ -87,12 +87,13 @@ STUCK = (
 )
 
 
+GRAZING = 1.0 / 64.0  # share of time of one step, or phase, at the limit of stick: at the ends of what friction holds
 ROUNDED = 1e-6  # share of time below which it is the rounding of ngspice's integral
 
 
-def stuck(outcome: Mapping[str, Any]) -> bool:
-    """Whether a contact neither slips nor opens, for an outcome by names of quantities."""
-    return bool(abs(outcome["slip"]) < ROUNDED and abs(outcome["separated"]) < ROUNDED)
+def stuck(outcome: Mapping[str, Any], grazing: float = 0.0) -> bool:
+    """Whether a contact does not open, and slips for a share ``grazing`` of the time at most, by quantities."""
+    return bool(abs(outcome["slip"]) < grazing + ROUNDED and abs(outcome["separated"]) < ROUNDED)
 
 
 UNITS = {item.name: (str(item.metadata["unit"]), str(item.metadata["meaning"])) for item in fields(Quantities)}

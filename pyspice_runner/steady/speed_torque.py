@@ -26,7 +26,7 @@ from pyspice_runner.motor.refusal import checked, quoted
 from pyspice_runner.motor.strength import COMPARED, exceeded
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import delivering
-from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, off_beat, stuck
+from pyspice_runner.run.dynamometer import GRAZING, STUCK, UNITS, Dynamometer, off_beat, stuck
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings
 from pyspice_runner.run.waveforms import Array
@@ -235,8 +235,10 @@ def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
 
 
 def _cautions(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, Any]]) -> list[str]:
-    laws = (bench.setup.law for bench in benches)
-    found = any(law and law.sliding and stuck(outcome) for law, outcome in zip(laws, outcomes, strict=True))
+    found = False
+    for bench, outcome in zip(benches, outcomes, strict=True):
+        grazing = GRAZING if outcome["method"] == "settle" and not bench.speed else 0.0
+        found |= bool(bench.setup.law and bench.setup.law.sliding) and stuck(outcome, grazing)
     unstable = sum(outcome["largest_multiplier"] >= 1.0 for outcome in outcomes)
     averages = f"{unstable} of {len(outcomes)} points have an unstable periodic motion: their values are time averages."
     return [*([averages] if unstable else []), *([STUCK] if found else []), *delivering(outcomes)]

@@ -22,6 +22,7 @@ from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.contact import static_penetration
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -52,6 +53,8 @@ from pyspice_runner.units import engineering
 
 Place = TypeVar("Place")
 
+SHALLOW = 0.5  # of the static penetration; unstable motions of closed contacts were found from 0.63 on
+STANDS = 1e-3  # rad/s or m/s, below which a motor does not turn
 OFFSETS = 2  # copies of each point, whose steps lie between each other's
 MOST_REFINEMENTS = 2  # halvings of the step beyond the default
 ACCURACY = 2e-3  # of the friction torque under the preload, μ F₀ R
@@ -295,12 +298,21 @@ def steady_states(
 
 
 def stability_cautions(
-    motor: Motor, drive: Drive, speed: float, contact: ContactLaw | None = PAPER_LAW, timeout: float | None = None
+    motor: Motor,
+    drive: Drive,
+    speed: float,
+    tip_y_amplitude_m: float,
+    contact: ContactLaw | None = PAPER_LAW,
+    timeout: float | None = None,
 ) -> tuple[str, ...]:
     """Return a caution for averaged models where the periodic motion that they describe is unstable, at a held speed.
 
-    The multipliers are those of the full motor at the coarse step. A failure of ngspice gives a caution as well.
+    The multipliers are those of the full motor at the coarse step, computed unless the amplitude of the tip towards the
+    rotor is below :data:`SHALLOW` of the static penetration. A failure of ngspice gives a caution as well.
     """
+    if tip_y_amplitude_m < SHALLOW * static_penetration(motor.contact):
+        return ()
+    speed = speed if abs(speed) >= STANDS else 0.0  # the averaged contact creeps where friction holds the shaft
     try:
         point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
         (state,) = steady_states([point], accuracy=None)

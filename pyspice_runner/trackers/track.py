@@ -551,12 +551,12 @@ def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
         float(curves["separated"].max()),
         damping_factor(motor.to_dict(), curves["frequency"], curves["tip_y"]),
     )
-    if curves["separated"][-1]:
-        pins, drifting = done.voltages, run.disturbance.drifting
-        turned = degrees(phase(pins["b"]) - phase(pins["a"]))
-        drive = ideal_drive(abs(pins["a"]), abs(pins["b"]), turned, float(curves["frequency"][-1]))
-        hot = drifting.warmed(motor, float(curves["temperature"][-1])) if drifting else motor
-        cautions += stability_cautions(hot, drive, float(curves["speed"][-1]), timeout=run.setup.solver.timeout)
+    pins, drifting = done.voltages, run.disturbance.drifting
+    turned = degrees(phase(pins["b"]) - phase(pins["a"]))
+    drive = ideal_drive(abs(pins["a"]), abs(pins["b"]), turned, float(curves["frequency"][-1]))
+    hot = drifting.warmed(motor, float(curves["temperature"][-1])) if drifting else motor
+    speed, amplitude = (float(curves[name][-1]) for name in ("speed", "tip_y"))
+    cautions += stability_cautions(hot, drive, speed, amplitude, timeout=run.setup.solver.timeout)
     stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
     found = replace(found, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
     if run.source.tracker.kind == "pll":
