@@ -35,10 +35,6 @@ class Branch(NamedTuple):
     resistance_ohm: float
     capacitance_f: float
 
-    def gain(self, frequency_hz: float) -> complex:
-        """Return the ratio of the voltage at the capacitance to the voltage at the branch."""
-        return 1.0 / (1.0 + 2j * pi * frequency_hz * self.resistance_ohm * self.capacitance_f)
-
 
 def lossy_capacitance(
     capacitance_f: float,

@@ -73,9 +73,10 @@ def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None
     ready = BatchSimulator(bench.circuit, timeout=timeout)
     ready.options(**bench.options)
     ready.initial_condition(**{node: voltage for node, voltage in bench.start.items() if voltage})
-    ready.save(
-        *(term for name in vectors for term in (bench.signals[name].terms if name in bench.signals else (name,)))
-    )
+    terms: list[str] = []
+    for name in vectors:
+        terms += bench.signals[name].terms if name in bench.signals else [name]
+    ready.save(*terms)
     return ready
 
 

@@ -26,8 +26,8 @@ from pyspice_runner.run.audit import audit_run, ceramic, delivering
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point, Settings
 from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms
-from pyspice_runner.run.window import Array, Window, interpolated
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms, interpolated
+from pyspice_runner.run.window import Array, Window
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
 _MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to some 20 %

@@ -116,26 +116,6 @@ def averaged_to_come(time: Array, values: Array, begin: float = 0.0) -> float:
     return change_to_come(grid, np.interp(grid, time, values), float(grid[1] - grid[0]))
 
 
-NODES = 6  # of the interpolating polynomial: the error is of the order of a cubic spline's at 12 points a period
-
-
-def interpolated(time: Array, values: Array, at: Array | float) -> Array:
-    """Return values, along their last axis, at other times, by Lagrange's polynomial through the points around each.
-
-    ``time`` rises; before and after it the polynomial through its first or last points counts.
-    """
-    nodes, places = min(NODES, len(time)), np.asarray(at, dtype=float)
-    first = np.clip(np.searchsorted(time, places) - nodes // 2, 0, len(time) - nodes)
-    found = np.zeros((*values.shape[:-1], *places.shape))
-    for one in range(nodes):
-        weight = np.ones_like(places)
-        for other in range(nodes):
-            if other != one:
-                weight *= (places - time[first + other]) / (time[first + one] - time[first + other])
-        found += weight * values[..., first + one]
-    return found
-
-
 def recursion(factors: Array, terms: Array, start: float) -> Array:
     """Return y₀ = start and yₙ₊₁ = factorₙ yₙ + termₙ, in blocks, each from 0 at first."""
     count = len(terms)

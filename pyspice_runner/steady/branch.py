@@ -9,9 +9,7 @@ bifurcation and nonlinear eigenvalue problems", in: Applications of Bifurcation 
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil, sqrt
@@ -28,11 +26,10 @@ from pyspice_runner.run.dynamometer import UNITS
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.window import Array
-from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.period_map import PeriodMap, Trace, cores, means, quantities
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
-from pyspice_runner.units import linear_name, linear_words
+from pyspice_runner.steady.speed_torque import dataset_of
 
 if TYPE_CHECKING:
     import xarray
@@ -303,47 +300,6 @@ def _dataset(family: _Family, nodes: list[_Node], ended: str) -> xarray.Dataset:
     states = np.array([node.point.state for node in nodes])
     dataset["start_state"] = (("point", "state"), states, {"long_name": meaning})
     return dataset
-
-
-def dataset_of(
-    base: Point,
-    title: str,
-    outcome: Mapping[str, tuple[str, str]],
-    rows: Sequence[Mapping[str, Any]],
-    coordinates: Mapping[str, tuple[str, Array, Mapping[str, str]]],
-    hashes: Iterable[str],
-    **attributes: Any,
-) -> xarray.Dataset:
-    """Return the quantities of all points over their axes, with units and provenance.
-
-    ``outcome`` has unit and meaning of each quantity, ``rows`` the values by point, the last axis fastest, ``hashes``
-    those of the decks. Attributes other than texts become JSON.
-    """
-    from pyspice_runner.datasets import Dataset
-
-    shape = {name: len(values) for name, (along, values, _) in coordinates.items() if along == name}
-    variables = {}
-    for name, (unit, meaning) in outcome.items():
-        if name not in shape:
-            values = np.array([row[name] for row in rows]).reshape(tuple(shape.values()))
-            variables[name] = (tuple(shape), values, {"units": unit, "long_name": meaning})
-    motor = base.motor.to_dict()
-    if "slider" in motor:
-        title = linear_words(title)
-        variables |= {beside: _of_slider(*variables[name]) for name in variables if (beside := linear_name(name))}
-        coordinates = {**coordinates} | {
-            beside: _of_slider(*item) for name, item in coordinates.items() if (beside := linear_name(name))
-        }
-    attributes |= {"motor": motor, "drive": base.source.to_dict()}
-    texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in attributes.items()}
-    texts |= {"ngspice_version": ngspice_version(), "deck_sha256": hashlib.sha256("".join(hashes).encode()).hexdigest()}
-    heading = {"title": f"{base.motor.name}: {title}", "parameter_set": base.motor.name}
-    return Dataset(variables, coordinates, heading | texts)
-
-
-def _of_slider(dims: Any, values: Array, attributes: Mapping[str, str]) -> tuple[Any, Array, dict[str, str]]:
-    """Return a quantity of a rotor as that of a slider, which has the same values."""
-    return dims, values, {name: linear_words(text) for name, text in attributes.items()}
 
 
 def folds(values: Array) -> list[float]:

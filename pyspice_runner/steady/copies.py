@@ -249,10 +249,11 @@ class Plant:
         nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
-            for node, branch in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
+            for node, (ohm, farad) in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
                 nodes[node] = 0.0
                 for tone in tones:
-                    nodes[node] += float(phasor_at(tone, branch.gain(tone.frequency), begun)[0])
+                    gain = 1.0 / (1.0 + 2j * pi * tone.frequency * ohm * farad)  # of the capacitance in its branch
+                    nodes[node] += float(phasor_at(tone, gain, begun)[0])
         return nodes
 
     def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
@@ -524,7 +525,7 @@ def copies_bench(
     circuit.raw_spice += "\n".join(lines) + "\n"
     tolerances = [transient_options(plant.motor, first.law) for plant in plants]
     options = tolerances[0] | {name: min((own[name] for own in tolerances), key=float) for name in ("vntol", "abstol")}
-    options = not_below_rounding(options, (plant.motor for plant in plants), first.law, discretisation)
+    options = not_below_rounding(options, [plant.motor for plant in plants], first.law, discretisation)
     options["trtol"] = UNIFORM
     return Bench(circuit, options, start, signals)
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import carriers, square
-from pyspice_runner.run.window import interpolated
+from pyspice_runner.run.waveforms import interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable

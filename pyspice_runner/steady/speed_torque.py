@@ -7,7 +7,9 @@ torque. Both are positive where they drive the rotor, or the load, in the positi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -30,10 +32,10 @@ from pyspice_runner.run.dynamometer import GRAZING, STUCK, UNITS, Dynamometer, o
 from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.steady.branch import dataset_of
+from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, settle_points
 from pyspice_runner.steady.steady import steady_states
-from pyspice_runner.units import with_linear
+from pyspice_runner.units import linear_name, linear_words, with_linear
 
 if TYPE_CHECKING:
     import xarray
@@ -364,3 +366,44 @@ def _dynamometer(point: Point) -> Dynamometer:
 def coordinates(base: Point, axes: Mapping[str, Array]) -> dict[str, tuple[str, Array, dict[str, str]]]:
     """Return the coordinates of axes, with units."""
     return {path: (path, values, {"units": base.parameter(path).unit}) for path, values in axes.items()}
+
+
+def dataset_of(
+    base: Point,
+    title: str,
+    outcome: Mapping[str, tuple[str, str]],
+    rows: Sequence[Mapping[str, Any]],
+    coordinates: Mapping[str, tuple[str, Array, Mapping[str, str]]],
+    hashes: Iterable[str],
+    **attributes: Any,
+) -> xarray.Dataset:
+    """Return the quantities of all points over their axes, with units and provenance.
+
+    ``outcome`` has unit and meaning of each quantity, ``rows`` the values by point, the last axis fastest, ``hashes``
+    those of the decks. Attributes other than texts become JSON.
+    """
+    from pyspice_runner.datasets import Dataset
+
+    shape = {name: len(values) for name, (along, values, _) in coordinates.items() if along == name}
+    variables = {}
+    for name, (unit, meaning) in outcome.items():
+        if name not in shape:
+            values = np.array([row[name] for row in rows]).reshape(tuple(shape.values()))
+            variables[name] = (tuple(shape), values, {"units": unit, "long_name": meaning})
+    motor = base.motor.to_dict()
+    if "slider" in motor:
+        title = linear_words(title)
+        variables |= {beside: _of_slider(*variables[name]) for name in variables if (beside := linear_name(name))}
+        coordinates = {**coordinates} | {
+            beside: _of_slider(*item) for name, item in coordinates.items() if (beside := linear_name(name))
+        }
+    attributes |= {"motor": motor, "drive": base.source.to_dict()}
+    texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in attributes.items()}
+    texts |= {"ngspice_version": ngspice_version(), "deck_sha256": hashlib.sha256("".join(hashes).encode()).hexdigest()}
+    heading = {"title": f"{base.motor.name}: {title}", "parameter_set": base.motor.name}
+    return Dataset(variables, coordinates, heading | texts)
+
+
+def _of_slider(dims: Any, values: Array, attributes: Mapping[str, str]) -> tuple[Any, Array, dict[str, str]]:
+    """Return a quantity of a rotor as that of a slider, which has the same values."""
+    return dims, values, {name: linear_words(text) for name, text in attributes.items()}

@@ -30,10 +30,9 @@ from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.process import KeptProcesses
-from pyspice_runner.steady.branch import dataset_of
 from pyspice_runner.steady.period_map import Found, cores
 from pyspice_runner.steady.shooting import Orbit, between
-from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates
+from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates, dataset_of
 from pyspice_runner.steady.steady import Part, SteadyState, check_accuracy, divided, solve_part, steady_states
 from pyspice_runner.units import linear_name, with_linear
 

@@ -8,7 +8,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from pyspice_runner.run.window import interpolated, recursion
+from pyspice_runner.run.waveforms import interpolated
+from pyspice_runner.run.window import recursion
 
 
 @pytest.mark.parametrize("points", [12, 24])
