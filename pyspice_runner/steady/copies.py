@@ -260,9 +260,30 @@ class Plant:
         """Return the sines at the pin of a group, with those of the probes."""
         return (*self.drive.tones[GROUPS.index(group)], *(probe.tone for probe in probes if probe.place == group))
 
-    def vectors(self, instance: str, shaft: str) -> list[str]:
-        """Return the vectors that hold the states, in their order, for an instance and the node of its shaft."""
-        return self._vectors.format(instance, shaft).split()
+    def inside(self, copy: str) -> str:
+        """Return the instance of the motor of a copy."""
+        return f"{copy}.xmotor" if self.driver else copy
+
+    def vectors(self, copy: str) -> list[str]:
+        """Return the vectors of a copy that hold the states of the motor, in their order."""
+        return self._vectors.format(self.inside(copy), f"{copy}.shaft" if self.driver else f"{copy}_shaft").split()
+
+    def recorded(self, copy: str) -> list[str]:
+        """Return the vectors of a copy that hold all its states."""
+        return self.vectors(copy) + [name for store in self.stores for name in store.vectors(copy)]
+
+    def sampled(self, samples: Mapping[str, Array], copy: str, discretisation: Discretisation) -> Array:
+        """Return the states from the samples of these vectors, shape (order, points), in SI units."""
+        rows = np.array([samples[name] for name in self.vectors(copy)]) * self.units(discretisation)[:, np.newaxis]
+        return np.array([*rows, *(store.value(samples, copy) for store in self.stores)]) if self.stores else rows
+
+    def pins(self, copy: str) -> dict[str, str]:
+        """Return the vectors of voltages and currents behind a driver, by their names in a run of one motor."""
+        found: dict[str, str] = {}
+        for group in GROUPS if self.driver else ():
+            found[f"v({group})"] = f"v({copy}.{group})"
+            found[groups.current("pin", group)] = groups.current(f".{copy}.vpin", group)
+        return found
 
     @cached_property
     def _vectors(self) -> str:
@@ -546,19 +567,6 @@ def drive_voltage(tones: Sequence[Tone], time: Array) -> Array:
     for tone in tones:
         voltage += tone.amplitude * np.sin(2.0 * pi * tone.frequency * time + tone.phase)
     return voltage
-
-
-def driven_vectors(plant: Plant, copy: str) -> list[str]:
-    """Return the vectors of a copy that hold its states."""
-    stores = [name for store in plant.stores for name in store.vectors(copy)]
-    return [*plant.vectors(f"{copy}.xmotor", f"{copy}.shaft"), *stores]
-
-
-def driven_states(plant: Plant, samples: Mapping[str, Array], copy: str, discretisation: Discretisation) -> Array:
-    """Return the states from the samples of these vectors, shape (order, points), in SI units."""
-    names = plant.vectors(f"{copy}.xmotor", f"{copy}.shaft")
-    rows = [samples[name] * unit for name, unit in zip(names, plant.units(discretisation).tolist(), strict=True)]
-    return np.array([*rows, *(store.value(samples, copy) for store in plant.stores)])
 
 
 def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, meters: bool = False) -> Bench:

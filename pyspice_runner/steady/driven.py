@@ -11,16 +11,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
@@ -33,10 +32,8 @@ from pyspice_runner.steady.copies import (
     Plant,
     copy_name,
     driven_bench,
-    driven_states,
-    driven_vectors,
 )
-from pyspice_runner.steady.period_map import CONTACT, PeriodMap, Trace, cores, current, in_threads, loads
+from pyspice_runner.steady.period_map import PeriodMap, cores, current, loads
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -46,101 +43,12 @@ FADED, FADED_SWITCHED = 1e-6, 1e-2
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
-_MORE = 4.5  # steps beyond the period: ngspice 46 shortens the last two of a run
 _EVEN = 20  # a number of steps that has LEAD of a period in it
-
-
-@dataclass
-class DrivenMap(PeriodMap):
-    """The map over one period of a driver."""
-
-    def _write(self, copies: Sequence[Copy]) -> None:
-        """Leave the subcircuits to :func:`driven_bench`."""
-
-    @property
-    def duration(self) -> float:
-        """Length in s of a run over a period."""
-        return (1.0 + LEAD) * self.period + (_MORE * self.step if self.uniform else 0.0)
-
-    def _bench(self, copies: Sequence[Copy]) -> Bench:
-        return driven_bench(copies, self.discretisation)
-
-    def _single(self, copy: Copy) -> Bench:
-        return self._bench([copy])
-
-    def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
-        instance = copy_name(number)
-        names = driven_vectors(plant, instance)
-        names += [f"v({instance}.xmotor.{name})" for name in CONTACT if whole]
-        return names + [name for name in pin_vectors(instance).values() if whole]
-
-    def _traces(
-        self,
-        copies: Sequence[Copy],
-        names: Sequence[Sequence[str]],  # noqa: ARG002
-        raw: Mapping[str, Array],
-        *,
-        whole: bool,
-    ) -> list[Trace | None]:
-        time = raw["time"]
-        first, last = self.ends(time) if whole else (len(time) - 1, len(time) - 1)
-        even = np.linspace(time[first], time[last], self.steps + 1) if whole else time[-1:]
-        traces: list[Trace | None] = []
-        for number, copy in enumerate(copies):
-            states = driven_states(copy.plant, raw, copy_name(number), self.discretisation)
-            contact = (
-                [raw[f"v({copy_name(number)}.xmotor.{name})"] for name in CONTACT] if whole else [time] * len(CONTACT)
-            )
-            rows = [np.interp(even, time, row) for row in (*states, *contact)]
-            named = pin_vectors(copy_name(number)).items() if whole else ()
-            pins = {name: np.interp(even, time, raw[vector]) for name, vector in named}
-            begun = even + copy.plant.begins * self.period  # since the control of group A had the phase 0
-            trace = Trace(begun, np.array(rows[: len(states)]), *rows[len(states) :])
-            traces.append(replace(trace, pins=pins))
-        return traces
-
-    def ends(self, time: Array) -> tuple[int, int]:
-        """Return the first and the last point of the period."""
-        first = int(np.abs(time - LEAD * self.period).argmin())
-        return first, first + self.steps if self.uniform else len(time) - 1
-
-    def together(self, decks: Sequence[Sequence[Copy]]) -> list[list[tuple[Trace | None, Trace | None]]]:
-        """Return for each deck the pairs of its first copy, the undisturbed one, and of each other.
-
-        Those of a pair have their steps in common. Where ngspice fails, the deck is divided.
-        """
-
-        def evaluated(copies: Sequence[Copy]) -> list[tuple[Trace | None, Trace | None]]:
-            first, *others = copies
-            try:
-                base, *near = self._run(copies, self.duration, whole=True)
-            except SimulationError as error:
-                if error.deck is None:
-                    raise  # ngspice did not run at all
-                self.effort.fail(error)
-                half = len(others) // 2
-                parts = (others[:half], others[half:]) if half else ()
-                return [pair for part in parts for pair in evaluated([first, *part])] or [(None, None)]
-            return [(base, one) for one in near]
-
-        return in_threads(evaluated, decks, self.workers)
-
-
-def pin_vectors(copy: str) -> dict[str, str]:
-    """Return the vectors of voltages and currents of the pins of a copy, by their names in a run of one motor."""
-    found: dict[str, str] = {}
-    for group in GROUPS:
-        found |= {
-            f"v({group})": f"v({copy}.{group})",
-            groups.current("pin", group): groups.current(f".{copy}.vpin", group),
-        }
-    return found
 
 
 class DrivenShooting(Shooting):
     """Newton's method with the derivative by copies that share the steps of the undisturbed one."""
 
-    map: DrivenMap
     decks = 2  # of a derivative
 
     def _evaluate(self, points: Sequence[Orbit]) -> None:
@@ -253,7 +161,7 @@ def driven_answers(
     near: Sequence[Orbit | None],
     accuracy: float,
     processes: KeptProcesses,
-) -> tuple[list[Answer], tuple[DrivenMap, ...]]:
+) -> tuple[list[Answer], tuple[PeriodMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
     ``starts`` are solutions with ideal voltages at the pins, near those behind the driver, from which Newton's method
@@ -276,9 +184,9 @@ def driven_answers(
     rough = accuracy >= ROUGH and first.source.uniform
     steps = (0.5, 1.0, 2.0) if rough else (1.0, 2.0)
     maps = [
-        DrivenMap(
+        PeriodMap(
             first.source.period, _EVEN * ceil(finer * first.source.period / first.step / _EVEN), first.solver.timeout,
-            uniform=first.source.uniform, processes=processes,
+            uniform=first.source.uniform, processes=processes, lead=LEAD,
         )
         for finer in steps
     ]  # fmt: skip
@@ -303,7 +211,7 @@ def driven_answers(
 
 
 def _answer(
-    point: DrivenPoint, period_map: DrivenMap, fine: Mapping[str, float], coarse: Mapping[str, float]
+    point: DrivenPoint, period_map: PeriodMap, fine: Mapping[str, float], coarse: Mapping[str, float]
 ) -> Answer:
     """Return the answer for the quantities at a step and at one twice as long; both are empty without a solution."""
     if not (fine and coarse):
@@ -360,14 +268,14 @@ def _scale(plant: Plant) -> Array:
     return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 
 
-def _place(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
+def _place(points: Sequence[DrivenPoint], period_map: PeriodMap) -> None:
     """Solve points from where they are."""
     DrivenShooting(points, period_map).solve()
     for point in points:
         point.method = "newton" if point.done else ""
 
 
-def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
+def _search(points: Sequence[DrivenPoint], period_map: PeriodMap) -> None:
     shooting = DrivenShooting(points, period_map)
     curves: dict[tuple[str, bool], list[DrivenPoint]] = {}
     for point in points:  # a free shaft has a state more
@@ -387,7 +295,7 @@ def _search(points: Sequence[DrivenPoint], period_map: DrivenMap) -> None:
         _retry([point for point in points if not point.done], shooting, period_map, decays)
 
 
-def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: DrivenMap, decays: float) -> None:
+def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: PeriodMap, decays: float) -> None:
     """Solve points after some decay times of the slowest mode from rest, or a short transient from where they are."""
     if not points:
         return
@@ -401,7 +309,7 @@ def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: 
         point.method = ("settled" if decays else "newton") if point.done else ""
 
 
-def _metered(setups: Sequence[Point], points: Sequence[Orbit], period_map: DrivenMap) -> list[dict[str, float]]:
+def _metered(setups: Sequence[Point], points: Sequence[Orbit], period_map: PeriodMap) -> list[dict[str, float]]:
     """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
     places = [place for place, point in enumerate(points) if point.done]
 
@@ -421,7 +329,7 @@ class _Period(Dynamometer):
         return 1
 
 
-def _quantities(setup: Point, point: Orbit, period_map: DrivenMap) -> dict[str, float]:
+def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, float]:
     bench = _Period(setup.with_step(period_map.step))
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
     inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}
@@ -430,7 +338,9 @@ def _quantities(setup: Point, point: Orbit, period_map: DrivenMap) -> dict[str, 
         period_map.timeout, "transient", transient_timing(period_map.step, period_map.duration),
         processes=period_map.processes,
     ).vectors()  # fmt: skip
-    first, last = period_map.ends(found["time"])
+    window = period_map.window(found["time"])
+    assert window is not None
+    first, last = window.start, window.stop - 1
     start, end = ({name: float(found[own][at]) for name, own in inside.items()} for at in (first, last))
     means = bench.means({name: end[name] - start[name] for name in end})
     peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}

@@ -38,7 +38,16 @@ from pyspice_runner.run.dynamometer import quantities_of, stored_energy
 from pyspice_runner.run.kernel import run_bench, simulator
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.process import KeptProcesses
-from pyspice_runner.steady.copies import Copy, Plant, copies_bench, copy_name, drive_voltage, motor_texts, phasor_at
+from pyspice_runner.steady.copies import (
+    Copy,
+    Plant,
+    copies_bench,
+    copy_name,
+    drive_voltage,
+    driven_bench,
+    motor_texts,
+    phasor_at,
+)
 from pyspice_runner.steady.monodromy import Course, differentiable
 
 GRAZE = 0.01  # of the elastic range; one of 70 steps of a sine moves it by (2 pi / 70)^2 / 2 = 0.004 at its maximum
@@ -49,6 +58,7 @@ _FEWEST = 4  # copies in a deck over one period; fewer take less time than the s
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two
 _LEAD = 5.5
+_MORE = 4.5  # steps beyond the period, where it has a lead of its own: ngspice 46 shortens the last two of a run
 CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 
 
@@ -152,6 +162,7 @@ class PeriodMap:
     workers: int = field(default_factory=cores)  # number of decks that run at a time
     processes: KeptProcesses | None = None  # in which decks run
     uniform: bool = True  # whether ngspice's steps are uniform; behind bridges it shortens them at edges
+    lead: float = 0.0  # of a period, from the start of a run to that of the period; 0 without a driver
     effort: Effort = field(default_factory=Effort)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 
@@ -210,17 +221,15 @@ class PeriodMap:
 
     def deck(self, copy: Copy) -> str:
         """Return the deck that runs one copy over a period."""
-        ready = simulator(self._single(copy), self._vectors(0, copy.plant, whole=True))
+        single = self._bench([copy]) if self.lead else copies_bench([copy], self.discretisation)
+        ready = simulator(single, self._vectors(0, copy.plant, whole=True))
         return str(ready.prepare("transient", **self._timing(self.duration, whole=True)))
-
-    def _single(self, copy: Copy) -> Bench:
-        """Return the bench of one copy, with its subcircuits."""
-        return copies_bench([copy], self.discretisation)
 
     @property
     def duration(self) -> float:
         """Length in s of a run over a period."""
-        return self.period + _LEAD * self.step
+        steps = _MORE if self.lead else _LEAD
+        return (1.0 + self.lead) * self.period + (steps * self.step if self.uniform else 0.0)
 
     def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
         return {
@@ -244,8 +253,8 @@ class PeriodMap:
         return list(chain.from_iterable(found))
 
     def _write(self, copies: Sequence[Copy]) -> None:
-        """Write the subcircuits of new motors, before the threads of the decks read them."""
-        new = [copy for copy in copies if copy.plant.motor_name not in self._texts]
+        """Write the subcircuits of new motors, before the threads of the decks read them; none behind drivers."""
+        new = [copy for copy in copies if not (copy.plant.driver or copy.plant.motor_name in self._texts)]
         self._texts |= motor_texts(new, self.discretisation, plates=False)
 
     def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
@@ -272,48 +281,88 @@ class PeriodMap:
         outcome = run_bench(bench, every, self.timeout, "transient", timing, processes=self.processes)
         deck = str(bench.circuit.raw_spice)
         self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
-        return self._traces(copies, names, outcome.vectors(), whole=whole)
+        return self._traces(copies, outcome.vectors(), whole=whole)
 
     def _bench(self, copies: Sequence[Copy]) -> Bench:
+        if self.lead:
+            return driven_bench(copies, self.discretisation)
         return copies_bench(copies, self.discretisation, self._texts, plates=False)
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
-        """Return the vectors to record of a copy: its states, and of a whole period its contact."""
-        instance = copy_name(number)
-        contact = CONTACT if whole and plant.law else ()
-        return [*plant.vectors(instance, f"{instance}_shaft"), *(f"v({instance}.{name})" for name in contact)]
+        """Return the vectors to record of a copy: its states, and of a whole period its contact and driven pins."""
+        copy = copy_name(number)
+        names = plant.recorded(copy)
+        if whole:
+            names += [f"v({plant.inside(copy)}.{name})" for name in CONTACT if plant.law]
+            names += plant.pins(copy).values()
+        return names
 
-    def _traces(
-        self, copies: Sequence[Copy], names: Sequence[Sequence[str]], raw: Mapping[str, Array], *, whole: bool
-    ) -> list[Trace | None]:
+    def _traces(self, copies: Sequence[Copy], raw: Mapping[str, Array], *, whole: bool) -> list[Trace | None]:
         """Return the traces of the copies from the vectors of a run."""
         time = raw["time"]
-        window = self._window(time) if whole else slice(-1, None)
+        window = self.window(time) if whole else slice(len(time) - 1, len(time))
         if window is None:
             raise _Uneven
         traces: list[Trace | None] = []
-        for copy, own in zip(copies, names, strict=True):
-            units = copy.plant.units(self.discretisation)
-            values = np.array([raw[name][: window.stop] for name in own])
-            order = copy.plant.order
-            states, contact = values[:order] * units[:, np.newaxis], np.zeros((len(CONTACT), values.shape[1]))
-            contact[: len(values) - order] = values[order:]
+        for number, copy in enumerate(copies):
+            plant, name = copy.plant, copy_name(number)
+            states, contact = plant.sampled(raw, name, self.discretisation), np.zeros((len(CONTACT), len(time)))
+            if whole and plant.law:
+                contact[:] = [raw[f"v({plant.inside(name)}.{one})"] for one in CONTACT]
+            if self.lead:
+                traces.append(self._evened(plant, name, raw, np.vstack([states, contact]), window))
+                continue
             course = None
-            if whole and differentiable(copy.plant):
+            if whole and differentiable(plant):
+                states, contact = states[:, : window.stop], contact[:, : window.stop]
                 normal, friction, *_, depth = contact
-                course = Course(copy.plant, time[: window.stop], states, normal, friction, depth, window.start)
+                course = Course(plant, time[: window.stop], states, normal, friction, depth, window.start)
             trace = Trace(copy.begun + time[window], states[:, window], *contact[:, window])
             traces.append(replace(trace, course=course))
         return traces
 
-    def _window(self, time: Array) -> slice | None:
-        """Return the points of the period: the first uniform steps but one, as many as there are in it."""
+    def _evened(self, plant: Plant, copy: str, raw: Mapping[str, Array], values: Array, window: slice) -> Trace:
+        """Return the trace of a copy behind a driver at uniform points, from its states and contact."""
+        time = raw["time"]
+        first, last = window.start, window.stop - 1
+        even = np.linspace(time[first], time[last], self.steps + 1) if last > first else time[last:]
+        rows = np.array([np.interp(even, time, row) for row in values])
+        pins = {name: np.interp(even, time, raw[vector]) for name, vector in plant.pins(copy).items() if last > first}
+        begun = even + plant.begins * self.period  # since the control of group A had the phase 0
+        return replace(Trace(begun, rows[: plant.order], *rows[plant.order :]), pins=pins)
+
+    def window(self, time: Array) -> slice | None:
+        """Return the points of the period: after the lead, or the first uniform steps but one, a whole number."""
+        if self.lead:
+            first = int(np.abs(time - self.lead * self.period).argmin())
+            return slice(first, first + self.steps + 1 if self.uniform else len(time))
         uniform = np.abs(np.diff(time) - self.step) < 1e-6 * self.step
         uneven = np.flatnonzero(~uniform[: -2 if len(uniform) > 2 else None])
         first = int(uneven[-1]) + 2 if uneven.size else 1
         if first + self.steps >= len(time) or not uniform[first : first + self.steps].all():
             return None
         return slice(first, first + self.steps + 1)
+
+    def together(self, decks: Sequence[Sequence[Copy]]) -> list[list[tuple[Trace | None, Trace | None]]]:
+        """Return for each deck the pairs of its first copy, the undisturbed one, and of each other.
+
+        Those of a pair have their steps in common. Where ngspice fails, the deck is divided.
+        """
+
+        def evaluated(copies: Sequence[Copy]) -> list[tuple[Trace | None, Trace | None]]:
+            first, *others = copies
+            try:
+                base, *near = self._run(copies, self.duration, whole=True)
+            except SimulationError as error:
+                if error.deck is None:
+                    raise  # ngspice did not run at all
+                self.effort.fail(error)
+                half = len(others) // 2
+                parts = (others[:half], others[half:]) if half else ()
+                return [pair for part in parts for pair in evaluated([first, *part])] or [(None, None)]
+            return [(base, one) for one in near]
+
+        return in_threads(evaluated, decks, self.workers)
 
 
 def _reaching(copy: Copy, trace: Trace) -> Trace:

@@ -19,7 +19,7 @@ from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, Copy, Plant, driven_bench
-from pyspice_runner.steady.driven import DrivenMap
+from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.speed_torque import held_point
 
 pytestmark = pytest.mark.xdist_group("steady states")
@@ -161,7 +161,7 @@ def test_behind_a_coil_the_steps_of_many_copies_stay_uniform() -> None:
     amplifier = driver("linear", "inductor")
     plant = Plant(HELD, pr.TwoPhaseDrive(**two_phases(amplifier)), Load(6.0, 0.0), PAPER_LAW, amplifier)
     with KeptProcesses() as processes:
-        period_map = DrivenMap(amplifier.period, 160, None, uniform=True, processes=processes)
+        period_map = PeriodMap(amplifier.period, 160, None, uniform=True, processes=processes, lead=LEAD)
         (begun,) = period_map.settled([Copy(plant, np.zeros(plant.order))], 10)
     assert begun is not None
     bench = driven_bench([Copy(plant, begun)] * 13, period_map.discretisation)
