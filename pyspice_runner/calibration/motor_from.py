@@ -29,19 +29,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from math import inf, log, sqrt
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.optimize import least_squares, linear_sum_assignment
+from scipy.optimize import linear_sum_assignment
 
 from pyspice_runner.calibration import motor_class
 from pyspice_runner.calibration.data_sheet import DataSheet
 from pyspice_runner.calibration.points import Curve
-from pyspice_runner.calibration.prediction import DIFFERENCE, Prediction, Predictor
+from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.provenance import Annotated, Origin, of_class, of_spectra, value_of
+from pyspice_runner.calibration.search import Search, Tolerances
 from pyspice_runner.calibration.similar import as_stage
+from pyspice_runner.calibration.statistics import Judgement
 from pyspice_runner.calibration.unknowns import Unknown
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.impedance.one_port_fit import fit_one_port
@@ -59,10 +62,8 @@ _STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor
 _CAPACITANCES = (1.0, 0.25, 0.5, 2.0, 4.0)  # factors to start from
 _LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
 _MISSED = 3.0  # standard deviations of a measured number from that of the motor: one in 400 is beyond by chance
-_STEPS = 10  # searches, each followed by steady states of ngspice
-_CLOSE = 0.1  # of a standard deviation: the difference between ngspice and harmonic balance no longer changes
-_REACH = 0.5  # scale of a step, of a logarithm
-_END, _MOST = 1e-4, 60  # relative gain of a step at the end of a search, and maximum number of steps
+# a further step of the fit gains 0.01, and of the difference to ngspice 0.1 standard errors
+_ENDS = Tolerances(gain=1e-4, settled=1e-2, refinements=10)
 _STIFFNESS = "contact.normal_stiffness_n_per_m15"
 _COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangential_compliance_rotor_m_per_n23"
 _MASS = "mass_kg"
@@ -302,52 +303,19 @@ class _Family:
 
 
 def _fitted(family: _Family, progress: Callable[[int, int], object] | None) -> tuple[Array, dict[str, float]]:
-    """Return the coordinates of the fitted values, and their relative standard errors.
+    """Return the coordinates of the fitted values, and their relative standard errors, by the search of a calibration.
 
-    The search runs with harmonic balance, whose values contain the difference to ngspice where the last search ended.
-    It is repeated until this difference stays the same, so that the result is that of ngspice. Unlike a calibration it
-    may start far from the solution, with less data than values: it needs no robust loss, but one scale of all steps.
+    Raise SimulationError for a start that does not run.
     """
-    predictor, unknowns = family.predictor, family.predictor.unknowns
-    if not unknowns:
-        return np.zeros(0), {}
-    prior = np.array([unknown.weight for unknown in unknowns])
-    near: Prediction | None = None
-
-    def residuals(x: Array) -> Array:
-        nonlocal near
-        (found,) = predictor.at([x], near)
-        near = found if np.isfinite(found.values).all() else near
-        return np.append((found.values + shift - predictor.measured) / predictor.errors, prior * x)
-
-    def slope(x: Array) -> Array:
-        here = residuals(x)
-        columns = [residuals(x + step) - here for step in DIFFERENCE * np.eye(len(x))]
-        return np.asarray(np.nan_to_num(np.array(columns).T / DIFFERENCE), dtype=float)
-
-    x = np.zeros(len(unknowns)) if family.start is None else family.start
-    shift: Array = np.full(len(predictor.measured), np.inf)
-    for number in range(1, _STEPS + 1):
-        if progress is not None:
-            progress(number, _STEPS)
-        computed = np.log([value for key, value in family.computed(x).items() if key not in family.checks])
-        before, shift = shift, np.zeros(len(computed))
-        balanced = predictor.errors * residuals(x)[: len(computed)] + predictor.measured
-        shift = computed - balanced
-        if not np.all(np.isfinite(shift)):
-            raise SimulationError(
-                "Harmonic balance does not find the motion of this motor. Check the drive, or start from another base."
-            )
-        if np.all(np.abs(shift - before) < _CLOSE * predictor.errors):
-            jacobian = slope(x)
-            errors = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-            return x, dict(zip(family.values, errors.tolist(), strict=True))
-        x = least_squares(residuals, x, slope, x_scale=_REACH, xtol=_END, ftol=_END, max_nfev=_MOST).x
-    worst = float(np.abs(residuals(x)).max())
-    raise SimulationError(
-        f"No motor was found with the measured numbers in {_STEPS} steps; they are off by {worst:.3g} standard "
-        "deviations. Check the drive, or start from another base."
-    )
+    x = np.zeros(len(family.predictor.unknowns)) if family.start is None else family.start
+    family.computed(x)
+    if not len(x):
+        return x, {}
+    steps = count(1)
+    search = Search(family.predictor, x, lambda _: progress and progress(next(steps), _ENDS.refinements), _ENDS)
+    x = search.solved()
+    deviations = np.sqrt(np.diag(Judgement(search, x).covariance))
+    return x, dict(zip(family.values, deviations.tolist(), strict=True))
 
 
 def _missed(family: _Family, computed: Mapping[str, float]) -> tuple[str, ...]:

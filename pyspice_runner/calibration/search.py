@@ -51,12 +51,14 @@ class Search:
         predictor: the model; that of the result has the difference to ngspice at the solution.
         resumed: place of an interrupted search.
         keep: is called with each place at which the difference to ngspice is taken.
+        tolerances: where the search ends.
     """
 
     def __init__(
-        self, predictor: Predictor, resumed: Array | None = None, keep: Callable[[Array], object] = lambda _: None
-    ) -> None:
-        self.predictor, self.resumed, self.keep = predictor, resumed, keep
+        self, predictor: Predictor, resumed: Array | None = None, keep: Callable[[Array], object] = lambda _: None,
+        tolerances: Tolerances = TOLERANCES,
+    ) -> None:  # fmt: skip
+        self.predictor, self.resumed, self.keep, self.tolerances = predictor, resumed, keep, tolerances
         self.bounds = np.array([unknown.bounds for unknown in predictor.unknowns]).T
         self.prior = np.array([unknown.weight for unknown in predictor.unknowns])
         self.found: dict[bytes, Prediction] = {}
@@ -76,7 +78,7 @@ class Search:
             x = np.clip(self.resumed, *self.bounds)
         elif starts > 1:
             x = self._best(x, starts)
-        for _ in range(TOLERANCES.refinements):
+        for _ in range(self.tolerances.refinements):
             self.predictor, here = self.predictor.refined(x, self.prediction(x))
             if not here.known:
                 raise SimulationError(
@@ -89,11 +91,12 @@ class Search:
             size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
             self.roots = np.sqrt(weights_of(residuals, size))
             self._jacobian(x)
-            if self._gain() < (TOLERANCES.rough_gain if self.predictor.rough else TOLERANCES.settled):
+            if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.settled):
                 break
+            close = self.tolerances.close
             x = np.asarray(least_squares(
                 lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
-                xtol=TOLERANCES.close, ftol=TOLERANCES.close, gtol=1e-12, max_nfev=TOLERANCES.steps, callback=self._end,
+                xtol=close, ftol=close, gtol=1e-12, max_nfev=self.tolerances.steps, callback=self._end,
             ).x)  # fmt: skip
         return x
 
@@ -149,13 +152,13 @@ class Search:
     def _followed(self, x: Array, residuals: Array, before: Array, known: Array, slope: Array) -> Array:
         step, rough = x - before, self.predictor.rough
         length = float(np.linalg.norm(step))
-        if length > (TOLERANCES.long if rough else TOLERANCES.short):
+        if length > (self.tolerances.long if rough else self.tolerances.short):
             return self._slope(x)
-        return slope if rough and length < TOLERANCES.short else broyden(slope, residuals - known, step)
+        return slope if rough and length < self.tolerances.short else broyden(slope, residuals - known, step)
 
     def _end(self, _: object) -> None:
         """End the search of the optimiser where a further step would gain too little."""
-        if self._gain() < (TOLERANCES.rough_gain if self.predictor.rough else TOLERANCES.gain):
+        if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.gain):
             raise StopIteration
 
     def _gain(self) -> float:
