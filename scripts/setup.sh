@@ -200,8 +200,8 @@ need_package() { # EXTRA…
     fi
     rm -f "$stamp"
     say "installing the package and its dependencies in $venv (a minute or two, once)"
-    # one retry instead of five: without a network pip would go on for minutes
-    PIP_RETRIES=${PIP_RETRIES:-1} $python -m pip install -q --disable-pip-version-check -e ".${extras:+[$extras]}" ||
+    # no retries and 10 s: without a network pip would go on for minutes
+    PIP_RETRIES=${PIP_RETRIES:-0} PIP_DEFAULT_TIMEOUT=${PIP_DEFAULT_TIMEOUT:-10} $python -m pip install -q --disable-pip-version-check -e ".${extras:+[$extras]}" ||
         die "pip could not install the package with the dependencies that pyproject.toml lists; see its message above." \
             "  It needs a network with a package index; PIP_INDEX_URL, PIP_PROXY or PIP_FIND_LINKS (a folder of wheels" \
             "  with PIP_NO_INDEX=1) name another source. What is installed already is kept."

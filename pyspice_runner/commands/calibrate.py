@@ -58,6 +58,8 @@ def calibrate(call: Call) -> int:
     """
     if not call.spectrum:
         call.refuse_idle("without --spectrum", "connection spectrum_error")
+    if not call.transient:
+        call.refuse_idle("without --transient", "soft_start")
     files = [_stated(text) for text in call.spectrum or ()]
     inputs = [call.motor, call.points, call.resume, *(file for file, *_ in files), *(call.transient or ())]
     call.check(".toml", ".json", ".csv", inputs=inputs)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import one_tone
-from pyspice_runner.commands.options import DRIVE, TARGETS, Call, command, option
+from pyspice_runner.commands.options import DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import State
 
 
@@ -35,6 +35,7 @@ def state_space(call: Call) -> None:
 
     Example: piezomotor state-space bimodal40 --voltage 80 --output plant.mat
     """
+    call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".mat")
     drive = one_tone(call.stated, "Small signals are those about")
     with common.busy("The averaged motor settles"):

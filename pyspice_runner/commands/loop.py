@@ -6,7 +6,7 @@ from __future__ import annotations
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import one_tone
-from pyspice_runner.commands.options import DRIVE, TARGETS, Call, command, option
+from pyspice_runner.commands.options import DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.control.loop import Quantity
 
 
@@ -28,6 +28,7 @@ def loop(call: Call) -> None:
 
     Example: piezomotor loop bimodal40 --voltage 80 --crossover 100 --margin 60 --sample 250e-6 --plot loop.png
     """
+    call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".csv", ".nc")
     drive = one_tone(call.stated, "A loop is designed about")
     with common.busy("The averaged motor settles and steps"):

@@ -78,6 +78,7 @@ LAW = "contact sliders"
 PERIOD = f"{LAW} step timeout"
 DRIVER = "driver match part mosfet"
 TARGETS = "as_json output plot"
+NO_START = "on a steady state, which has no start"  # the reason why a soft start is refused
 OPTIONS: dict[str, Option] = {
     # the motor
     "motor": argument(

@@ -8,14 +8,12 @@ from typing import Literal
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import in_front
-from pyspice_runner.commands.options import DRIVE, DRIVER, PERIOD, TARGETS, Call, command, option
+from pyspice_runner.commands.options import DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.steady.working_points import ACCURACY, Objective
 
 _SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
-
-NO_START = "on a steady state, which has no start"
 
 
 @command("motor", DRIVE, "speed load", PERIOD, "accuracy", DRIVER, "audit changes", TARGETS, accuracy=2e-3)
@@ -132,6 +130,7 @@ def speed_torque(call: Call) -> int:
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
     --speeds=-5:25:13 --plot curve.png
     """
+    call.refuse_idle(NO_START, "soft_start")
     call.check(".nc", ".csv", ".json")
     motor, axes = call.loaded, common.axes_of(call.over)
     common.refuse_covered(call.context, axes)

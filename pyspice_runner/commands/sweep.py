@@ -26,9 +26,9 @@ from pyspice_runner.units import linear_name
 _DRIVEN = "driver part mosfet rail"
 _IDLE = {  # options without effect on each analysis
     "simulate": _DRIVEN,
-    "operating-point": f"duration load_torque {_DRIVEN}",
+    "operating-point": f"duration load_torque soft_start {_DRIVEN}",
     "drive": "",
-    "driver-state": "duration",
+    "driver-state": "duration soft_start",
 }
 
 

@@ -205,6 +205,11 @@ def test_set_takes_what_the_file_of_a_beam_states() -> None:
         ("steady bimodal40 --soft-start 1e-3", "--soft-start"),
         ("small-signals bimodal40 --soft-start 1e-3", "--soft-start"),
         ("map bimodal40 --over drive.voltage=100:150:2 --soft-start 1e-3", "--soft-start"),
+        ("speed-torque bimodal40 --soft-start 1e-3", "--soft-start"),
+        ("state-space bimodal40 --soft-start 1e-3", "--soft-start"),
+        ("loop bimodal40 --soft-start 1e-3", "--soft-start"),
+        ("sweep bimodal40 --over drive.voltage=100,150 --analysis operating-point --soft-start 1e-3", "--soft-start"),
+        ("calibrate bimodal40 --points p.csv --free contact.friction --soft-start 1e-3", "--soft-start"),
         ("calibrate bimodal40 --points p.csv --free contact.friction --connection B", "--connection"),
     ],
 )

@@ -54,6 +54,9 @@ def test_the_tutorial_leads_from_a_battery_to_a_deck_parts_and_a_margin(
             assert cells
             stated = cells.group(1).split("|")[column - 1].strip().removeprefix("1 : ").split()[0]
             assert stated == f"{scale * parts[name.format(group)]['value']:.{digits}f}"
+    for part, words in (("MOSFET IRF530", "24 V, {:.2f} A"), ("supply vp", "and {:.2f} A of the supply")):
+        peak = max(parts[f"{part}, group {group}"]["peak_current_a"] for group in "AB")
+        assert words.format(peak) in text
     assert "Vvp_a" in (tmp_path / "driver.cir").read_text(encoding="utf-8")
     assert (tmp_path / "driver.png").stat().st_size > 20_000
     assert margin["yield"]["good"] == margin["yield"]["points"] == 8
