@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 from typing import get_args
 
@@ -70,18 +72,27 @@ def calibrate(call: Call) -> int:
     priors = {
         path: common.percentage("--prior", path, text) for path, text in common.pairs_of("--prior", call.prior, form)
     }
+    state, own = call.resume, None
+    if state is None:
+        own = Path(tempfile.mkdtemp(prefix="piezomotor-kept-"))
+        state = own / "calibration.json"
     try:
         with common.busy("steady states", "{}") as progress:
             result = pr.calibrate(
                 loaded, call.points, free=[path.strip() for path in call.free.split(",") if path.strip()],
                 spectra=spectra, transients=call.transient or (), priors=priors, drive=call.stated,
                 against=call.against or (), contact=call.law, progress=progress,
-                **call.pick("connection spectrum_error starts timeout", checkpoint="resume"),
+                checkpoint=state, **call.pick("connection spectrum_error starts timeout"),
             )  # fmt: skip
     except KeyboardInterrupt as interrupt:
-        done = str(interrupt) or "nothing was kept; with --resume FILE a calibration can be continued"
+        done = "nothing was kept; it had just begun"
+        if str(interrupt):
+            done, own = f"{interrupt}: --resume {state}", None
         common.complain(f"piezomotor: interrupted; {done}.")
         return common.INTERRUPTED
+    finally:
+        if own is not None:
+            shutil.rmtree(own, ignore_errors=True)
     common.caution(result)
     call.deliver(result, f"{loaded.name}, calibrated with {result.sources}")
     return 0

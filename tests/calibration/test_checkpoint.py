@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +52,24 @@ def test_an_interrupted_calibration_goes_on_and_computes_fewer_steady_states(tmp
 
 
 POINTS = {"speed_rad_s": [4.0], "torque_n_m": [0.008]}
+
+
+def test_an_interrupted_command_without_a_file_names_the_one_to_go_on_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    table, plain = tmp_path / "points.csv", pr.calibrate
+    table.write_text("speed_rad_s,torque_n_m\n4,0.008\n", encoding="utf-8")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def stop(_: int) -> None:
+        if any('"0"' in file.read_text(encoding="utf-8") for file in tmp_path.glob("piezomotor-kept-*/*.json")):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(pr, "calibrate", lambda *data, **how: plain(*data, **how | {"progress": stop}))
+    assert run(["calibrate", SET, "--points", str(table), "--free", "contact.friction"]) == 130
+    (file,) = tmp_path.glob("piezomotor-kept-*/calibration.json")
+    assert f"start the same calibration again to continue it: --resume {file}." in capfd.readouterr().err
+    assert list(json.loads(file.read_text(encoding="utf-8"))["places"]) == ["0"]
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"problem": "1", "places": {"0": [0.1, 0.2]}}', "[" * 10_000])
