@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * The averaged motor in C; piezomotor_averaged.h says what it is and how it is used.
  *

@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * The averaged motor in C: the equations of netlists/piezomotor_averaged.lib, in SI units; docs/averaged.md derives them.
  *

@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * What a controller in C has to define to run in simulate_controlled, and in the same file on a microcontroller.
  *

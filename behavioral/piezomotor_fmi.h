@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * What the Functional Mock-up Units of FMI 2.0 and 3.0 share: an instance of the averaged motor of piezomotor_averaged.c
  * with its phases, its variables, steps and states, and the functions that both versions declare alike.

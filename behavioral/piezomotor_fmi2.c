@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * FMI 2.0 for co-simulation and model exchange around the averaged motor; piezomotor_fmi.h has what
  * both versions share.

@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * The averaged motor of piezomotor_averaged.c for a program in the same process: runs, and rows of what it records.
  *

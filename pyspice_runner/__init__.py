@@ -28,4 +28,4 @@ draw_with(lambda: import_module("pyspice_runner.view.plots"))
 
 
 def __getattr__(name: str) -> Any:
-    return version("pyspice-runner") if name == "__version__" else _load(name)
+    return version("piezomotor") if name == "__version__" else _load(name)

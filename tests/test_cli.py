@@ -110,7 +110,7 @@ def test_the_command_alone_prints_the_first_steps() -> None:
 
 def test_the_versions_are_those_of_the_package_and_of_ngspice(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--version"]) == 0
-    assert re.fullmatch(rf"pyspice-runner {re.escape(pr.__version__)}, ngspice \d+\S*\n", capsys.readouterr().out)
+    assert re.fullmatch(rf"piezomotor {re.escape(pr.__version__)}, ngspice \d+\S*\n", capsys.readouterr().out)
 
 
 def parsed(words: list[str]) -> None:

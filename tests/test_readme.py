@@ -24,7 +24,7 @@ TASKS = (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8")
 
 def commands(text: str) -> list[str]:
     """Return the commands of a text, each once."""
-    return list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n]+)", text, re.M)))
+    return list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n#]+?)(?= *(?:[`\n]| #))", text, re.M)))
 
 
 COMMANDS = commands(README + TASKS)

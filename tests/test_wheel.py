@@ -78,7 +78,7 @@ def bin_dir(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     pip = (sys.executable, "-m", "pip", "--python", place / "bin" / "python", "--disable-pip-version-check")
     run(*pip, "install", "--quiet", "--no-compile", "--no-deps", wheel, cwd=place)
     (packages,) = place.glob("lib/python*/site-packages")
-    (declared,) = metadata.distributions(name="pyspice-runner", path=[str(packages)])
+    (declared,) = metadata.distributions(name="piezomotor", path=[str(packages)])
     for requirement in map(Requirement, declared.requires or ()):
         if requirement.marker is None:  # no extra
             for name in required(str(requirement)):
@@ -105,9 +105,11 @@ def test_the_wheel_has_the_libraries_the_decks_and_the_licence(wheel: Path) -> N
     }
     assert {Path(name).suffix for name in wanted} == {".lib", ".cir"}
     assert wanted <= names
-    sets = ROOT / "pyspice_runner" / "model" / "sets"
-    assert {file.relative_to(ROOT).as_posix() for file in sets.rglob("*") if file.is_file()} <= names
-    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+    sets = {file for file in (ROOT / "pyspice_runner" / "motor" / "sets").rglob("*") if file.is_file()}
+    assert ROOT / "pyspice_runner" / "motor" / "sets" / "bimodal40.toml" in sets
+    assert {file.relative_to(ROOT).as_posix() for file in sets} <= names
+    for licence in ("LICENSE", "LICENSE-MIT"):
+        assert any(name.endswith(f".dist-info/licenses/{licence}") for name in names)
 
 
 def test_the_sdist_has_the_tools_that_write_the_decks(wheel: Path) -> None:

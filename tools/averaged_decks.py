@@ -69,7 +69,7 @@ def _deck(title: str, what: str, parameters: dict[str, tuple[float | str, str]],
     return "\n".join(
         [
             f".title {MOTOR}, averaged: {title}",
-            "* SPDX-License-Identifier: GPL-3.0-or-later",
+            "* SPDX-License-Identifier: MIT",
             "*",
             *(f"* {line}" for line in wrapped),
             "*",

@@ -788,7 +788,7 @@ def _deck(
         simulation.measure(analysis[1:].split()[0], name, what)
     title, _, body = str(simulation).partition("\n")
     header = [
-        "SPDX-License-Identifier: GPL-3.0-or-later",
+        "SPDX-License-Identifier: MIT",
         "",
         *textwrap.wrap(" ".join(description.split()), 110),
         "",

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT
 """Position control with a burst at the end: a speed profile to near the target, then one burst of calibrated amplitude.
 
 Near the target the amplitude of a continuous controller falls into the dead band, where the motor creeps or stops. So

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT
 """Resonance tracking by phase: a PI controller sets the frequency so that the motional current keeps its phase.
 
 The current into group A is that of the clamped capacitance plus the motional current, which follows the velocity of the

@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT
 """Speed control with dead-band compensation: a PI controller sets the amplitude, and the phase for the direction.
 
 Below some 45 V the motor does not turn. The controller adds this voltage to the magnitude of its output, so that a

@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * Run firmware on recorded samples, on a host or on a microcontroller with semihosting.
  *

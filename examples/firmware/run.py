@@ -1,4 +1,4 @@
-# SPDX-License-Identifier: GPL-3.0-or-later
+# SPDX-License-Identifier: MIT
 """Firmware in the loop: speed_loop.c controls the averaged motor on this computer; replay.in has what it saw.
 
 The file also runs on a microcontroller: replay.c gives it the samples of replay.in, there or here (make firmware).

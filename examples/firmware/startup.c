@@ -1,4 +1,4 @@
-/* SPDX-License-Identifier: GPL-3.0-or-later
+/* SPDX-License-Identifier: MIT
  *
  * Reset of a Cortex-M4 with a floating-point unit, for the C library's start with semihosting.
  */

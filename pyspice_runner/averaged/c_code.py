@@ -149,7 +149,7 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
     """Return ``piezomotor_start.h``: the size of a motor, and its values."""
     rows = [f"    {0.0 if item.start is None else item.start!r}, /* {item.name} */ \\" for item in known]
     lines = [
-        "/* SPDX-License-Identifier: GPL-3.0-or-later",
+        "/* SPDX-License-Identifier: MIT",
         " *",
         f" * The values of the motor {motor.name}, written by its export, in the order of struct values.",
         " */",

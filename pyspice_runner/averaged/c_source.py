@@ -101,7 +101,7 @@ def phase_source(terms: Terms = ALL_TERMS) -> str:
 
 def _source(about: Sequence[str], name: str, fields: Sequence[str], *lines: str) -> str:
     """Return a C header with a structure of numbers and functions."""
-    comment = ["/* SPDX-License-Identifier: GPL-3.0-or-later", " *", *(f" * {line}" for line in about), " */"]
+    comment = ["/* SPDX-License-Identifier: MIT", " *", *(f" * {line}" for line in about), " */"]
     members = wrap(f"double {', '.join(fields)};", 110, initial_indent="    ", subsequent_indent="        ")
     head = [*comment, "#include <math.h>", "", HELPERS["c"], "", f"struct {name} {{", *members, "};", ""]
     return "\n".join((*head, *lines))

@@ -110,7 +110,7 @@ class Assembly(SubCircuit):
     def library(self, about: Sequence[str], notes: Sequence[str]) -> str:
         """Return a self-contained library: its header, with lines above and below the parameters, and all circuits."""
         lines = [
-            "* SPDX-License-Identifier: GPL-3.0-or-later",
+            "* SPDX-License-Identifier: MIT",
             *about,
             "*",
             "*      name              unit       default  min   max   meaning",

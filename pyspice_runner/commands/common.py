@@ -53,7 +53,7 @@ written: list[str] = []  # the files that this command has completed
 def say_versions(wanted: bool) -> None:
     """Write the versions of the package and of ngspice, and exit."""
     if wanted:
-        sys.stdout.write(f"pyspice-runner {pr.__version__}, ngspice {ngspice_version()}\n")
+        sys.stdout.write(f"piezomotor {pr.__version__}, ngspice {ngspice_version()}\n")
         raise typer.Exit
 
 

@@ -97,7 +97,7 @@ def _check_tools() -> None:
     """Check before any run that the tools for the page are installed."""
     for name in ("plotly", "jinja2"):
         if find_spec(name) is None:
-            raise pr.ParameterError(f"A report needs {name}. Install it: `pip install 'pyspice-runner[report]'`.")
+            raise pr.ParameterError(f"A report needs {name}. Install it: `pip install 'piezomotor[report]'`.")
 
 
 @command(

@@ -197,7 +197,7 @@ def _cluster(address: str | None, workers: int | None) -> Iterator[Executor | No
         from distributed.comm.addressing import parse_address, parse_host_port
     except ImportError:
         raise pr.ParameterError(
-            "--scheduler needs Dask. Install it: `pip install 'pyspice-runner[distributed]'`."
+            "--scheduler needs Dask. Install it: `pip install 'piezomotor[distributed]'`."
         ) from None
     try:
         # a client would start its event loop first, and repeat a refused connection for its whole timeout

@@ -114,7 +114,7 @@ class StateSpace(Result):
         try:
             import control
         except ImportError:
-            raise ParameterError("python-control is not installed: pip install 'pyspice-runner[control]'.") from None
+            raise ParameterError("python-control is not installed: pip install 'piezomotor[control]'.") from None
         names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
         return control.ss(self.a, self.b, self.c, self.d, name=self.provenance["motor"]["name"], **names)
 

@@ -54,7 +54,7 @@ class Description:
         root = ElementTree.Element("fmiModelDescription", {
             "fmiVersion": f"{version}.0", "modelName": self.identifier,
             "guid" if version == 2 else "instantiationToken": self.token, "description": title,
-            "license": "GPL-3.0-or-later", "generationTool": "pyspice-runner", "variableNamingConvention": "structured",
+            "license": "MIT", "generationTool": "piezomotor", "variableNamingConvention": "structured",
         })  # fmt: skip
         self._add_interfaces(root, version)
         self._add_units(root)

@@ -13,7 +13,7 @@ from typing import Literal
 
 from pyspice_runner.errors import ParameterError
 
-UNTESTED = "Untested: written by pyspice-runner and checked by a parser, never opened in LTspice"
+UNTESTED = "Untested: written by piezomotor and checked by a parser, never opened in LTspice"
 TESTED = "Tested with KiCad 9"
 
 

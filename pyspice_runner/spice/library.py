@@ -125,7 +125,7 @@ def data_path(folder: str) -> Path:
     for candidate in (package / "_data" / folder, package.parent / folder):
         if candidate.is_dir():
             return candidate
-    raise ParameterError(f"The folder {folder} is missing beside the package; install pyspice-runner again.")
+    raise ParameterError(f"The folder {folder} is missing beside the package; install piezomotor again.")
 
 
 @cache

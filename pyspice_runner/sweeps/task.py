@@ -141,7 +141,7 @@ def identity(function: Callable[..., Any]) -> dict[str, str]:
 def versions_here() -> dict[str, str]:
     """Return the versions of the package, of its code, and of ngspice."""
     return {
-        "pyspice_runner_version": version("pyspice-runner"),
+        "pyspice_runner_version": version("piezomotor"),
         "code_sha256": _code_sha256(),
         "ngspice_version": ngspice_version(),
     }

@@ -206,9 +206,7 @@ def datasheet(report: Report) -> str:
 
         from pyspice_runner.view import charts
     except ImportError as error:
-        raise ParameterError(
-            f"A report needs {error.name}. Install it: `pip install 'pyspice-runner[report]'`."
-        ) from None
+        raise ParameterError(f"A report needs {error.name}. Install it: `pip install 'piezomotor[report]'`.") from None
     over, circle = charts.admittance(report.spectra, report.measured, report.connection)
     figures = {
         "modes": charts.mode_shapes(report.motor),
@@ -240,7 +238,7 @@ def datasheet(report: Report) -> str:
         error=report.discretisation_error,
         settled=all(bool(curve["settled"].all()) for curve in report.curves.values()),
         versions={
-            "pyspice-runner": version("pyspice-runner"),
+            "piezomotor": version("piezomotor"),
             "ngspice": report.run.ngspice_version,
             "Python": platform.python_version(),
             "PySpice": version("PySpice"),

@@ -64,7 +64,7 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         wasm=base64.b64encode((ASSETS / "ngspice.wasm.gz").read_bytes()).decode("ascii"),
         engine=engine_facts(),
         licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
-        version=version("pyspice-runner"),
+        version=version("piezomotor"),
     )
 
 
@@ -73,7 +73,7 @@ def rendered(template: str, **values: Any) -> str:
     try:
         from jinja2 import Environment, FileSystemLoader, StrictUndefined
     except ImportError:
-        raise ParameterError("The page needs jinja2. Install it: `pip install 'pyspice-runner[report]'`.") from None
+        raise ParameterError("The page needs jinja2. Install it: `pip install 'piezomotor[report]'`.") from None
     loader = FileSystemLoader([ASSETS, ASSETS.parent])
     pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     pages.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %"}

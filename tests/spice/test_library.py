@@ -40,7 +40,7 @@ def code(text: str) -> list[str]:
 @pytest.mark.parametrize("name", LIBRARIES)
 def test_header_says_what_a_reader_needs(name: str) -> None:
     library = read_library(name)
-    assert library.text.startswith("* SPDX-License-Identifier: GPL-3.0-or-later\n")
+    assert library.text.startswith("* SPDX-License-Identifier: MIT\n")
     for fact in (library.title, library.source, library.omits, library.step, library.tested_with, library.usage):
         assert fact.strip()
     assert int(library.revision) >= 1
@@ -352,7 +352,7 @@ def test_contact_example_sticks_before_it_slips(tmp_path: Path) -> None:
 
 # --- reading and checking ------------------------------------------------------------------------------------
 
-SMALL = """* SPDX-License-Identifier: GPL-3.0-or-later
+SMALL = """* SPDX-License-Identifier: MIT
 * small: a resistor
 * PIN  a   inout  V    one end
 * PIN  b   inout  V    the other end

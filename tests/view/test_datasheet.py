@@ -369,7 +369,7 @@ def test_the_motor_to_play_with_runs_in_the_report(report: Report, desktop: tupl
 
 def test_what_is_missing_is_named(report: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "plotly.offline", None)
-    with pytest.raises(pr.ParameterError, match=r"A report needs plotly.*pyspice-runner\[report\]"):
+    with pytest.raises(pr.ParameterError, match=r"A report needs plotly.*piezomotor\[report\]"):
         report.save(tmp_path / "report.html")
 
 

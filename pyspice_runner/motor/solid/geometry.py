@@ -51,7 +51,7 @@ def build_geometry(solid: Solid, finest_m: float | None = None) -> Geometry:
         from skfem import Basis
     except ImportError:
         raise ParameterError(
-            "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'pyspice-runner[solid]'`."
+            "[solid] needs the finite elements of scikit-fem. Install them: `pip install 'piezomotor[solid]'`."
         ) from None
     plate = solid.theory == "plate"
     shape, owner = _owned(solid, finest_m)

@@ -243,7 +243,7 @@ def _read(source: MeshFile) -> Any:
     try:
         import meshio
     except ImportError:
-        raise ParameterError("A mesh file needs meshio. Install it: `pip install 'pyspice-runner[solid]'`.") from None
+        raise ParameterError("A mesh file needs meshio. Install it: `pip install 'piezomotor[solid]'`.") from None
     if mesh_file(Path(source.path)) != source:
         raise ParameterError(f"The mesh {source.path} has changed since the motor was read; read the motor again.")
     try:

@@ -314,5 +314,5 @@ def test_a_region_without_a_mesh_is_refused() -> None:
 
 def test_without_meshio_the_message_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "meshio", None)
-    with pytest.raises(pr.ParameterError, match=r"needs meshio. Install it: `pip install 'pyspice-runner\[solid\]'`"):
+    with pytest.raises(pr.ParameterError, match=r"needs meshio. Install it: `pip install 'piezomotor\[solid\]'`"):
         solve_stator(read("plate", write(tmp_path / "bar.msh", cut("plate"), "plate")))

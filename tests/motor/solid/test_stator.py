@@ -288,7 +288,7 @@ def test_boxes_that_do_not_touch_are_refused() -> None:
 
 def test_without_scikit_fem_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "skfem", None)
-    with pytest.raises(pr.ParameterError, match=r"pip install 'pyspice-runner\[solid\]'"):
+    with pytest.raises(pr.ParameterError, match=r"pip install 'piezomotor\[solid\]'"):
         solve_stator(plate())
 
 
