@@ -67,7 +67,7 @@ def canvas(rows: int, columns: int, height: float, **options: Any) -> tuple[Figu
 
 def state_path(axes: Axes, x: np.ndarray, y: np.ndarray, state: np.ndarray, width: float = 1.8) -> None:
     """Draw a path in the colours of the contact's state, with a ring where contact begins."""
-    coloured_path(axes, x, y, state, linewidths=width, zorder=3)
+    coloured_path(axes, x, y, state, linewidth=width, zorder=3, label="_path")
     number = np.rint(state).astype(int)
     landed = np.flatnonzero((number[:-1] == 0) & (number[1:] > 0)) + 1
     axes.plot(x[landed], y[landed], **TOUCH_DOWN, zorder=4)

@@ -132,26 +132,12 @@ def _parts(structure: Structure) -> list[tuple[Array, Array, str, str]]:
 def tip_path(run: Waveforms) -> go.Figure:
     """Return the last drive period: the tip's path coloured by contact state, and the forces, with a moving marker."""
     inside, time = last_periods(run.time_s, run.drive_period_s, 1)
-    x, y, state = 1e6 * run.tip_x_m[inside], 1e6 * run.tip_y_m[inside], np.rint(run.contact_state[inside])
+    x, y = 1e6 * run.tip_x_m[inside], 1e6 * run.tip_y_m[inside]
     normal, friction = run.normal_force_n[inside], run.friction_force_n[inside]
-    figure = make_subplots(rows=2, cols=1, row_heights=[0.58, 0.42], vertical_spacing=0.14)
-    for code, (name, colour, dash) in enumerate(STATES):
-        inside = state == code
-        if inside.any():
-            inside = inside | np.roll(inside, -1)  # a state is reached by the step that ends with it
-            figure.add_scatter(
-                x=_short(np.where(inside, x, np.nan)), y=_short(np.where(inside, y, np.nan)), name=name, mode="lines",
-                line={"color": colour, "width": 3, "dash": dash}, row=1, col=1,
-                hovertemplate="x %{x:.4g} µm<br>y %{y:.4g} µm",
-            )  # fmt: skip
-    for values, name, colour, dash in (
-        (normal, "normal force", BLUE, "solid"),
-        (friction, "friction", VERMILION, "dash"),
-    ):
-        figure.add_scatter(
-            x=_short(1e6 * time), y=_short(values), name=name, mode="lines", line={"color": colour, "dash": dash},
-            row=2, col=1, hovertemplate="%{x:.4g} µs: %{y:.4g} N",
-        )  # fmt: skip
+    panels = [partial(plot_runs.tip_path, run, 1), partial(plot_runs.forces, run, 1)]
+    figure = _stacked(panels, 640, 0.14, heights=[0.58, 0.42])
+    for name, _, dash in STATES:
+        figure.update_traces(line={"dash": dash, "width": 3}, selector={"name": name})
     still = len(figure.data)
     places = np.linspace(0, len(time) - 1, PATH_FRAMES + 1).astype(int)[:-1]
     scale = 0.3 / max(float(np.abs([normal, friction]).max()), 1e-12)
@@ -184,11 +170,7 @@ def tip_path(run: Waveforms) -> go.Figure:
         room = 0.08 * max(span, 1e-9)
         below = 0.3 * span if axis == "xaxis" else 0.0
         figure.update_layout({axis: {"range": [low - room - below, low + 1.3 * span + room]}})
-    figure.update_xaxes(title_text=str(label_of("tip_x_m", run.linear)), row=1, col=1)
-    figure.update_yaxes(title_text=str(label_of("tip_y_m", run.linear)), row=1, col=1)
-    figure.update_xaxes(title_text=str(LABELS["time_us"]), row=2, col=1)
-    figure.update_yaxes(title_text=str(LABELS["force_n"]), row=2, col=1)
-    figure.update_layout(height=640 + TOOL_BAR, meta={"frames": frames, "order": [one["name"] for one in frames]})
+    figure.update_layout(meta={"frames": frames, "order": [one["name"] for one in frames]})
     return figure
 
 
@@ -276,12 +258,16 @@ def loop_gain(loop: LoopDesign) -> go.Figure:
     ], 460)  # fmt: skip
 
 
-def _stacked(panels: Sequence[Panel], height: int, spacing: float = 0.08, **layout: Any) -> go.Figure:
+def _stacked(
+    panels: Sequence[Panel], height: int, spacing: float = 0.08, heights: Sequence[float] | None = None, **layout: Any
+) -> go.Figure:
     """Return panels of Matplotlib one below the other, over the axis of the last; the legend is that of the first.
 
-    Of a panel it takes lines, markers and bands over the whole width, not the title.
+    Of a panel it takes lines, markers and bands over the whole width, not the title. Panels with relative ``heights``
+    have axes and legends of their own.
     """
-    figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=spacing)
+    shared = heights is None
+    figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=shared, vertical_spacing=spacing, row_heights=heights)
     for row, panel in enumerate(panels, start=1):
         ax = Plain().add_subplot()
         panel(ax)
@@ -289,13 +275,13 @@ def _stacked(panels: Sequence[Panel], height: int, spacing: float = 0.08, **layo
         hover = f"{ax.get_xlabel()}: %{{x:.5g}}<br>{ax.get_ylabel()}: %{{y:.4g}}"
         for line in ax.lines:
             if line.get_transform() is ax.transData:  # not a line along an axis, which Plotly has at zero
-                figure.add_scatter(**_trace(line, row == 1), hovertemplate=hover, **place)
+                figure.add_scatter(**_trace(line, row == 1 or not shared), hovertemplate=hover, **place)
         for band in ax.patches:
             low, high = band.get_extents().transformed(ax.transData.inverted()).intervaly
             figure.add_hrect(low, high, fillcolor=GREY, opacity=0.15, line_width=0, layer="below", **place)
-        figure.update_xaxes(type=ax.get_xscale(), exponentformat="power", **place)
+        title = ax.get_xlabel() if row == len(panels) or not shared else None
+        figure.update_xaxes(type=ax.get_xscale(), title_text=title, exponentformat="power", **place)
         figure.update_yaxes(type=ax.get_yscale(), title_text=ax.get_ylabel(), exponentformat="power", **place)
-    figure.update_xaxes(title_text=ax.get_xlabel(), row=len(panels), col=1)
     figure.update_layout(height=height + TOOL_BAR, **layout)
     return figure
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.run import AveragedRun
@@ -33,8 +32,8 @@ def waveforms(run: Waveforms) -> Sheet:
     """Return rotor speed, path of the tip, contact forces and currents, as far as they were recorded."""
     panels: dict[str, tuple[Panel, tuple[str, ...]]] = {
         "speed": (partial(_speed, run), ("rotor_speed_rad_s",)),
-        "path": (partial(_tip_path, run), ("tip_x_m", "tip_y_m", "contact_state")),
-        "forces": (partial(_forces, run), ("normal_force_n", "friction_force_n")),
+        "path": (partial(tip_path, run, LAST_PERIODS), ("tip_x_m", "tip_y_m", "contact_state")),
+        "forces": (partial(forces, run, LAST_PERIODS), ("normal_force_n", "friction_force_n")),
         "currents": (partial(of_groups, run, "current_a", "Currents"), ("current_a_a", "current_b_a")),
     }
     motor = run.provenance["motor"]
@@ -58,29 +57,30 @@ def _speed(run: Waveforms, ax: Axes) -> None:
     draw_lines(ax, (time_label(float(run.time_s[-1])), run.time_s), label, lines, "Slider" if run.linear else "Rotor")
 
 
-def _tip_path(run: Waveforms, ax: Axes) -> None:
-    last, _ = last_periods(run.time_s, run.drive_period_s)
+def tip_path(run: Waveforms, periods: int, ax: Axes) -> None:
+    """Draw the path of the tip in the last drive periods, coloured by contact state."""
+    last, _ = last_periods(run.time_s, run.drive_period_s, periods)
     x, y = label_of("tip_x_m", run.linear), label_of("tip_y_m", run.linear)
     state_path(ax, x.scale * run.tip_x_m[last], y.scale * run.tip_y_m[last], run.contact_state[last])
-    for state in np.unique(np.rint(run.contact_state[last]).astype(int)):
-        ax.plot([], [], color=STATES[state].colour, label=STATES[state].name)
-    periods = min(round(float(np.ptp(run.time_s)) / run.drive_period_s), LAST_PERIODS)
+    periods = min(round(float(np.ptp(run.time_s)) / run.drive_period_s), periods)
     dress(ax, x, y, f"Path of the tip, last {periods} drive periods" if periods > 1 else "Path of the tip in a period")
 
 
 def state_path(ax: Axes, x: Array, y: Array, state: Array, **look: Any) -> None:
     """Draw a path in the colours of the contact states; a step has the state at its end."""
-    points = np.column_stack([x, y])
-    colours = [STATES[number].colour for number in np.rint(state[1:]).astype(int)]
-    pieces = np.stack([points[:-1], points[1:]], axis=1)
-    ax.add_collection(LineCollection(list(pieces), colors=colours, **{"linewidths": 2, "capstyle": "round", **look}))
-    ax.autoscale_view()
+    codes = np.rint(state).astype(int)
+    for code in np.unique(codes):
+        inside = codes == code
+        inside[:-1] |= inside[1:]
+        own: dict[str, Any] = {"color": STATES[code].colour, "label": STATES[code].name, "solid_capstyle": "round"}
+        ax.plot(np.where(inside, x, np.nan), np.where(inside, y, np.nan), **{"linewidth": 2, **own, **look})
 
 
-def _forces(run: Waveforms, ax: Axes) -> None:
-    last, time = last_periods(run.time_s, run.drive_period_s)
+def forces(run: Waveforms, periods: int, ax: Axes) -> None:
+    """Draw the forces of the contact over the last drive periods."""
+    last, time = last_periods(run.time_s, run.drive_period_s, periods)
     lines = [
-        (run.normal_force_n[last], {"color": BLUE, "label": "normal"}),
+        (run.normal_force_n[last], {"color": BLUE, "label": "normal force"}),
         (run.friction_force_n[last], {"color": VERMILION, "linestyle": "--", "label": "friction"}),
     ]
     draw_lines(ax, (LABELS["time_us"], time), LABELS["force_n"], lines, "Contact forces")
