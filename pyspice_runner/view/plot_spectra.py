@@ -37,30 +37,22 @@ class Trace(NamedTuple):
 
 def spectrum_panels(traces: list[Trace]) -> dict[str, Panel]:
     """Return |Y|, phase, and the circle of conductance and susceptance."""
-    frequency, magnitude = _FREQUENCY, LABELS["magnitude_s"]
-    real, imaginary = LABELS["conductance_s"], LABELS["susceptance_s"]
 
-    def draw_traces(
-        ax: Axes, x: Label, y: Label, title: str, of: Callable[[Trace], tuple[Any, Any]], legend: bool = False
-    ) -> None:
+    def draw_traces(x: str, y: str, title: str, of: Callable[[Trace], tuple[Any, Any]], ax: Axes) -> None:
         for trace in traces:
             across, up = of(trace)
-            ax.plot(x.scale * across, y.scale * up, **trace.look)
-        dress(ax, x, y, title, legend=legend)
+            ax.plot(LABELS[x].scale * across, LABELS[y].scale * up, **trace.look)
+        ax.set_yscale("log" if y == "magnitude_s" else "linear")
+        dress(ax, LABELS[x], LABELS[y], title, legend=y == "magnitude_s")
+        if x == "conductance_s":
+            ax.axis("equal")
 
-    def draw_magnitude(ax: Axes) -> None:
-        ax.set_yscale("log")
-        draw_traces(ax, frequency, magnitude, "Admittance", lambda trace: (trace[0], np.abs(trace.admittance_s)), True)
-
-    def draw_phase(ax: Axes) -> None:
-        phase = LABELS["phase_deg"]
-        draw_traces(ax, frequency, phase, "Phase", lambda trace: (trace[0], np.angle(trace.admittance_s, deg=True)))
-
-    def draw_circle(ax: Axes) -> None:
-        draw_traces(ax, real, imaginary, "G–B circle", lambda trace: (trace.admittance_s.real, trace.admittance_s.imag))
-        ax.axis("equal")
-
-    return {"magnitude": draw_magnitude, "phase": draw_phase, "circle": draw_circle}
+    kinds: dict[str, tuple[str, str, str, Callable[[Trace], tuple[Any, Any]]]] = {
+        "magnitude": ("frequency_hz", "magnitude_s", "Admittance", lambda one: (one[0], np.abs(one[1]))),
+        "phase": ("frequency_hz", "phase_deg", "Phase", lambda one: (one[0], np.angle(one[1], deg=True))),
+        "circle": ("conductance_s", "susceptance_s", "G–B circle", lambda one: (one[1].real, one[1].imag)),
+    }
+    return {name: partial(draw_traces, *kind) for name, kind in kinds.items()}
 
 
 def _with_residuals(
