@@ -31,7 +31,6 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.one_thread import one_thread
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.motor.solid.residual_modes import with_outside_modes
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.run.kernel import Outcome, run_bench
@@ -77,7 +76,8 @@ class Admittance(Result):
         motor: the motor, JSON-ready.
         audit: outcome of the physical audit; it has findings only with ``audit=False``.
         deck: netlist of the sweep.
-        unknown: one sentence for each mode whose recoil on the carrier is not known and may shift it.
+        unknown: one sentence for each mode whose recoil on the carrier is not known and may shift it, and for a band
+            beyond the range of the solid.
     """
 
     frequency_hz: NDArray[np.float64]
@@ -139,7 +139,7 @@ def admittance(
 ) -> Admittance:
     """Compute the two-port admittance by ngspice's AC analysis, and the equivalent circuit of every mode in range.
 
-    That of a ``[solid]`` also has the modes computed outside the motor's range whose currents count.
+    It has the modes of the motor, as runs and exported files do; ``solid.highest_hz`` widens the range of a solid.
 
     Args:
         motor: the motor.
@@ -160,7 +160,6 @@ def admittance(
         )
     if not 3 <= points <= _MOST_POINTS:  # of two points, ngspice returns only the first
         raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
-    motor = with_outside_modes(motor)
     preloaded = state == "preloaded"
     bench = two_port_bench(motor, preloaded=preloaded)
     normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0
@@ -180,10 +179,18 @@ def admittance(
         for connection in get_args(Connection)
     }
     version, deck = outcome.ngspice_version, outcome.deck
-    document = motor.to_dict()
-    return Admittance(
-        frequency, matrix, state, normal_force, resonances, version, document, audited, deck, motor.cautions
-    )
+    document, unknown = motor.to_dict(), (*motor.cautions, *_beyond_solid(motor, start, stop))
+    return Admittance(frequency, matrix, state, normal_force, resonances, version, document, audited, deck, unknown)
+
+
+def _beyond_solid(motor: Motor, start: float, stop: float) -> tuple[str, ...]:
+    """Return a caution where the band reaches beyond the modes that a motor has of its solid."""
+    solid = motor.solid
+    if solid is None or (solid.lowest_hz <= start and stop <= solid.highest_hz):
+        return ()
+    low, high = (engineering(limit, "Hz") for limit in (solid.lowest_hz, solid.highest_hz))
+    missing = f"The motor has the modes of its solid from {low} to {high}: resonances outside are missing."
+    return (f"{missing} Widen solid.lowest_hz and solid.highest_hz to include them.",)
 
 
 def _drives(connection: Connection, mode: Mode) -> bool:

@@ -282,7 +282,7 @@ def _from_solid(
         stator = stator_of(solid)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error
-    modes = stator.tables("mode", solid.quality_factor)
+    modes = stator.tables(solid.quality_factor)
     for mode in modes:
         for name in ("recoil_kg", "recoil_x_kg"):
             if abs(mode[name]) <= 1e-6 * stator.mass_kg:

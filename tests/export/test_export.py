@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,25 @@ from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.export.motor import FORMATS, endings
 from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.motor.circuit_file import load_circuit
+from pyspice_runner.spice.ngspice import find_ngspice
 from tests.resonators import fitted, resonator, spectrum, values
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02])
+DECK = """an exported motor, group A driven, group B short-circuited
+.include m.lib
+VA a 0 DC 0 AC 1
+VB b 0 DC 0
+XMOTOR a b 0 shaft piezomotor
+.options reltol=1e-6 vntol=1e-12 abstol=1e-12
+.control
+set numdgt=12
+set wr_singlescale
+ac lin 401 30k 50k
+wrdata out.txt real(i(va)) imag(i(va)) real(i(vb)) imag(i(vb))
+quit 0
+.endc
+.end
+"""
 # what stands behind a word in an .asy file, by the listing of the format: the number of integers
 ASY = {
     "Version": 1, "RECTANGLE Normal": 4, "LINE Normal": 4, "WINDOW": 3, "PIN": 2, "PINATTR SpiceOrder": 1,
@@ -127,6 +144,21 @@ def test_touchstone_has_the_admittance(motor: pr.Motor, tmp_path: Path) -> None:
     path = tmp_path / "t.s2p"
     path.write_text(touchstone(np.array([1e3, 2e3]), matrix), encoding="utf-8")
     assert skrf.Network(str(path)).y == pytest.approx(matrix, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["bimodal40", "examples/plate40.toml", "tests/data/every_effect.toml"])
+def test_the_admittance_under_preload_is_that_of_the_exported_library_in_a_deck_by_hand(
+    name: str, tmp_path: Path
+) -> None:
+    motor = pr.load_motor(name)
+    pr.export_motor(motor, tmp_path / "m.lib")
+    (tmp_path / "deck.cir").write_text(DECK, encoding="utf-8")
+    subprocess.run([find_ngspice(), "-b", "deck.cir"], cwd=tmp_path, timeout=60, check=True, capture_output=True)
+    frequency, *parts = np.loadtxt(tmp_path / "out.txt").T
+    found = pr.admittance(motor, start=30e3, stop=50e3, points=401, state="preloaded")
+    assert frequency == pytest.approx(found.frequency_hz)
+    column = -np.array([parts[0] + 1j * parts[1], parts[2] + 1j * parts[3]]).T
+    assert np.abs(column / found.matrix_s[:, :, 0] - 1.0).max() < 1e-6
 
 
 def test_a_motor_is_read_back_and_runs_alike(motor: pr.Motor, tmp_path: Path) -> None:

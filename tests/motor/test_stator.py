@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 import pyspice_runner as pr
 from pyspice_runner.motor.parameters import Mount
-from pyspice_runner.motor.solid.residual_modes import with_outside_modes
 from pyspice_runner.motor.stator import Stator, discretised, square
 from validation import calibration as study
 
@@ -136,8 +135,7 @@ def test_the_admittance_in_closed_form_is_that_of_the_circuit(name: str, state: 
     base = study.base().updated({"piezo.capacitance_ab_f": 3e-10})
     motor, low, high = (base, 20e3, 70e3) if name == "base" else (pr.load_motor(name), 30e3, 50e3)
     found = pr.admittance(motor, start=low, stop=high, points=401, state=state)  # type: ignore[arg-type]
-    whole = with_outside_modes(motor)
-    of = whole.pressed_stator if state == "preloaded" else whole.stator.with_carrier(motor.mount)
+    of = motor.pressed_stator if state == "preloaded" else motor.stator.with_carrier(motor.mount)
     size = np.abs(found.matrix_s).max(axis=(1, 2), keepdims=True)
     # The ladder of the circuit holds the loss angle of 0.02 within a tenth: 2e-3 of the capacitance's admittance. The
     # damping of impacts is of first order in the closed form: with ω d/k = 0.27 and c k = 0.09 the rest is 0.6 % of k.

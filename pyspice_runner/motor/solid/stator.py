@@ -7,8 +7,8 @@ clamped capacitances. Each mode is scaled so that its largest displacement is 1;
 contact positive.
 
 Everything left out answers at once: the response to a voltage and to a force on the face of contact, less that of the
-computed modes, is the static compliance of all higher ones; computed modes outside the range of the motor add theirs at
-the highest frequency of the range. Rigid motion is left to the mount.
+computed modes, is the static compliance of all higher ones; computed modes above the range of the motor add their
+static response, and those below it theirs at the mean ω² of the motor's modes. Rigid motion is left to the mount.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pyspice_runner.motor.stator import MODE_COLUMNS
 _RIGID = 1e-8  # ω² of a rigid motion, over that of the shift
 _ZERO = 1e-7  # of its natural scale: a motion or a coupling that symmetry forbids
 _SLIGHT = 1e-3  # of the largest displacement: a motion of the contact that does not count
-UNSEEN = 0.01  # of the current through the clamped capacitance: a current at resonance that does not count
+_UNSEEN = 0.01  # of the current through the clamped capacitance: a current at resonance that does not count
 _LEAST = 24  # modes that are computed
 _BLOCK = 8  # more than the rigid motions of one body
 _EXACT = 1e-11  # of an eigenvalue: its residual
@@ -39,8 +39,11 @@ _DIRECTIONS = 500  # in the space of modes, in which the greatest stress is soug
 
 
 @dataclass(frozen=True)
-class Modes:
-    """Elastic modes by rising frequency; the arrays' last index counts them."""
+class Stator:
+    """The modes of a stator within the range of its motor, by rising frequency, and what the others contribute.
+
+    The last index of a mode's arrays counts them.
+    """
 
     frequencies_hz: Array
     masses_kg: Array
@@ -49,28 +52,6 @@ class Modes:
     tip_y: Array
     recoil_kg: Array  # Γ = ∫ρ ψ·n dV along the normal
     recoil_x_kg: Array  # the same along the tangent
-
-    @property
-    def stiffnesses_n_per_m(self) -> Array:
-        """Modal stiffness with both groups shorted."""
-        return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
-
-    def tables(self, name: str, quality_factor: float) -> list[dict[str, Any]]:
-        """Return the modes as tables ``[[modes]]``, named ``name-1`` and so on."""
-        damping = 2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor
-        coupling = self.couplings_n_per_v.T
-        ends = (self.tip_x, self.tip_y, self.recoil_kg, self.recoil_x_kg)
-        rows = np.column_stack([self.masses_kg, damping, self.stiffnesses_n_per_m, coupling, *ends])
-        return [
-            {"name": f"{name}-{index}", **dict(zip(MODE_COLUMNS, row, strict=True))}
-            for index, row in enumerate(rows.tolist(), start=1)
-        ]
-
-
-@dataclass(frozen=True)
-class Stator(Modes):
-    """The modes of a stator within the range of its motor, and what the others contribute."""
-
     clamped_f: Array  # (2, 2): charges on the groups per volt on the groups, all displacements held at zero
     residual_f: Array  # (2, 2): the same of the modes that are left out
     residual_m_per_n: Array  # (2, 2): compliance of the modes that are left out, normal and tangent
@@ -78,15 +59,25 @@ class Stator(Modes):
     """(points, modes): normal stresses of the ceramic, where some combination of modes makes them greatest."""
     strain_per_m: Array  # (points, modes): the strains there
     mass_kg: Array  # of the stator: a number
-    outside: Modes  # modes computed beyond the range that take part in motion or currents; they lie in the residuals
     nodes_m: Array  # (axes, nodes)
     cells: Indices  # (corners, cells)
     shapes: Array  # (axes, nodes, modes): displacement per modal coordinate
 
-    def static_from(self, others_hz: Array) -> Array:
-        """Return ω² in (rad/s)² at which the residuals count modes outside the range: 0 for those above it."""
-        squares = (2.0 * pi * self.frequencies_hz) ** 2
-        return np.where(others_hz < self.frequencies_hz.min(), squares.mean(), 0.0)
+    @property
+    def stiffnesses_n_per_m(self) -> Array:
+        """Modal stiffness with both groups shorted."""
+        return np.asarray(self.masses_kg * (2.0 * pi * self.frequencies_hz) ** 2)
+
+    def tables(self, quality_factor: float) -> list[dict[str, Any]]:
+        """Return the modes as tables ``[[modes]]``, named ``mode-1`` and so on."""
+        damping = 2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor
+        coupling = self.couplings_n_per_v.T
+        ends = (self.tip_x, self.tip_y, self.recoil_kg, self.recoil_x_kg)
+        rows = np.column_stack([self.masses_kg, damping, self.stiffnesses_n_per_m, coupling, *ends])
+        return [
+            {"name": f"mode-{index}", **dict(zip(MODE_COLUMNS, row, strict=True))}
+            for index, row in enumerate(rows.tolist(), start=1)
+        ]
 
 
 @one_thread  # the modes enter decks and the addresses of stored points
@@ -129,7 +120,7 @@ def solve_stator(solid: Solid) -> Stator:
     couplings = np.where(generalised[:2] ** 2 <= _ZERO**2 * capacitance * squares, 0.0, generalised[:2])
     couplings = couplings / (VOLTS * amplitude)
     motion = np.where(np.abs(generalised[2:] / amplitude) <= _ZERO, 0.0, generalised[2:] / amplitude)
-    seen = solid.quality_factor * generalised[:2] ** 2 > UNSEEN * capacitance * squares
+    seen = solid.quality_factor * generalised[:2] ** 2 > _UNSEEN * capacitance * squares
     takes_part = seen.any(axis=0) | (np.abs(motion) > _SLIGHT).any(axis=0)
     kept = ~rigid & takes_part & (solid.lowest_hz <= frequencies) & (frequencies <= solid.highest_hz)
     if not kept.any():
@@ -147,17 +138,20 @@ def solve_stator(solid: Solid) -> Stator:
     density = _mass_of_nodes(geometry)
     stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
     recoils = np.einsum("n,anm,da->dm", density, shapes, geometry.contact.sum(axis=1)) / amplitude
-    columns = [frequencies, 1.0 / amplitude**2, couplings, motion[1], motion[0], *recoils]
-    inside, outside = (Modes(*(column[..., chosen] for column in columns)) for chosen in (kept, others & takes_part))
     return Stator(
-        **vars(inside),
+        frequencies_hz=frequencies[kept],
+        masses_kg=1.0 / amplitude[kept] ** 2,
+        couplings_n_per_v=couplings[:, kept],
+        tip_x=motion[1, kept],
+        tip_y=motion[0, kept],
+        recoil_kg=recoils[0, kept],
+        recoil_x_kg=recoils[1, kept],
         clamped_f=clamped_capacitance(solid, clamped / VOLTS**2),
         residual_f=(total - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
         residual_m_per_n=compliance - at_shift[2:, 2:] + beside[2:, 2:],
         stress_pa_per_m=stress,
         strain_per_m=strain,
         mass_kg=np.array(density.sum()),
-        outside=outside,
         nodes_m=np.asarray(geometry.basis.mesh.p),
         cells=np.asarray(geometry.basis.mesh.t),
         shapes=(shapes[..., kept] / amplitude[kept])[:, geometry.basis.nodal_dofs[0]],

@@ -19,11 +19,10 @@ import numpy as np
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.files import cache_folder, save_by_ending
 from pyspice_runner.motor.solid.parameters import Solid
-from pyspice_runner.motor.solid.stator import Modes, Stator, solve_stator
+from pyspice_runner.motor.solid.stator import Stator, solve_stator
 
 BUNDLED = Path(__file__).parents[1] / "sets" / "stators"
 _DRAWN = ("nodes_m", "shapes")  # in single precision
-_OUTSIDE = "outside."
 
 
 @cache
@@ -60,16 +59,12 @@ def bundled_name(solid: Solid) -> str:
 
 def write_stator(path: Path, stator: Stator) -> None:
     """Write a stator to a compressed .npz. Raise ParameterError for a place that cannot be written."""
-    arrays = vars(stator) | {_OUTSIDE + name: values for name, values in vars(stator.outside).items()}
-    del arrays["outside"]
-    arrays |= {name: arrays[name].astype(np.float32) for name in _DRAWN}
+    arrays = vars(stator) | {name: getattr(stator, name).astype(np.float32) for name in _DRAWN}
     save_by_ending(path, {".npz": lambda place: np.savez_compressed(place, **arrays)})
 
 
 def _read(path: Path) -> Stator | None:
     """Return the stator in a file, or None if it is missing or damaged."""
     with suppress(OSError, ValueError, KeyError, BadZipFile), path.open("rb") as file, np.load(file) as arrays:
-        outside = Modes(*(arrays[_OUTSIDE + field.name] for field in fields(Modes)))
-        own = {field.name: arrays[field.name] for field in fields(Stator) if field.name != "outside"}
-        return Stator(outside=outside, **own)
+        return Stator(**{field.name: arrays[field.name] for field in fields(Stator)})
     return None
