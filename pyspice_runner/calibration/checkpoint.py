@@ -20,7 +20,7 @@ from pyspice_runner.files import save_by_ending, write_json
 from pyspice_runner.motor.document import read_document
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.sweeps.store import fingerprint
-from pyspice_runner.sweeps.task import drive_document, law_document
+from pyspice_runner.sweeps.task import drive_document, law_document, motor_document
 
 _REMEDY = "Remove it, or name another file, to start from the beginning."
 
@@ -96,7 +96,7 @@ def _content(predictor: Predictor) -> dict[str, Any]:
     """Return all that the result of a search follows from, but its start."""
     base, points = predictor.base, predictor.points
     return {
-        "motor": base.motor.to_dict(),
+        **motor_document(base.motor),
         "drive": drive_document(base.drive),
         "law": {**base.law.to_dict(), **law_document(base.law.name)} if base.law else None,
         "free": [vars(unknown) for unknown in predictor.unknowns],

@@ -8,7 +8,7 @@ and voltage are those of a data sheet, and the rest follows with the same dimens
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import exp
+from math import exp, log
 
 from pyspice_runner.calibration.similar import Factors, scaled
 from pyspice_runner.errors import ParameterError
@@ -48,8 +48,10 @@ def width(path: str) -> float | None:
 
 
 def spread(logarithmic: float) -> str:
-    """Return a standard deviation of a logarithm in words: in per cent, a large one as a factor."""
-    return f"± {100.0 * logarithmic:.2g} %" if logarithmic < 0.35 else f"×/÷ {exp(logarithmic):.2g}"
+    """Return a standard deviation of a logarithm in words: in per cent, a large one as a factor, up to 1e6."""
+    if logarithmic < 0.35:
+        return f"± {100.0 * logarithmic:.2g} %"
+    return f"×/÷ {exp(logarithmic):.2g}" if logarithmic < log(1e6) else "not determined"
 
 
 def class_drive(motor: Motor, phase_deg: float | None) -> TwoPhaseDrive:

@@ -34,6 +34,12 @@ def law_document(name: object) -> dict[str, Any]:
     return {"contact_sha256": _sha256(contact_library(Law(str(name))).subcircuit)} if is_own(name) else {}
 
 
+def motor_document(motor: Motor) -> dict[str, Any]:
+    """Return a motor with the structure or solid of its stator, on which stress and strain depend."""
+    stator = [part and part.model_dump(mode="json") for part in (motor.structure, motor.solid)]
+    return {"motor": motor.to_dict(), "stator": stator}
+
+
 @dataclass(frozen=True)
 class Task:
     """One point: what to do, and with what. It is called by a worker."""
@@ -53,8 +59,7 @@ class Task:
         return {
             "analysis": identity(self.analysis),
             "functions": {name: identity(function) for name, function in self.functions.items()},
-            "motor": self.motor.to_dict(),
-            "stator": [part and part.model_dump(mode="json") for part in (self.motor.structure, self.motor.solid)],
+            **motor_document(self.motor),
             "drive": drive_document(self.drive),
             "run": {name: value for name, value in settings.items() if name != "timeout"} | beside,
             "versions": self.versions,

@@ -109,6 +109,20 @@ def test_a_law_of_ones_own_whose_file_changed_is_another_problem(tmp_path: Path)
         Checkpoint(file, [predictor])
 
 
+def test_a_motor_without_the_structure_of_its_stator_is_another_problem(tmp_path: Path) -> None:
+    motor, file = pr.load_motor("bimodal40"), tmp_path / "unfinished.json"
+    damping = motor.modes[0].damping_n_s_per_m
+    nominal = motor.updated({"modes.0.damping_n_s_per_m": damping})  # the same numbers, without the solid
+    assert nominal.to_dict() == motor.to_dict()
+    first, other = (
+        Predictor(Point.of(one, drive), unknowns_of(one, drive, FREE), read_points(POINTS))
+        for one, drive in ((motor, pr.default_drive(motor)), (nominal, pr.default_drive(nominal)))
+    )
+    Checkpoint(file, [first]).keep(0, np.array([0.1]))
+    with pytest.raises(pr.ParameterError, match="belongs to another calibration"):
+        Checkpoint(file, [other])
+
+
 def test_an_interruption_before_the_first_refinement_leaves_no_file(tmp_path: Path) -> None:
     def stop(_: int) -> None:
         raise KeyboardInterrupt

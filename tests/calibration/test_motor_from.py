@@ -13,6 +13,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.calibration import motor_class
 from pyspice_runner.calibration.motor_from import MotorFrom, _tips
+from pyspice_runner.calibration.provenance import Origin
 from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.cli import run
 from pyspice_runner.run.point import Point
@@ -304,3 +305,17 @@ def test_the_command_makes_a_stage_of_its_data_sheet(tmp_path: Path, capsys: pyt
     assert "class average, ± 23 %" in printed
     assert "(data sheet)" in printed
     assert run([*words, "--preloaded", "x.csv"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("width", "words"),
+    [
+        (0.05, "± 5 %"),
+        (1.0, "×/÷ 2.7"),
+        (800.0, "not determined"),
+        (np.inf, "not determined"),
+        (np.nan, "not determined"),
+    ],
+)
+def test_a_value_that_the_numbers_do_not_determine_is_called_so(width: float, words: str) -> None:
+    assert str(Origin("derived", width)) == f"derived, {words}"
