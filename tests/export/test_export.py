@@ -146,8 +146,8 @@ def test_touchstone_has_the_admittance(motor: pr.Motor, tmp_path: Path) -> None:
     assert skrf.Network(str(path)).y == pytest.approx(matrix, rel=1e-12)
 
 
-@pytest.mark.parametrize(  # a contact of about 0.1 N/m leaves the tip free
-    ("state", "values"), [("preloaded", ""), ("free", "preload=1e-9 normal_stiffness=1000 compliance=0.1")]
+@pytest.mark.parametrize(  # a contact of about 0.001 N/m leaves the tip free
+    ("state", "values"), [("preloaded", ""), ("free", "preload=1e-11 normal_stiffness=10 compliance=10")]
 )
 @pytest.mark.parametrize("name", ["bimodal40", "examples/plate40.toml", "tests/data/every_effect.toml"])
 def test_the_admittance_is_that_of_the_exported_library_in_a_deck_by_hand(
