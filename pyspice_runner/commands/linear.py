@@ -13,8 +13,8 @@ from pyspice_runner.impedance.spectrum import State
 @command(
     "motor", TARGETS, "state start stop points timeout audit changes",
     state=option(State, "free", "Free tip, or pressed on the rotor."),
-    start=option(float, 5e3, "First frequency, Hz."),
-    stop=option(float, 100e3, "Last frequency, Hz."),
+    start=option(float | None, None, "First frequency, Hz; default: that of the solid, else 5 kHz."),
+    stop=option(float | None, None, "Last frequency, Hz; default: that of the solid, else 100 kHz."),
     points=option(int, 2000, "Number of frequencies."),
 )  # fmt: skip
 def admittance(call: Call) -> None:

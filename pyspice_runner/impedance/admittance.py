@@ -125,13 +125,16 @@ class Admittance(Result):
         return found
 
 
+BAND_HZ = 5e3, 100e3  # of an admittance by default
+
+
 @checked
 @one_thread
 def admittance(
     motor: Motor,
     *,
-    start: float = 5e3,
-    stop: float = 100e3,
+    start: float | None = None,
+    stop: float | None = None,
     points: int = 2000,
     state: State = "free",
     timeout: float | None = None,
@@ -143,8 +146,8 @@ def admittance(
 
     Args:
         motor: the motor.
-        start: first frequency in Hz.
-        stop: last frequency in Hz.
+        start: first frequency in Hz; by default that of the motor's solid, else 5 kHz.
+        stop: last frequency in Hz; by default that of the motor's solid, else 100 kHz.
         points: number of frequencies, evenly spaced.
         state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
         timeout: wall-time limit in s of each ngspice run.
@@ -154,6 +157,8 @@ def admittance(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails, or the operating point is not the preload.
     """
+    low, high = (motor.solid.lowest_hz, motor.solid.highest_hz) if motor.solid else BAND_HZ
+    start, stop = low if start is None else start, high if stop is None else stop
     if not 0.0 < start < stop <= 1e9:
         raise ParameterError(
             f"start = {start:g} Hz and stop = {stop:g} Hz are not valid: give 0 Hz < start < stop ≤ 1e9 Hz."
