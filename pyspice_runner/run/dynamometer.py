@@ -351,8 +351,8 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
     result = {
         "torque_n_m": radius * friction,
         "torque_ripple_n_m": radius * sqrt(max(mean["friction_square"] - friction**2, 0.0)),
-        "torque_min_n_m": radius * (friction + mean.get("held_min", nan)),
-        "torque_max_n_m": radius * (friction + mean.get("held_max", nan)),
+        "torque_min_n_m": radius * (friction + np.minimum(mean.get("held_min", nan), 0.0)),
+        "torque_max_n_m": radius * (friction + np.maximum(mean.get("held_max", nan), 0.0)),
         "load_torque_n_m": mean["load_torque"],
         "normal_force_n": mean["normal"],
         "separated": 1.0 - mean["touching"],

@@ -178,9 +178,7 @@ class SteadyState(Quantities, Result):
         elif self.held_by_friction:
             yield STUCK
             bounds = (engineering(value, "N·m") for value in (self.torque_min_n_m, self.torque_max_n_m))
-            yield "Friction holds the shaft at least from {} to {}; the torque shown is the nearest to 0.".format(
-                *bounds
-            )
+            yield "Friction holds the shaft at least from {} to {}; the torque shown is one of these.".format(*bounds)
         yield from delivering([self.quantities])
         yield from exceeded(self.motor, self.quantities)
         yield from too_fast(self.motor.to_dict(), self.speed_rad_s)
