@@ -216,6 +216,25 @@ static double drive_frequency(const struct motor *m, const double state[STATES])
 #endif
 }
 
+/* The amplitude of the voltage of the stage of a group, V. */
+static phasor stage(const struct values *p, int group)
+{
+    return group == 0 ? (phasor){p->amplitude_a, 0.0} : scaled(p->amplitude_b, turned_by(p->phase));
+}
+
+/* The amplitude of the voltage of a group, V: that of the stage, or behind a network a state. */
+static phasor voltage(const struct motor *m, const double state[STATES], int group)
+{
+#if DRIVEN
+    const double *own = state + NETWORK + 8 * group + 6;
+
+    return (phasor){own[0], own[1]};
+#else
+    (void)state;
+    return stage(&m->value, group);
+#endif
+}
+
 /* The path of the tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the
    carrier. */
 static struct path find_path(const struct motor *m, const double state[STATES])
@@ -240,6 +259,9 @@ static struct path find_path(const struct motor *m, const double state[STATES])
             found.y[h] = sum(found.y[h], scaled(mode.tip_y, amplitude));
         }
     }
+    phasor u_a = voltage(m, state, 0), u_b = voltage(m, state, 1);
+    found.x[1] = sum(found.x[1], sum(scaled(p->motion_x_a, u_a), scaled(p->motion_x_b, u_b)));
+    found.y[1] = sum(found.y[1], sum(scaled(p->motion_y_a, u_a), scaled(p->motion_y_b, u_b)));
     found.x[0].re += state[CARRIER_X];
     found.y[0].re += state[CARRIER];
     return found;
@@ -266,25 +288,6 @@ static void turn(const struct values *p, const double state[STATES], double torq
     rate[LOAD_POSITION] = state[LOAD_SPEED];
     rate[LOAD_SPEED] = (passed - resisted) / p->load_inertia;
     rate[SPEED] = (torque - passed) / p->inertia;
-}
-
-/* The amplitude of the voltage of the stage of a group, V. */
-static phasor stage(const struct values *p, int group)
-{
-    return group == 0 ? (phasor){p->amplitude_a, 0.0} : scaled(p->amplitude_b, turned_by(p->phase));
-}
-
-/* The amplitude of the voltage of a group, V: that of the stage, or behind a network a state. */
-static phasor voltage(const struct motor *m, const double state[STATES], int group)
-{
-#if DRIVEN
-    const double *own = state + NETWORK + 8 * group + 6;
-
-    return (phasor){own[0], own[1]};
-#else
-    (void)state;
-    return stage(&m->value, group);
-#endif
 }
 
 /* Add the currents that change the charges of the clamped capacitances; behind networks also find the rates of these. */
@@ -399,6 +402,14 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
             }
         }
     }
+
+    /* modes that are left out: the force on the tip moves the charges S F of the groups */
+    phasor pressed_a = sum(scaled(p->motion_x_a, f->contact.fx[1]), scaled(p->motion_y_a, f->contact.fy[1]));
+    phasor pressed_b = sum(scaled(p->motion_x_b, f->contact.fx[1]), scaled(p->motion_y_b, f->contact.fy[1]));
+    phasor drawn_a = scaled(2.0 * PI * frequency, turned(pressed_a)), drawn_b = scaled(2.0 * PI * frequency, turned(pressed_b));
+    f->current_a = sum(f->current_a, drawn_a);
+    f->current_b = sum(f->current_b, drawn_b);
+    f->contact_power += 0.5 * (u_a.re * drawn_a.re + u_a.im * drawn_a.im + u_b.re * drawn_b.re + u_b.im * drawn_b.im);
 
     charge(m, state, frequency, f);
 

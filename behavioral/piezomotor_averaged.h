@@ -127,6 +127,10 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(capacitance_a, "F", 1e-15, 1e-3, "clamped capacitance of group A at 100 kHz") \
     ENTRY(capacitance_b, "F", 1e-15, 1e-3, "clamped capacitance of group B at 100 kHz") \
     ENTRY(capacitance_ab, "F", -1e-3, 1e-3, "capacitance between the groups at 100 kHz, a part of both others") \
+    ENTRY(motion_x_a, "m/V", -1e-6, 1e-6, "motion of the tip along the rotor per volt on group A, by modes left out") \
+    ENTRY(motion_x_b, "m/V", -1e-6, 1e-6, "motion of the tip along the rotor per volt on group B, by modes left out") \
+    ENTRY(motion_y_a, "m/V", -1e-6, 1e-6, "motion of the tip towards the rotor per volt on group A, by modes left out") \
+    ENTRY(motion_y_b, "m/V", -1e-6, 1e-6, "motion of the tip towards the rotor per volt on group B, by modes left out") \
     ENTRY(loss, "1", 0, 0.5, "dielectric loss tangent") \
     ENTRY(frequency_drift, "1/K", -0.01, 0.01, "relative drift of the resonance frequencies") \
     ENTRY(coupling_drift, "1/K", -0.01, 0.01, "relative drift of the couplings") \

@@ -131,6 +131,11 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
         "coupling_stiffness": load.coupling_stiffness_n_m_per_rad, "coupling_damping": load.coupling_damping_n_m_s,
         "backlash": load.backlash_rad,
         **{groups.named("capacitance", one): own for one, own in zip(GROUPS, motor.piezo.capacitances, strict=True)},
+        **{
+            f"motion_{axis}_{group}": moved
+            for axis, row in zip("xy", motor.stator.residual_per_volt.tolist(), strict=True)
+            for group, moved in zip(GROUPS, row, strict=True)
+        },
         "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
         "frequency_drift": thermal.frequency_drift_per_k if thermal else 0.0,
         "coupling_drift": thermal.coupling_drift_per_k if thermal else 0.0,

@@ -70,6 +70,9 @@ def spice_rows(motor: Motor, outcome: Outcome, harmonics: int) -> tuple[dict[str
             displacement = 1e-6 * amplitude(f"v(xmotor.xmode{mode}_{order}.r_{{}})")
             contact -= 0.5 * np.real(tip @ forces * velocity.conj())
             stored += 0.25 * (mass * np.abs(velocity) ** 2 + stiffness * np.abs(displacement) ** 2)
+        if order == 1:  # the groups work on the contact by modes that are left out
+            turning = 2j * np.pi * samples["v(set_frequency)"]
+            contact += 0.5 * np.real(voltage.conj() * (turning * (stator.residual_per_volt.T @ forces))).sum(axis=0)
     rows = {name: samples[vector] for name, vector in _SAVED.items()} | {
         "electrical_power": 0.5 * np.real(voltage * current.conj()).sum(axis=0),
         "contact_power": contact,

@@ -287,6 +287,7 @@ class AveragedSubCircuit(Assembly):
             shape = {f"tip_{name}": float(name == axis) for name in "xy"}
             moved = spring_values(springs) | {"coupling_a": 0.0, "coupling_b": 0.0} | shape
             self._add_harmonics(f"carrier_{axis}", moved, (self.gnd, self.gnd), harmonics)
+        self._add_motion_by_voltage(motor)
         for node in (*_orders("x", harmonics), *_orders("y", harmonics), "heat"):
             self.R(f"sum_{node}", node, self.gnd, 1)
         self.R("open_temperature", "temperature", self.gnd, 1e9)
@@ -319,6 +320,16 @@ class AveragedSubCircuit(Assembly):
                     (*forces, *moves, "frequency"),
                     arm | {"harmonic": order},
                 )
+
+    def _add_motion_by_voltage(self, motor: Motor) -> None:
+        """Add what moves the tip by modes that are left out, and its current j ω S F."""
+        for axis, row in zip("xy", motor.stator.residual_per_volt.tolist(), strict=True):
+            for group, moved in zip(GROUPS, row, strict=True):
+                for part, other, sign in (("re", "im", -1.0), ("im", "re", 1.0)) if moved else ():
+                    name, pin = f"moved_{axis}_{group}_{part}", f"{group}_{part}"
+                    self.VCCS(name, self.gnd, f"{axis}_{part}1", pin, self.gnd, transconductance=rounded(1e6 * moved))
+                    drawn = f"{rounded(sign * 2.0 * pi * moved)!r}*V(frequency)*V(f{axis}_{other}1)"
+                    self.B(name, pin, self.gnd, i=drawn)
 
     def _add_groups(self, motor: Motor, thermal: Thermal | None) -> None:
         piezo, between = motor.piezo, abs(motor.piezo.capacitance_ab_f)

@@ -44,6 +44,7 @@ _EXPONENTS = {  # field of a motor → exponents of force, displacement, frequen
     **dict.fromkeys(("coupling_a_n_per_v", "coupling_b_n_per_v"), (1.0, 0.0, 0.0, -1.0)),
     **dict.fromkeys(("capacitance_a_f", "capacitance_b_f", "capacitance_ab_f"), (1.0, 1.0, 0.0, -2.0)),
     **dict.fromkeys(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), (-1.0, 1.0, 0.0, 0.0)),
+    **dict.fromkeys(tuple(f"motion_{axis}_{group}_m_per_v" for axis in "xy" for group in "ab"), (0.0, 1.0, 0.0, -1.0)),
     **dict.fromkeys(("softening_per_m2", "damping_growth_per_m2"), (0.0, -2.0, 0.0, 0.0)),
     "normal_stiffness_n_per_m15": (1.0, -1.5, 0.0, 0.0),
     "tangential_compliance_tip_m_per_n23": (-2.0 / 3.0, 1.0, 0.0, 0.0),

@@ -121,7 +121,7 @@ def dynamometer_bench(
     )  # fmt: skip
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:
-        add_meters(circuit, motor, {"lag": discretisation.slider_time} if discretisation else {})
+        add_meters(circuit, motor, law, {"lag": discretisation.slider_time} if discretisation else {})
     options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
     return Bench(circuit, options, _start(motor, source, law, start, discretisation))
 

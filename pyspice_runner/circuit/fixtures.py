@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.law import PAPER_LAW
+from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
-from pyspice_runner.circuit.state import plate_nodes
+from pyspice_runner.circuit.state import held_piezo, plate_nodes
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.dielectric import Branch
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
@@ -41,9 +42,9 @@ def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:
     )  # fmt: skip
 
 
-def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
+def add_meters(circuit: Netlist, motor: Motor, law: Law | None, lag: dict[str, float]) -> None:
     """Put meters of power, losses and states around a motor whose source is at ``metered_a`` and ``metered_b``."""
-    tip = contact_nodes(motor)
+    tip, piezo = contact_nodes(motor, law), held_piezo(motor, law)
     inside = [f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], "normal", "friction", "state")]
     nodes: tuple[str | int, ...] = ("shaft", *inside)
     instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
@@ -53,26 +54,28 @@ def add_meters(circuit: Netlist, motor: Motor, lag: dict[str, float]) -> None:
     for spring, part in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
         nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")
         instantiate(circuit, f"heat_{part}", "piezomotor_heat", nodes, resistance=spring.damping_n_s_per_m)
-    between = abs(motor.piezo.capacitance_ab_f)
+    between = abs(piezo.capacitance_ab_f)
     for group, line in zip(GROUPS, METERED, strict=True):
         nodes = (line, group, circuit.gnd)
         instantiate(circuit, groups.named("meter", group), "piezomotor_wattmeter", nodes, **lag)
         nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
-        own = 1.0 - between / groups.of(motor.piezo.capacitances, group)
-        _add_groupheat(circuit, motor, group, nodes, own)
+        own = 1.0 - between / groups.of(piezo.capacitances, group)
+        _add_groupheat(circuit, dielectric_branches(motor, group, law), group, nodes, own)
     if between:  # in a capacitance of its own at the difference of the voltages, at their sum for a negative one
         plates = ([f"xmotor.{node}" for node in plate_nodes(group)] for group in GROUPS)
         pairs = [GROUPS, *zip(*plates, strict=True)]
-        sign = "-" if motor.piezo.capacitance_ab_f > 0.0 else "+"
+        sign = "-" if piezo.capacitance_ab_f > 0.0 else "+"
         for number, (a, b) in enumerate(pairs):
             circuit.B(f"across{number}", f"across{number}", circuit.gnd, v=f"V({a}){sign}V({b})")
         nodes = tuple(f"across{number}" for number in range(len(pairs)))
-        _add_groupheat(circuit, motor, "ab", nodes, between / motor.piezo.capacitance_a_f)
+        _add_groupheat(circuit, dielectric_branches(motor, "a", law), "ab", nodes, between / piezo.capacitance_a_f)
 
 
-def _add_groupheat(circuit: Netlist, motor: Motor, name: str, nodes: Sequence[str | int], share: float) -> None:
+def _add_groupheat(
+    circuit: Netlist, branches: Sequence[Branch], name: str, nodes: Sequence[str | int], share: float
+) -> None:
     """Integrate the heat in a share of the capacitance of a group; that between the groups is a share of group A's."""
-    resistances = [branch.resistance_ohm / share for branch in dielectric_branches(motor, name[0])]
+    resistances = [branch.resistance_ohm / share for branch in branches]
     values = {f"resistance{index}": value for index, value in enumerate(resistances)}
     instantiate(circuit, f"heat_{name}", "piezomotor_groupheat", nodes, **values)
 

@@ -36,8 +36,10 @@ from pyspice_runner.circuit.state import (
     Motion,
     State,
     carrier,
+    held_piezo,
     motor_states,
     plate_nodes,
+    pushes,
     start_parameters,
     static_sway,
     stems,
@@ -50,7 +52,7 @@ from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, derived
-from pyspice_runner.motor.parameters import Mode, Mount
+from pyspice_runner.motor.parameters import Mode, Mount, Piezo
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import (
@@ -195,7 +197,7 @@ class MotorSubCircuit(Assembly):
         defaults |= {state.parameter: "0" for state in starts}
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
         self.prefix, self._starts = prefix or self.name, starts
-        self._motor, self._discretisation, self._thermal = motor, discretisation, thermal
+        self._motor, self._law, self._discretisation, self._thermal = motor, law, discretisation, thermal
         self._common = "common" if check else "com"
         self._mount = carrier(motor, law)
         if plates:
@@ -225,7 +227,7 @@ class MotorSubCircuit(Assembly):
             self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
 
     def _add_groups(self, warm: tuple[str, ...]) -> None:
-        piezo, thermal = self._motor.piezo, self._thermal
+        piezo, thermal = held_piezo(self._motor, self._law), self._thermal
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         for group, capacitance in zip(GROUPS, piezo.capacitances, strict=True):
             values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
@@ -235,9 +237,9 @@ class MotorSubCircuit(Assembly):
                 groups.named("group", group), f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift
             )
         if piezo.capacitance_ab_f:
-            self._add_capacitance_between(warm)
+            self._add_capacitance_between(piezo, warm)
 
-    def _add_capacitance_between(self, warm: tuple[str, ...]) -> None:
+    def _add_capacitance_between(self, piezo: Piezo, warm: tuple[str, ...]) -> None:
         """Add the capacitance between the groups: each group draws a share of the other's current, of opposite sign.
 
         It has the same dielectric as the groups, so that its own plates would follow theirs.
@@ -249,10 +251,10 @@ class MotorSubCircuit(Assembly):
                 group,
                 self._common,
                 f"Vown_{other}",
-                current_gain=_shared(self._motor, other),
+                current_gain=_shared(piezo, other),
             )
         if warm:
-            drawn = (f"{_shared(self._motor, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
+            drawn = (f"{_shared(piezo, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
             self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
 
     def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
@@ -320,6 +322,11 @@ class MotorSubCircuit(Assembly):
             values["preload"] = 0.0  # at rest there is no friction
         moved = {axis: f"stem_{axis}", f"v{axis}": f"stem_v{axis}"}
         own = [nodes.get(pin, pin) for pin in moved]
+        for group, per_volt in zip(GROUPS, pushes(self._motor, self._law).get(name, ()), strict=False):
+            pushed, turn = groups.named(f"pushed_{axis}", group), rounded(per_volt)
+            self.VCVS(pushed, pushed, force, group, self._common, voltage_gain=-turn)
+            self.VCCS(pushed, group, self._common, moved[f"v{axis}"], own[1], transconductance=turn)
+            force = pushed
         self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
         return {pin: node for pin, node in moved.items() if pin != "x"}
 
@@ -416,12 +423,14 @@ def require_linear(motor: Motor, what: str) -> None:
             )
 
 
-def contact_nodes(motor: Motor) -> dict[str, str]:
-    """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy."""
+def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
+    """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy, with a law as voltages move it."""
     nodes = {name: name for name in ("x", "y", "vx", "vy")}
     if motor.sway_m:
         nodes["x"] = CROWN
-    return nodes | (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})
+    nodes |= (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})
+    moved = {"stem": {"vy": "stem_vy"}, "stem_x": {"vx": "stem_vx"}}
+    return nodes | {pin: node for name in pushes(motor, law) for pin, node in moved[name].items()}
 
 
 def coarsest_step(motor: Motor) -> float:
@@ -608,9 +617,13 @@ def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, 
 
 
 @derived
-def dielectric_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
-    """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"`` in the netlist, those of PLATES."""
-    return lossy_capacitance(groups.of(motor.piezo.capacitances, group), _loss_tangent(motor), branches=len(PLATES))
+def dielectric_branches(motor: Motor, group: str, law: Law | None = None) -> tuple[Branch, ...]:
+    """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"``, those of PLATES.
+
+    With a law they are those of the netlist (:func:`.held_piezo`).
+    """
+    own = groups.of(held_piezo(motor, law).capacitances, group)
+    return lossy_capacitance(own, _loss_tangent(motor), branches=len(PLATES))
 
 
 def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:
@@ -627,9 +640,9 @@ def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex12
     return np.array([[own, between], [between, other]])
 
 
-def _shared(motor: Motor, group: str) -> float:
+def _shared(piezo: Piezo, group: str) -> float:
     """Return the share of the dielectric current of a group that the other group draws."""
-    return rounded(-motor.piezo.capacitance_ab_f / groups.of(motor.piezo.capacitances, group))
+    return rounded(-piezo.capacitance_ab_f / groups.of(piezo.capacitances, group))
 
 
 def _loss_tangent(motor: Motor) -> float:

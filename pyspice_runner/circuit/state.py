@@ -19,7 +19,7 @@ from pyspice_runner.circuit.law import Law, contact_library, is_own
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor, derived
-from pyspice_runner.motor.parameters import Mode, Mount
+from pyspice_runner.motor.parameters import Mode, Mount, Piezo
 from pyspice_runner.motor.stator import Stator, carriers, discretised
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
@@ -74,6 +74,25 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     if law and not law.spring:
         found.pop("stem_x")
     return {name: compliance for name, compliance in found.items() if law and compliance}
+
+
+def pushes(motor: Motor, law: Law | None) -> dict[str, tuple[float, ...]]:
+    """Return the force per volt on each group, in N/V, that moves what is in series with the contact.
+
+    They are by the instances that voltages move. The compression by a force F is that by F less these forces.
+    """
+    moved = dict(zip(("stem_x", "stem"), motor.stator.residual_per_volt, strict=True))
+    softness = stems(motor, law)
+    return {name: tuple((moved[name] / softness[name]).tolist()) for name in softness if moved[name].any()}
+
+
+def held_piezo(motor: Motor, law: Law | None) -> Piezo:
+    """Return the capacitances of the netlist: while the springs are held that the voltages move, C − Sᵀ R⁻¹ S."""
+    piezo, matrix = motor.piezo, np.array(motor.piezo.matrix)
+    for name, forces in pushes(motor, law).items():
+        matrix -= stems(motor, law)[name] * np.outer(forces, forces)
+    (a, between), (_, b) = matrix.tolist()
+    return piezo.model_copy(update={"capacitance_a_f": a, "capacitance_b_f": b, "capacitance_ab_f": -between + 0.0})
 
 
 def first_guess(

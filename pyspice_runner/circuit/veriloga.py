@@ -29,8 +29,10 @@ from pyspice_runner.circuit.motor import (
     rounded,
     spring_values,
 )
-from pyspice_runner.circuit.state import Discretisation, stems, written_stator
+from pyspice_runner.circuit.state import Discretisation, held_piezo, pushes, stems, written_stator
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
@@ -184,6 +186,7 @@ def module_values(
     discretisation: Discretisation | None = None,
 ) -> Mapping[str, float | int]:
     """Return the value of every parameter of the module but those that stay at their neutral defaults."""
+    piezo = held_piezo(motor, law)
     constants = contact_values(
         law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=0.0,
         slider_time=discretisation.slider_time if discretisation else None,
@@ -201,11 +204,16 @@ def module_values(
         "bearing_angle": motor.rotor.bearing_presliding_rad,
         "mounted": int(motor.mount is not None),
         "mounted_x": int(len(carriers(motor.mount)) > 1),
-        "capacitance_a": rounded(motor.piezo.capacitance_a_f),
-        "capacitance_b": rounded(motor.piezo.capacitance_b_f),
-        "capacitance_ab": rounded(motor.piezo.capacitance_ab_f),
+        "capacitance_a": rounded(piezo.capacitance_a_f),
+        "capacitance_b": rounded(piezo.capacitance_b_f),
+        "capacitance_ab": rounded(piezo.capacitance_ab_f),
         "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
     }
+    for name, forces in pushes(motor, law).items():
+        values |= {
+            groups.named(name.replace("stem", "push"), group): force
+            for group, force in zip(GROUPS, forces, strict=True)
+        }
     for along, prefix in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
         values |= {f"{prefix}_{name}": value for name, value in spring_values(along, discretisation).items()}
     if thermal is not None:

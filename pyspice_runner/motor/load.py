@@ -31,6 +31,7 @@ from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor import beam as beam_model
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.drive import DRIVES
+from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import (
     ALIASES,
     KINDS,
@@ -169,6 +170,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
     return parse_toml(read_document(path, "a readable TOML file"), path.name), path
 
 
+_NO_MOTION = 1e-5  # of the largest: a motion per volt that symmetry forbids
 _TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", *SECTIONS)
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
@@ -289,6 +291,8 @@ def _from_solid(
                 mode[name] = 0.0  # but for rounding
     capacitance = stator.clamped_f + stator.residual_f
     between = -float(capacitance[0, 1])
+    motion = np.where(np.diag(stator.residual_m_per_n)[:, np.newaxis] > 0.0, stator.residual_m_per_v, 0.0)
+    motion = np.where(np.abs(motion) > _NO_MOTION * np.abs(motion).max(), motion, 0.0)  # 0 but for rounding
     return (
         solid,
         modes,
@@ -296,6 +300,11 @@ def _from_solid(
             "capacitance_a_f": float(capacitance[0, 0]),
             "capacitance_b_f": float(capacitance[1, 1]),
             "capacitance_ab_f": between if abs(between) > 1e-6 * capacitance[0, 0] else 0.0,  # 0 but for rounding
+            **{
+                f"motion_{axis}_{group}_m_per_v": float(per_volt)
+                for axis, row in zip("yx", motion, strict=True)
+                for group, per_volt in zip(GROUPS, row, strict=True)
+            },
         },
     )
 

@@ -255,6 +255,7 @@ class Motor(Shown, Parameters):
                     f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
+        self._check_motion()
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
@@ -280,6 +281,17 @@ class Motor(Shown, Parameters):
                 "and tip_y, contact.normal_stiffness_n_per_m15, "
                 f"{'slider.mass_kg' if self.slider else 'rotor.inertia_kg_m2'} or mount.mass_kg"
             )
+
+    def _check_motion(self) -> None:
+        stator, smallest = self.stator, min(self.piezo.capacitances)
+        for axis, moved, softness in zip(("x", "y"), stator.residual_per_volt, np.diag(stator.residual), strict=True):
+            if moved.any() and moved @ moved > softness * smallest:
+                name = "series_compliance_m_per_n"
+                raise ValueError(
+                    f"piezo.motion_{axis}_a_m_per_v and motion_{axis}_b_m_per_v move the spring of contact."
+                    f"{'tangential_' if axis == 'x' else ''}{name} = {softness:g} m/N, which is too stiff for them and "
+                    "the capacitances: make it softer, or set both to 0"
+                )
 
     @property
     @derived

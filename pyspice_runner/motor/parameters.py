@@ -203,11 +203,18 @@ class Mode(Parameters):
         return sqrt(self.stiffness_n_per_m * self.mass_kg) / self.damping_n_s_per_m
 
 
+def _motion(along: str, group: str) -> Any:
+    """Return the field of the motion of the contact per volt on a group."""
+    meaning = f"static motion of the tip {along} per volt on group {group}, by modes that are left out"
+    return quantity(meaning, "m/V", ge=-1e-6, le=1e-6, default=0.0)
+
+
 class Piezo(Parameters):
     """Electrical values of both groups with the beam clamped.
 
     The charges are Q_A = C_A U_A − C_AB U_B and Q_B = C_B U_B − C_AB U_A: each capacitance is that with the other group
-    shorted.
+    shorted. A force F on the tip adds S F to each, with S the motion per volt: the spring that S moves is that in
+    series with the contact, and the capacitances are those without a force on it.
     """
 
     capacitance_a_f: float = quantity("clamped capacitance of group A at 100 kHz", "F", gt=1e-15, le=1e-3)
@@ -216,6 +223,10 @@ class Piezo(Parameters):
         "capacitance C_AB between the groups at 100 kHz, a part of both others", "F", ge=-1e-3, le=1e-3, default=0.0
     )
     loss_tangent: float = quantity("dielectric loss tangent, the same from 1 kHz to 10 MHz", "1", ge=0.0, le=0.5)
+    motion_x_a_m_per_v: float = _motion("along the rotor", "A")
+    motion_x_b_m_per_v: float = _motion("along the rotor", "B")
+    motion_y_a_m_per_v: float = _motion("towards the rotor", "A")
+    motion_y_b_m_per_v: float = _motion("towards the rotor", "B")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -237,6 +248,11 @@ class Piezo(Parameters):
         """Charges of the groups per volt on each, in F."""
         between = -self.capacitance_ab_f
         return (self.capacitance_a_f, between), (between, self.capacitance_b_f)
+
+    @property
+    def motion(self) -> tuple[tuple[float, ...], ...]:
+        """Static motion of the tip along x and y per volt on each group, by modes that are left out, in m/V."""
+        return (self.motion_x_a_m_per_v, self.motion_x_b_m_per_v), (self.motion_y_a_m_per_v, self.motion_y_b_m_per_v)
 
 
 SOFTEST_SIDES = 0.01  # m/N^(2/3), the maximum of the contact's library

@@ -66,7 +66,11 @@ class Stator:
 
     @classmethod
     def of_modes(cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact) -> Self:
-        """Return the stator of modes with two groups and one contact; a recoil that is not known is 0."""
+        """Return the stator of modes with two groups and one contact; a recoil that is not known is 0.
+
+        Voltages do not move a contact without a compliance in series: its modes that are left out do not count.
+        """
+        softness = np.array([contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n])
         return cls(
             mass=np.array([mode.mass_kg for mode in modes]),
             damping=np.array([mode.damping_n_s_per_m for mode in modes]),
@@ -75,8 +79,8 @@ class Stator:
             contact=np.array([(mode.tip_x, mode.tip_y) for mode in modes]).T,
             capacitance=np.array(piezo.matrix),
             recoil=np.array([(mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0) for mode in modes]),
-            residual=np.diag([contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n]),
-            residual_per_volt=np.zeros((2, len(piezo.matrix))),
+            residual=np.diag(softness),
+            residual_per_volt=np.where(softness[:, np.newaxis] > 0.0, piezo.motion, 0.0),
             loss_tangent=piezo.loss_tangent,
         )
 

@@ -175,6 +175,9 @@ def ceramic(
     stator, volts = motor.stator, np.array([samples[f"v({group})"] for group in GROUPS])
     for damping, coupling, velocity in zip(stator.damping, stator.coupling, velocities, strict=True):
         heat += window.mean((damping * velocity - coupling @ volts) * velocity)
+    for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=True):
+        if moved.any() and f"v(xmotor.{name})" in samples:  # power that the groups pass to the contact
+            heat += window.mean(moved * np.gradient(samples[f"v(xmotor.{name})"], samples["time"]))
     found = {
         **peak_of_motion(motor, displacement),
         "temperature_rise_k": temperature_rise(motor, heat),

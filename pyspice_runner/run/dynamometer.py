@@ -18,7 +18,7 @@ import numpy as np
 from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
 from pyspice_runner.circuit.source import Source
-from pyspice_runner.circuit.state import PLATES, Motion, motion_of, motor_states
+from pyspice_runner.circuit.state import PLATES, Motion, held_piezo, motion_of, motor_states
 from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers, square
@@ -199,8 +199,9 @@ class Dynamometer:
         """Return the energy in J in modes, plates and mount, without rotor and contact."""
         lifts, rises = (motion.carrier_m, motion.carrier_x_m), (motion.carrier_m_s, motion.carrier_x_m_s)
         energy = stored_energy(self.motor, motion.displacements_m, motion.velocities_m_s, lifts, rises)
-        share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
-        branches = zip(*(dielectric_branches(self.motor, group) for group in "ab"), strict=True)
+        piezo = held_piezo(self.motor, self.setup.law)
+        share = piezo.capacitance_ab_f / piezo.capacitance_a_f
+        branches = zip(*(dielectric_branches(self.motor, group, self.setup.law) for group in "ab"), strict=True)
         for (a, b), u, v in zip(branches, motion.plates_a_v, motion.plates_b_v, strict=True):
             energy += 0.5 * (a.capacitance_f * u * (u - 2.0 * share * v) + b.capacitance_f * v**2)
         return energy

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -13,9 +12,12 @@ from pyspice_runner.circuit.motor import dielectric_branches
 from pyspice_runner.circuit.state import (
     Discretisation,
     Kind,
+    held_piezo,
+    pushes,
     recorded_states,
     state_vectors,
     static_sway,
+    stems,
     written_stator,
 )
 from pyspice_runner.motor import contact as contact_law
@@ -184,7 +186,7 @@ class _Terms:
             kinetic=_change(0.5 * self.stator.mass @ self.velocity**2),
             elastic=_change(0.5 * self.stator.stiffness @ (squared - 0.5 * softening * squared**2)),
             damping=self.work(self.stator.damping @ (self.velocity**2 * (1.0 + growth * squared))),
-            contact_elastic=_change(pressed + 0.5 * motor.contact.series_compliance_m_per_n * normal**2),
+            contact_elastic=_change(pressed) + self.in_series("stem", normal)[0],
             contact_damping=float(np.trapezoid(normal - hertz, self.penetration)),
             friction=self.friction(),
             mount=mount,
@@ -198,20 +200,32 @@ class _Terms:
             rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if self.recording.point.law else 0.0,
         )
 
+    def in_series(self, name: str, force: Array) -> tuple[float, float]:
+        """Return the change of the energy of what is in series with the contact, and the work of the voltages on it."""
+        point = self.recording.point
+        compliance, moved = stems(self.motor, point.law).get(name, 0.0), force
+        given = np.zeros_like(force)
+        for voltage, per_volt in zip(_VOLTAGES, pushes(self.motor, point.law).get(name, ()), strict=False):
+            given = given + per_volt * self.waves[voltage]
+        moved = force - given
+        return _change(0.5 * compliance * moved**2), -compliance * float(np.trapezoid(given, moved))
+
     def dielectric(self) -> float:
         """Return the energy in the clamped capacitances and their loss."""
         thermal, warm = self.recording.point.thermal, self.warm
-        energy = 0.0
+        energy, normal, friction = 0.0, self.waves["normal_force_n"], self.waves["friction_force_n"]
         if not self.recording.started or thermal is not None:
             # of a run that continues another, or whose capacitances drift, only what the pins take is known
             drifting = 1.0 if thermal is None or warm is None else 1.0 + thermal.coupling_drift_per_k * warm
             for group, coupling in zip(GROUPS, self.stator.coupling.T, strict=True):
                 own = self.waves[column("current", group, "a")] - drifting * (coupling @ self.velocity)
                 energy += self.work(self.waves[column("voltage", group, "v")] * own)
-            return energy
+            return energy - self.in_series("stem", normal)[1] - self.in_series("stem_x", friction)[1]
         u, v = map(self.waves.__getitem__, _VOLTAGES)
-        share = self.motor.piezo.capacitance_ab_f / self.motor.piezo.capacitance_a_f
-        branches = map(partial(dielectric_branches, self.motor), GROUPS)
+        law = self.recording.point.law
+        piezo = held_piezo(self.motor, law)
+        share = piezo.capacitance_ab_f / piezo.capacitance_a_f
+        branches = (dielectric_branches(self.motor, group, law) for group in GROUPS)
         for a, b in zip(*branches, strict=True):
             lag = a.resistance_ohm * a.capacitance_f
             at_a, at_b = plate_voltage(self.time, u, lag), plate_voltage(self.time, v, lag)
@@ -255,7 +269,9 @@ class _Terms:
         sine = x / (radius - self.penetration)
         cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
         tangential = vx * cosine + vy * sine
-        return self.work(self.waves["friction_force_n"] * (tangential - radius * self.waves["rotor_speed_rad_s"]))
+        friction = self.waves["friction_force_n"]
+        work = self.work(friction * (tangential - radius * self.waves["rotor_speed_rad_s"]))
+        return work + self.in_series("stem_x", friction)[1]
 
 
 def _change(stored: Array) -> float:

@@ -429,7 +429,7 @@ class Plant:
     def _add_shaft(self, circuit: SubCircuit, discretisation: Discretisation, *, meters: bool) -> None:
         """Add what holds or loads the shaft, and the meters, if any."""
         if meters:
-            add_meters(circuit, self.motor, {"lag": discretisation.slider_time})
+            add_meters(circuit, self.motor, self.law, {"lag": discretisation.slider_time})
             add_set_speed(circuit, self.load.speed)
             connect_brake(circuit, self.load.torque, grips=self.load.speed is not None)
             return

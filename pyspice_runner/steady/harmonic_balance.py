@@ -102,6 +102,7 @@ class Stators(_OfPoints):
     memory: Complex  # force over the rate of an amplitude that changes slowly, N s/m
     forces: Complex  # by voltages and preload, shape (points, harmonics, n), N
     contact: Array  # parameters of the library, shape (points, parameters)
+    direct: Complex  # motion of the tip by the voltages through modes left out, shape (points, harmonics, 2), m
     series: Array  # compliances in series along x and y, shape (points, 2), m/N
     preload: Array  # N; this and the following have the shape (points, 1)
     grip: Array  # static limit of the friction force, N
@@ -135,7 +136,10 @@ def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
     compliance = np.asarray(tip @ gains @ np.swapaxes(tip, -1, -2), dtype=complex)
     compliance[..., [0, 1], [0, 1]] += stators.series[:, np.newaxis]  # which the contact force compresses
     return Response(
-        np.asarray(gains, dtype=complex), coordinates, compliance, np.einsum("pxn,phn->phx", stators.tip, coordinates)
+        np.asarray(gains, dtype=complex),
+        coordinates,
+        compliance,
+        np.einsum("pxn,phn->phx", stators.tip, coordinates) + stators.direct,
     )
 
 
@@ -158,7 +162,8 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     series = [[one.tangential_series_compliance_m_per_n, one.series_compliance_m_per_n] for one in contacts]
     parameters = np.array(list(contact_parameters(plants, PAPER_LAW).values())).T
     scalars = [column[:, np.newaxis] for column in columns[4:]]
-    return Stators(*[*columns[:4], parameters, np.array(series), *scalars])
+    direct = np.array([motion_by_voltage(plant, grid.omega, grid.orders) for plant in plants])
+    return Stators(*[*columns[:4], parameters, direct, np.array(series), *scalars])
 
 
 def contact_parameters(plants: Sequence[Plant], law: Law) -> dict[str, Array]:
@@ -185,6 +190,16 @@ def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array,
     if stator.carriers:
         forces[0, modes] = plant.motor.contact.preload_n
     return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces
+
+
+def motion_by_voltage(plant: Plant, omega: float, orders: Array) -> Complex:
+    """Return the phasors of the motion of the tip along x and y by modes left out, shape (harmonics, 2), m."""
+    moved = np.zeros((len(orders), 2), dtype=complex)
+    for tones, per_volt in zip(plant.drive.tones, plant.motor.stator.residual_per_volt.T, strict=True):
+        for tone in tones:
+            order, phasor = tone_phasor(tone, omega)
+            moved[order] += per_volt * phasor
+    return moved
 
 
 def tone_phasor(tone: Tone, omega: float) -> tuple[int, complex]:
@@ -547,6 +562,9 @@ class Balance:
         couplings = plant.motor.stator.coupling[:, place]
         volts, amperes = np.zeros((2, len(orders)), dtype=complex)
         amperes += 1j * self.grid.omega * orders * (self.coordinates[:, : plant.modes] @ couplings)
+        if (moved := plant.motor.stator.residual_per_volt[:, place]).any():
+            on_tip = self.grid.phasors(self.forces.on_tip[0], orders)
+            amperes += 1j * self.grid.omega * orders * (on_tip @ moved)
         for at, tones in enumerate(plant.drive.tones):
             for tone in tones:
                 order, phasor = tone_phasor(tone, self.grid.omega)
@@ -569,13 +587,15 @@ class Balance:
         state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
         state[plant.where("contact")] = MICRO * self.sliders
         contact, stem = plant.motor.contact, []
-        for series, force, rest in (
-            (contact.series_compliance_m_per_n, self.forces.normal[0], contact.preload_n),
-            (contact.tangential_series_compliance_m_per_n, self.forces.friction[0], 0.0),
+        direct = motion_by_voltage(plant, grid.omega, orders)
+        moved, moving = direct.sum(axis=0).real, (1j * grid.omega * orders @ direct).real
+        for axis, series, force, rest in (
+            (1, contact.series_compliance_m_per_n, self.forces.normal[0], contact.preload_n),
+            (0, contact.tangential_series_compliance_m_per_n, self.forces.friction[0], 0.0),
         ):
             if series:
                 rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
-                stem += [series * (force[0] - rest), series * rate]
+                stem += [series * (force[0] - rest) - moved[axis], series * rate - moving[axis]]
         state[plant.where("stem")] = stem
         state[plant.carrier] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
         if plant.turns:

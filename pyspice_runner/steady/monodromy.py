@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.circuit.law import contact_library, unplotted
 from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
-from pyspice_runner.circuit.state import MICRO, Discretisation, static_sway, stems, written_stator
+from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_sway, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import square
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.steady.copies import Plant
+from pyspice_runner.steady.copies import Plant, phasor_at
 
 Array = NDArray[np.float64]
 FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
@@ -57,6 +57,17 @@ class Course:
     friction: Array  # N
     penetration_um: Array
     first: int  # the point at which the period begins
+    begun: float = 0.0  # time since the drive's phase was that of t = 0 at the start of the run, s
+
+    def pushed(self, name: str) -> Array:
+        """Return the force in N by which the voltages move an instance of what is in series with the contact."""
+        force = np.zeros(len(self.time))
+        for per_volt, tones in zip(
+            pushes(self.plant.motor, self.plant.law).get(name, ()), self.plant.drive.tones, strict=False
+        ):
+            for tone in tones:
+                force += rounded(per_volt) * phasor_at(tone, 1.0, self.begun + self.time)[0]
+        return force
 
 
 def differentiable(plant: Plant) -> bool:
@@ -145,7 +156,8 @@ class _Group:
         held[:, 0, 4] = 0.0 if plant.turns else [course.plant.load.speed or 0.0 for course in self.courses]
         pins = self.states @ self.tip.swapaxes(1, 2) + held
         inner = self.states[..., self.inner] / self.units
-        forces = np.array([(course.friction, course.normal) for course in self.courses]).swapaxes(1, 2)
+        each = [(one.friction - one.pushed("stem_x"), one.normal - one.pushed("stem")) for one in self.courses]
+        forces = np.array(each).swapaxes(1, 2)
         moved = self._through_stems(np.concatenate([pins, inner[..., own:], forces], axis=2))
         slopes = self._slopes(np.concatenate([moved[..., :5], inner[..., :own]], axis=2))
         # what is in series with the contact is linear, and its forces depend on how far they compress it
@@ -204,7 +216,8 @@ class _Group:
     def _through_stems(self, inputs: Array) -> Array:
         """Return x, y, vx, vy, shaft as the contact has them, and the rates of the lags of what is in series with it.
 
-        The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force.
+        The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force, both
+        less that by which the voltages move what is in series.
         """
         if inputs.ndim == 2:  # the same in all runs
             inputs = np.broadcast_to(inputs, (len(self.courses), *inputs.shape))

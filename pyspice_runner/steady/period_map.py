@@ -28,7 +28,7 @@ import numpy as np
 
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.law import MOST_SLIDERS, reached
-from pyspice_runner.circuit.state import Discretisation, static_sway
+from pyspice_runner.circuit.state import Discretisation, pushes, static_sway
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups, strength
@@ -316,7 +316,7 @@ class PeriodMap:
             if whole and differentiable(plant):
                 states, contact = states[:, : window.stop], contact[:, : window.stop]
                 normal, friction, *_, depth = contact
-                course = Course(plant, time[: window.stop], states, normal, friction, depth, window.start)
+                course = Course(plant, time[: window.stop], states, normal, friction, depth, window.start, copy.begun)
             trace = Trace(copy.begun + time[window], states[:, window], *contact[:, window])
             traces.append(replace(trace, course=course))
         return traces
@@ -407,6 +407,10 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
         for tone in tones:
             gain = complex(plant.dielectrics[tone.frequency][place, at])
             amperes += phasor_at(tone, gain, trace.time)[0]
+    moved = plant.motor.stator.residual_per_volt[:, place]
+    for name, per_volt, force in zip(("stem_x", "stem"), moved, (trace.friction, trace.normal), strict=True):
+        if name in pushes(plant.motor, plant.law):
+            amperes -= per_volt * np.gradient(force, trace.time, edge_order=2)
     return np.asarray(amperes)
 
 
@@ -457,6 +461,12 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         vy = vy + carrier[1, 1:]
     if len(carrier) > 2:
         x, vx = x + carrier[2, 1:], vx + carrier[3, 1:]
+    towards = pushes(motor, plant.law)
+    for moved, tones in zip(motor.stator.residual_per_volt.T, plant.drive.tones, strict=True):
+        for tone in tones:  # what is in series with the contact stores, and gives it back
+            rate = np.asarray(phasor_at(tone, 1.0, trace.time)[1])[1:]
+            vx = vx + moved[0] * rate * ("stem_x" in towards)
+            vy = vy + moved[1] * rate * ("stem" in towards)
     normal, friction, state = trace.normal[1:], trace.friction[1:], trace.contact_state[1:]
     turning = speed(plant, trace)[1:]
     points = len(state)

@@ -8,6 +8,7 @@ The law, with what is in :mod:`.physics` and d the approach of tip and rotor, wh
     d = δ + C F_N,  F_N = K_N δ^{3/2} f,  f = max(0, 1 + a δ')      series compliance C, Hunt and Crossley's a
     F_T = sign(u) μ s F_N [1 − (1 − |u|/u_lim)^{3/2}],  u_lim = μ K_t K_N^{2/3} δ f
     (u + C_t F_T)' = v_rel in |u| ≤ u_lim, with the compliance C_t along the rotor
+    the voltages move the tip by S U in addition, if it gives way: d' and v_rel by the rate of it
     s: Stribeck's factor, with the slip velocity w = |v_rel − u'|, where C_t = 0
 
 With C and a the penetration is a state of its own, which follows d with the time constant a C K_N δ^{3/2}. The implicit
@@ -35,6 +36,7 @@ from tests.reference import physics
 from tests.reference.physics import HERTZ, KAPPA, MU, OMEGA, Array, Q, U, X, Y, accelerate, sliding, touching, voltage
 
 _SERIES, _LOSS, _SOFT = range(physics.SCALARS, physics.SCALARS + 3)  # C, a and C_t
+_MOVED = physics.SCALARS + 3  # motion of the tip per volt of A and B along the rotor, then towards it
 INTEGRALS = (
     "input", "damping", "mount_damping", "normal", "friction", "bearing", "normal_force", "friction_force", "speed",
 )  # fmt: skip
@@ -127,11 +129,25 @@ def _slider(total, limit, most, soft):
 
 
 @njit(nogil=True, cache=True)
-def _rates(s, ua, ub, before, f0, h, w, modes, p, ds):
+def _rise(tones, t):
+    """Rate of the sum of sines in V/s."""
+    value = 0.0
+    for i in range(tones.shape[0]):
+        omega = 2.0 * np.pi * tones[i, 1]
+        value += tones[i, 0] * omega * np.cos(omega * t + tones[i, 2])
+    return value
+
+
+@njit(nogil=True, cache=True)
+def _rates(s, t, tones_a, tones_b, before, f0, h, w, modes, p, ds):
     """Fill the rates of the state; return δ, f, and the limit of u + C_t F_T."""
     n = modes.shape[1]
     hertz, damping = p[HERTZ], p[_LOSS]
     d, approach, relative, ex, ey = touching(s, modes, p)
+    ua, ub, ra, rb = voltage(tones_a, t), voltage(tones_b, t), _rise(tones_a, t), _rise(tones_b, t)
+    slid, pressed = p[_MOVED] * ra + p[_MOVED + 1] * rb, p[_MOVED + 2] * ra + p[_MOVED + 3] * rb
+    d += p[_MOVED + 2] * ua + p[_MOVED + 3] * ub
+    approach, relative = approach + pressed, relative + slid
     delta, f = _depth(d, approach, before, f0, h, p)
     fn = hertz * delta * np.sqrt(delta) * f
     limit = p[KAPPA] * delta * f
@@ -140,7 +156,7 @@ def _rates(s, ua, ub, before, f0, h, w, modes, p, ds):
     given, lost, mount, bearing = accelerate(s, ua, ub, fn * ex - ft * ey, -fn * ey - ft * ex, ft, modes, p, ds)
     ds[2 * n + U] = relative if d > 0.0 else 0.0
     q = 2 * n + Q
-    ds[q], ds[q + 1], ds[q + 2] = given, lost, mount
+    ds[q], ds[q + 1], ds[q + 2] = given + fn * pressed + ft * slid, lost, mount
     ds[q + 3] = (fn - hertz * delta * np.sqrt(delta)) * rate if d > 0.0 else 0.0
     ds[q + 4], ds[q + 5] = ft * relative, bearing
     ds[q + 6], ds[q + 7], ds[q + 8] = fn, ft, s[2 * n + OMEGA]
@@ -157,21 +173,19 @@ def _run(s, delta, tones_a, tones_b, modes, p, step, substeps, samples):
         for j in range(substeps):
             t = ((k - 1) * substeps + j) * step
             half = t + 0.5 * step
-            ua, ub = voltage(tones_a, half), voltage(tones_b, half)
-            va, vb = voltage(tones_a, t + step), voltage(tones_b, t + step)
-            _rates(s, voltage(tones_a, t), voltage(tones_b, t), delta, f, 0.0, w, modes, p, k1)
+            _rates(s, t, tones_a, tones_b, delta, f, 0.0, w, modes, p, k1)
             for i in range(size):
                 trial[i] = s[i] + 0.5 * step * k1[i]
-            _rates(trial, ua, ub, delta, f, 0.5 * step, w, modes, p, k2)
+            _rates(trial, half, tones_a, tones_b, delta, f, 0.5 * step, w, modes, p, k2)
             for i in range(size):
                 trial[i] = s[i] + 0.5 * step * k2[i]
-            _rates(trial, ua, ub, delta, f, 0.5 * step, w, modes, p, k3)
+            _rates(trial, half, tones_a, tones_b, delta, f, 0.5 * step, w, modes, p, k3)
             for i in range(size):
                 trial[i] = s[i] + step * k3[i]
-            _rates(trial, va, vb, delta, f, step, w, modes, p, k4)
+            _rates(trial, t + step, tones_a, tones_b, delta, f, step, w, modes, p, k4)
             for i in range(size):
                 s[i] += step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-            delta, f, limit = _rates(s, va, vb, delta, f, step, w, modes, p, trial)
+            delta, f, limit = _rates(s, t + step, tones_a, tones_b, delta, f, step, w, modes, p, trial)
             w = max(abs(s[u]) - limit, 0.0) / step  # the slider is put back by this
             s[u] = min(max(s[u], -limit), limit)
         samples[k] = s
@@ -201,12 +215,14 @@ def integrate_damped(
         raise ValueError("this integrator has no worn tip")
     if law.get("sliding_ratio", 1.0) < 1.0 and law.get("tangential_series_compliance_m_per_n"):
         raise ValueError("friction that falls makes a spring without mass jump")
-    modes, p = physics.read(motor, speed=speed, load_torque=load_torque, own=3)
+    modes, p = physics.read(motor, speed=speed, load_torque=load_torque, own=7)
     preload, n = float(p[physics.PRELOAD]), modes.shape[1]
     compliance = law.get("series_compliance_m_per_n", 0.0)
     seated = (preload / p[HERTZ]) ** (2.0 / 3.0)
     p[physics.SEAT] += compliance * preload
     p[[_SERIES, _SOFT]] = compliance, law.get("tangential_series_compliance_m_per_n", 0.0)
+    moved = [motor["piezo"].get(f"motion_{axis}_{group}_m_per_v", 0.0) for axis in "xy" for group in "ab"]
+    p[_MOVED : _MOVED + 4] = np.array(moved) * np.repeat(p[[_SOFT, _SERIES]] > 0.0, 2)
     p[_LOSS] = _damping(law.get("restitution", 1.0), law.get("restitution_velocity_m_s", 1.0))
     s = physics.rest(modes, preload, len(INTEGRALS))
     s[0] += perturbation_m

@@ -55,6 +55,7 @@ class Stator:
     clamped_f: Array  # (2, 2): charges on the groups per volt on the groups, all displacements held at zero
     residual_f: Array  # (2, 2): the same of the modes that are left out
     residual_m_per_n: Array  # (2, 2): compliance of the modes that are left out, normal and tangent
+    residual_m_per_v: Array  # (2, 2): motion of the contact along normal and tangent per volt on the groups, by them
     stress_pa_per_m: Array
     """(points, modes): normal stresses of the ceramic, where some combination of modes makes them greatest."""
     strain_per_m: Array  # (points, modes): the strains there
@@ -96,12 +97,11 @@ def solve_stator(solid: Solid) -> Stator:
     )
     generalised = loads.T @ vectors  # forces of the groups and motions of the contact, per modal coordinate
 
-    clamped = -stiffness[-2:, -2:].toarray()
-    total = clamped + loads[:, :2].T @ solve(loads[:, :2])
+    charged = clamped = -stiffness[-2:, -2:].toarray()
+    response = loads.T @ solve(loads)
     if system.shape[0] > count:
         between = slice(count, geometry.size - 2)
         clamped = clamped + electric[between].T @ factor(system[between, between])(electric[between])
-    compliance = loads[:, 2:].T @ solve(loads[:, 2:])
 
     rigid = squares < _RIGID * -shift
     most = 3 if geometry.dimension == 2 else 6
@@ -147,8 +147,9 @@ def solve_stator(solid: Solid) -> Stator:
         recoil_kg=recoils[0, kept],
         recoil_x_kg=recoils[1, kept],
         clamped_f=clamped_capacitance(solid, clamped / VOLTS**2),
-        residual_f=(total - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
-        residual_m_per_n=compliance - at_shift[2:, 2:] + beside[2:, 2:],
+        residual_f=(charged + response[:2, :2] - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
+        residual_m_per_n=response[2:, 2:] - at_shift[2:, 2:] + beside[2:, 2:],
+        residual_m_per_v=(response[2:, :2] - at_shift[2:, :2] + beside[2:, :2]) / VOLTS,
         stress_pa_per_m=stress,
         strain_per_m=strain,
         mass_kg=np.array(density.sum()),
