@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from datetime import date
 from functools import partial
 from pathlib import Path
 from textwrap import shorten
@@ -71,6 +72,21 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, partial: Any) -> None:
         super().__init__(message)
         self.partial = partial
+
+
+def quoted(value: Any) -> str:
+    """Return a value as it was written, made short and printable."""
+    try:
+        text = f"{value:g}" if isinstance(value, float) else str(value) if isinstance(value, date) else repr(value)
+    except (ValueError, RecursionError):  # such as an integer of five thousand digits, which Python does not write
+        return f"{type(value).__name__} too large to be shown"
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def require(valid: object, name: str, value: object, allowed: str, *, unit: str = "") -> None:
+    """Raise ParameterError for a value, with its unit, that is not one of those allowed in words."""
+    if not valid:
+        raise ParameterError(f"{name} = {quoted(value)}{unit and f' {unit}'} is not valid: it must be {allowed}.")
 
 
 def did_you_mean(name: str, known: Iterable[str], otherwise: str = "Known are") -> str:

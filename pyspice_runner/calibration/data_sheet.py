@@ -10,7 +10,7 @@ from math import sqrt
 import numpy as np
 
 from pyspice_runner.calibration.points import CURRENT, LOAD, POWER, SPEED, Points
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.drive import TwoPhaseDrive
 
 GROUPS = 2
@@ -43,8 +43,7 @@ class DataSheet:
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
-            if key != "linear" and value is not None and not 0.0 < value < 1e9:
-                raise ParameterError(f"{key} = {value:g} is not valid: it must be a number > 0.")
+            require(key == "linear" or value is None or 0.0 < value < 1e9, key, value, "a number > 0")
         at_point = [name for name in ("rated_current", "rated_power") if getattr(self, name) is not None]
         if at_point and self.rated_speed is None and self.rated_load is None:
             raise ParameterError(f"{at_point[0]} holds at a rated point; give its rated_load or rated_speed too.")

@@ -16,7 +16,7 @@ import re
 from pathlib import Path
 from typing import Literal
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.document import read_document
 
 POINTS = 87
@@ -45,8 +45,7 @@ def read_current_scan(
     """
     if motor not in (1, 2):
         raise ParameterError(f"motor = {motor!r} is not valid: an Elliptec module has the motors 1 and 2.")
-    if not 0.0 < supply_v < 100.0:
-        raise ParameterError(f"supply_v = {supply_v!r} is not valid: it must be a voltage > 0 and < 100 V.")
+    require(0.0 < supply_v < 100.0, "supply_v", supply_v, "a voltage > 0 and < 100 V")
     name = Path(path).name
     text = read_document(Path(path), "the path of a log of the serial port")
     found = re.search(rf"^\s*[0-9A-Fa-f]C{motor}([0-9A-Fa-f]*)\s*$", text, re.MULTILINE)

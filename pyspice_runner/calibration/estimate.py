@@ -27,7 +27,7 @@ from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, scales,
 from pyspice_runner.calibration.statistics import Judgement
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, touching_law
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.impedance.spectrum import Connection
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.motor import Motor
@@ -87,10 +87,8 @@ def calibrate(
     """
     if data is None and not spectra and not transients:
         raise ParameterError("There is nothing to calibrate against: give measured points, spectra or transients.")
-    if not 1 <= starts <= 64:
-        raise ParameterError(f"starts = {starts} is not valid: it must be a whole number from 1 to 64.")
-    if not 0.0 < spectrum_error < 1.0:
-        raise ParameterError(f"spectrum_error = {spectrum_error:g} is not valid: it must be a number > 0 and < 1.")
+    require(1 <= starts <= 64, "starts", starts, "a whole number from 1 to 64")
+    require(0.0 < spectrum_error < 1.0, "spectrum_error", spectrum_error, "a number > 0 and < 1")
     linear = motor.slider is not None
     points = read_points(data, linear) if data is not None else None
     moving = [RunUp.read(one, number, linear) for number, one in enumerate(transients, start=1)]

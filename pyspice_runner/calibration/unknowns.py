@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import exp, hypot, inf, log
 
 from pyspice_runner.circuit.law import PAPER_LAW, Law
-from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor.motor import (
     HIGHEST_FREQUENCY,
     HIGHEST_QUALITY,
@@ -112,8 +112,7 @@ def unknowns_of(
     for path, width in widths.items():
         if path not in paths:
             raise ParameterError(f"priors: {path} is not free. Name it in free, or leave its prior out.")
-        if not 0.0 < width < inf:
-            raise ParameterError(f"priors: {path} = {quoted(width)} is not valid: it must be a relative width > 0.")
+        require(0.0 < width < inf, f"priors: {path}", width, "a relative width > 0")
     return tuple(_unknown(motor, drive, path, widths.get(path), (sizes or {}).get(path, 1.0), law) for path in paths)
 
 

@@ -41,7 +41,7 @@ from pyspice_runner.control.plants import (
 )
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.drive import FASTEST_DRIVE, SLOWEST_DRIVE, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -143,8 +143,7 @@ def simulate_controlled(
     quantity, reference = _controlled(controller, course)
     parts = electronics or IDEAL
     parts.check(sample_time, run.drive.frequency)
-    if not 1 <= records <= MOST_RECORDS:
-        raise ParameterError(f"records = {records} is not valid: it must be a whole number from 1 to {MOST_RECORDS}.")
+    require(1 <= records <= MOST_RECORDS, "records", records, f"a whole number from 1 to {MOST_RECORDS}")
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
         raise ParameterError(

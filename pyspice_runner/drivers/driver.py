@@ -26,7 +26,7 @@ from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, UNIFORM_POINTS, Pins, Source, transient_options
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
-from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
@@ -174,11 +174,7 @@ class Driver(Stated, Source):
             self.parts(group)
         for group in GROUPS if self._stage else ():  # the control is the voltage over the gain
             gain = self.parts(group)[0].values.get("gain", 1.0)
-            if gain <= 0.0:
-                raise ParameterError(
-                    f"Driver: driver.gain = {gain:g} is not valid: it must be > 0, since the control is the voltage "
-                    "over the gain."
-                )
+            require(gain > 0.0, "Driver: driver.gain", gain, "> 0, since the control is the voltage over the gain")
         if self._transistor and not any(MOSFET in part.library.needs for part in self.parts("a")):
             raise ParameterError(
                 f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose {', '.join(BRIDGES)}."

@@ -11,9 +11,8 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.document import read_bytes
-from pyspice_runner.motor.refusal import quoted
 from pyspice_runner.spice.library import Header, Library, LibraryParameter
 from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
 
@@ -62,10 +61,7 @@ def _opened(text: str, what: str, file: str) -> tuple[_Devices, str]:
     A character that is not ASCII is an error only in a line that a simulator reads.
     """
     path, _, name = text.rpartition(":")
-    if not (path and _NAME.fullmatch(name)):
-        raise ParameterError(
-            f"{what} = {quoted(text)} is not valid: it must be FILE:NAME, with a NAME of letters, digits and _ . + -."
-        )
+    require(path and _NAME.fullmatch(name), what, text, "FILE:NAME, with a NAME of letters, digits and _ . + -")
     return _Devices(path, read_bytes(path, file, _MOST_BYTES).decode("ascii", errors="replace")), name
 
 

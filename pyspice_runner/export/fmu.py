@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 from pyspice_runner.averaged.c_code import CORE, HEADER, PHASE, START, start_header, variables
 from pyspice_runner.averaged.c_source import phase_source
 from pyspice_runner.averaged.library import SUBCIRCUIT, require_averaged
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.export.fmu_description import VERSIONS, Description, Version, state_count
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
@@ -39,8 +39,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
 
     Raise ParameterError for an invalid name or version, or a motor that has no averaged model.
     """
-    if version not in VERSIONS:
-        raise ParameterError(f"fmi = {version!r} is not valid: it must be 2 or 3.")
+    require(version in VERSIONS, "fmi", version, "2 or 3")
     identifier = check_name(name) if name else SUBCIRCUIT
     require_averaged(motor)
     known = variables(motor, thermal)

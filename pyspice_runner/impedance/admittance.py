@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, State, band_of, columns_of, connect
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
@@ -163,8 +163,8 @@ def admittance(
         raise ParameterError(
             f"start = {start:g} Hz and stop = {stop:g} Hz are not valid: give 0 Hz < start < stop ≤ 1e9 Hz."
         )
-    if not 3 <= points <= _MOST_POINTS:  # of two points, ngspice returns only the first
-        raise ParameterError(f"points = {points} is not valid: it must be a whole number from 3 to {_MOST_POINTS}.")
+    # of two points, ngspice returns only the first
+    require(3 <= points <= _MOST_POINTS, "points", points, f"a whole number from 3 to {_MOST_POINTS}")
     preloaded = state == "preloaded"
     bench = two_port_bench(motor, preloaded=preloaded)
     normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0

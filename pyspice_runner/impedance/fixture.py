@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.errors import ParameterError, SpectrumError, require
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.motor.refusal import checked
 
@@ -48,8 +48,7 @@ def without_fixture(
         raise ParameterError(
             "The load compensates a fixture only together with its open and its short; give these too."
         )
-    if not load_ohm > 0.0:
-        raise ParameterError(f"load_ohm = {load_ohm:g} is not valid: it must be a resistance > 0 Ω.")
+    require(load_ohm > 0.0, "load_ohm", load_ohm, "a resistance > 0 Ω")
     z = measured.impedance_ohm
     at_open, at_short, at_load = (_at(part, measured) for part in (opened, short, load))
     with np.errstate(all="ignore"):

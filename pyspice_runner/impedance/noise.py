@@ -21,7 +21,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.impedance.identify.descent import Complexes, Vector, rms
 
 KINDS = ("proportional", "s11", "z")
@@ -66,8 +66,7 @@ def noise_of(noise: Mapping[str, float] | None, y: Complexes) -> Noise:
             f"noise = {dict(noise)!r} is not valid: it must have proportional, s11 or z, or proportional and one other."
         )
     for kind, sigma in noise.items():
-        if not 0.0 < sigma < 1e6:
-            raise ParameterError(f"noise: {kind} = {sigma!r} is not valid: it must be a number > 0 and < 1e6.")
+        require(0.0 < sigma < 1e6, f"noise: {kind}", sigma, "a number > 0 and < 1e6")
     return Noise({kind: float(sigma) for kind, sigma in noise.items()}, stated=True)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.errors import ParameterError, SpectrumError, require
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.impedance.half_power import HalfPower, half_power
 from pyspice_runner.impedance.identify import errors
@@ -251,10 +251,8 @@ def fit_one_port(
     progress: Callable[[int, int], object] | None = None,
 ) -> SpectrumFit:
     """Fit clamped capacitance with loss, motional arms and leads; see :func:`~.fit.fit_spectrum`."""
-    if modes is not None and not 1 <= modes <= MOST_MODES:
-        raise ParameterError(f"modes = {modes!r} is not valid: it must be a whole number from 1 to {MOST_MODES}.")
-    if timeout is not None and not timeout > 0.0:
-        raise ParameterError(f"timeout = {timeout!r} is not valid: it must be a number of seconds > 0.")
+    require(modes is None or 1 <= modes <= MOST_MODES, "modes", modes, f"a whole number from 1 to {MOST_MODES}")
+    require(timeout is None or timeout > 0.0, "timeout", timeout, "a number of seconds > 0")
     deadline = inf if timeout is None else time.monotonic() + timeout
     stated = (0.0, 0.0) if isinstance(leads, bool) else _leads(leads)
     name = spectrum.source or "The spectrum"

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.errors import ParameterError, SpectrumError, did_you_mean
+from pyspice_runner.errors import ParameterError, SpectrumError, did_you_mean, require
 from pyspice_runner.impedance.readers.text import Text, clean, load, number, read_table, separator, split
 from pyspice_runner.motor import groups
 
@@ -60,8 +60,7 @@ class Recording:
             SpectrumError: if the recording has too few periods or points for a fit.
         """
         for name, value in (("ampere_per_volt", ampere_per_volt), ("volt_per_volt", volt_per_volt)):
-            if not (np.isfinite(value) and value != 0.0):
-                raise ParameterError(f"{name} = {value!r} is not valid: it must be a number other than 0.")
+            require(np.isfinite(value) and value != 0.0, name, value, "a number other than 0")
         volts, amperes = volt_per_volt * self.channel(voltage), ampere_per_volt * self.channel(current)
         step = float(np.median(np.diff(self.time_s)))
         rough = _peak_frequency(self.time_s, volts) if frequency_hz is None else float(frequency_hz)

@@ -21,7 +21,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError, SpectrumError
+from pyspice_runner.errors import ParameterError, SpectrumError, require
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, independent_points, rms
@@ -193,8 +193,7 @@ class TwoPortFit(Fit):
             raise ParameterError(
                 "A motor needs one mechanical calibration: give either mass_kg or velocity_per_current, not both."
             )
-        if connection not in COUPLING:
-            raise ParameterError(f"connection = {connection!r} is not valid: it must be one of {', '.join(COUPLING)}.")
+        require(connection in COUPLING, "connection", connection, f"one of {', '.join(COUPLING)}")
         what = "velocity_per_current" if mass_kg is None else "mass_kg"
         given = velocity_per_current if mass_kg is None else mass_kg
         values = np.ravel(np.asarray(given, float)).tolist()

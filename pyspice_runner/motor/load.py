@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor import beam as beam_model
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.drive import DRIVES
@@ -364,10 +364,7 @@ def _check_drive(entry: Any, where: str) -> None:
         return
     table = as_table(entry, "drive", where)
     kind = table.get("kind", "two-phase")
-    if kind not in DRIVES:
-        raise ParameterError(
-            f"{where}: drive.kind = {quoted(kind)} is not valid: it must be one of {', '.join(DRIVES)}."
-        )
+    require(kind in DRIVES, f"{where}: drive.kind", kind, f"one of {', '.join(DRIVES)}")
     try:
         DRIVES[kind](**{name: value for name, value in table.items() if name != "kind"})
     except ParameterError as error:

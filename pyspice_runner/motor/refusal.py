@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from datetime import date
 from functools import cache, wraps
 from numbers import Real
 from typing import Any, ParamSpec, Self, TypeVar, get_args, get_type_hints
@@ -13,6 +12,7 @@ from typing import Any, ParamSpec, Self, TypeVar, get_args, get_type_hints
 from pydantic import ConfigDict, ValidationError, validate_call
 
 from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.errors import quoted as quoted
 from pyspice_runner.motor.parameters import Parameters
 
 _P = TypeVar("_P", bound=Parameters)
@@ -182,15 +182,6 @@ def _invalid(value: Any, path: str, where: str, allowed: str, unit: str) -> Para
     return ParameterError(
         f"{where}: {path} = {shown}{unit if _is_number(value) else ''} is not valid: it must be {allowed}."
     )
-
-
-def quoted(value: Any) -> str:
-    """Return a value as it was written, made short and printable."""
-    try:
-        text = f"{value:g}" if isinstance(value, float) else str(value) if isinstance(value, date) else repr(value)
-    except (ValueError, RecursionError):  # such as an integer of five thousand digits, which Python does not write
-        return f"{type(value).__name__} too large to be shown"
-    return text if len(text) <= 60 else text[:57] + "…"
 
 
 def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:

@@ -15,7 +15,7 @@ from pyspice_runner.circuit.bench import FREE, Bench, motor_bench
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of
 from pyspice_runner.circuit.source import Excitation, Source, source_of
 from pyspice_runner.circuit.state import Discretisation, Motion, motion, state_vectors
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.thermal import Thermal
@@ -185,8 +185,7 @@ class Point:
         if step is None:
             of_motion = self.shortest_period / self.source.points_per_period
             return min(of_motion, self.source.ringing_step(self.motor))
-        if not (isfinite(step) and step > 0.0):
-            raise ParameterError(f"step = {step:g} s is not valid: it must be a number > 0 s.")
+        require(isfinite(step) and step > 0.0, "step", step, "a number > 0 s", unit="s")
         if step > coarsest:
             raise ParameterError(
                 f"step = {step:g} s is too coarse for a motion of {1.0 / self.shortest_period:.4g} Hz; it must be <= "

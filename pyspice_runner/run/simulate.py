@@ -15,7 +15,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, UNIFORM_POINTS, Excitation
-from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
@@ -232,8 +232,7 @@ def _run(
 
 
 def _check_duration(setup: Point, duration: float) -> None:
-    if not (isfinite(duration) and duration > 0.0):
-        raise ParameterError(f"duration = {duration:g} s is not valid: it must be a number > 0 s.")
+    require(isfinite(duration) and duration > 0.0, "duration", duration, "a number > 0 s", unit="s")
     if duration < 10.0 * setup.step:
         raise ParameterError(
             f"duration = {duration:g} s is shorter than ten steps of {setup.step:g} s; give at least "

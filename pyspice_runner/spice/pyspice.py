@@ -13,7 +13,7 @@ from typing import Any
 from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.spice.ngspice import SpiceRun, run_deck
 from pyspice_runner.spice.process import KeptProcesses
 
@@ -32,8 +32,7 @@ class BatchSimulator(CircuitSimulator):
     SIMULATOR = "ngspice"
 
     def __init__(self, circuit: Circuit, *, timeout: float | None = None) -> None:
-        if timeout is not None and not timeout > 0.0:
-            raise ParameterError(f"timeout = {timeout:g} s is not valid: it must be a number > 0 s.")
+        require(timeout is None or timeout > 0.0, "timeout", timeout, "a number > 0 s", unit="s")
         super().__init__(circuit)
         self._options.clear()  # both temperatures are ngspice's 27 degrees
         self._timeout = timeout

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -94,8 +94,7 @@ def followed_branch(point: Point, follow: str, start: float, stop: float, points
         raise ParameterError(f"{canonical(follow)} is given twice. Give it once.")
     if not np.isfinite([start, stop]).all() or start == stop:
         raise ParameterError(f"start = {start:g} and stop = {stop:g} are not valid: they must be different numbers.")
-    if not 2 <= points <= MOST_POINTS:
-        raise ParameterError(f"points = {points} is not valid: it must be a whole number from 2 to {MOST_POINTS}.")
+    require(2 <= points <= MOST_POINTS, "points", points, f"a whole number from 2 to {MOST_POINTS}")
     family = _Family(point, follow, start, stop)
     for value in (start, stop):  # both ends are checked before any run
         family.setup(value)

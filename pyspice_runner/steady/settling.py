@@ -12,7 +12,7 @@ from math import ceil
 from typing import Any
 
 from pyspice_runner.circuit.state import Motion
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.dynamometer import Block, Dynamometer, quantities
 from pyspice_runner.steady.period_map import cores
@@ -34,8 +34,7 @@ class Settling:
     patience: int = PATIENCE
 
     def __post_init__(self) -> None:
-        if not 1e-8 <= self.tolerance <= 0.1:
-            raise ParameterError(f"tolerance = {self.tolerance:g} is not valid: it must be a number from 1e-8 to 0.1.")
+        require(1e-8 <= self.tolerance <= 0.1, "tolerance", self.tolerance, "a number from 1e-8 to 0.1")
         if not _FEWEST_BLOCKS <= self.patience <= 10_000:
             raise ParameterError(
                 f"patience = {self.patience} is not valid: it must be a whole number from {_FEWEST_BLOCKS} to 10000."

@@ -21,10 +21,10 @@ from pydantic import SkipValidation
 
 from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.refusal import checked, quoted
+from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import COMPARED, exceeded
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import delivering
@@ -309,8 +309,7 @@ def axis(name: str, values: Any) -> Array:
         given = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError, OverflowError):
         given = np.array([])
-    if given.ndim != 1 or not given.size or not np.all(np.isfinite(given)):
-        raise ParameterError(f"{name} = {quoted(values)} is not valid: it must be one or more numbers.")
+    require(given.ndim == 1 and given.size and np.all(np.isfinite(given)), name, values, "one or more numbers")
     if (name == "speeds" or canonical(name) == "load.speed") and np.abs(given).max() > 1e6:
         worst = given[np.abs(given).argmax()]
         raise ParameterError(f"{name} has {worst:g} rad/s, which is not valid: it must be from -1e6 to 1e6 rad/s.")

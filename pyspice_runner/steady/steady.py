@@ -21,7 +21,7 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.contact import static_penetration
 from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
 from pyspice_runner.motor.motor import Motor
@@ -344,8 +344,7 @@ def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> lis
 
 def check_accuracy(accuracy: float | None) -> None:
     """Check an accuracy, relative to the friction torque. Raise ParameterError for one that is not valid."""
-    if accuracy is not None and not 1e-6 <= accuracy <= 0.1:
-        raise ParameterError(f"accuracy = {accuracy:g} is not valid: it must be a number from 1e-6 to 0.1.")
+    require(accuracy is None or 1e-6 <= accuracy <= 0.1, "accuracy", accuracy, "a number from 1e-6 to 0.1")
 
 
 @dataclass(frozen=True)

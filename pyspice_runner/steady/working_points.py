@@ -18,7 +18,7 @@ from pydantic import SkipValidation
 
 from pyspice_runner.circuit.bench import FREE
 from pyspice_runner.circuit.law import touching_law
-from pyspice_runner.errors import Interrupted, ParameterError, SimulationError
+from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked, quoted
@@ -197,8 +197,7 @@ def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
             raise ParameterError(
                 f"limits: {name} is not known of {motor.name}: the {missing[name]}. Leave the limit out."
             )
-        if not value > 0.0:
-            raise ParameterError(f"limits: {name} = {quoted(value)} is not valid: it must be a number > 0.")
+        require(value > 0.0, f"limits: {name}", value, "a number > 0")
     return {name: float(value) for name, value in limits.items()}
 
 

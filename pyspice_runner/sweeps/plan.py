@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pyspice_runner.drivers.driver import of_groups
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import Stated, as_number, quoted
 from pyspice_runner.run.paths import Parameter, canonical, parameter
@@ -142,10 +142,8 @@ def _quantiles(parameters: int, samples: int, sampling: Sampling, seed: int) -> 
     """Return numbers from 0 to 1, shape (samples, parameters)."""
     from scipy.stats import qmc
 
-    if not 1 <= samples <= MOST_POINTS:
-        raise ParameterError(f"samples = {samples} is not valid: it must be a whole number > 0 and ≤ {MOST_POINTS}.")
-    if seed < 0:
-        raise ParameterError(f"seed = {seed} is not valid: it must be a whole number ≥ 0.")
+    require(1 <= samples <= MOST_POINTS, "samples", samples, f"a whole number > 0 and ≤ {MOST_POINTS}")
+    require(seed >= 0, "seed", seed, "a whole number ≥ 0")
     if sampling == "latin-hypercube":
         return np.asarray(qmc.LatinHypercube(parameters, rng=seed).random(samples))
     if samples & (samples - 1):

@@ -23,7 +23,7 @@ from multiprocessing.process import BaseProcess
 from queue import SimpleQueue
 from typing import Any
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import require
 from pyspice_runner.interrupts import held
 
 Task = Callable[[], dict[str, Any]]
@@ -40,8 +40,7 @@ def outcomes(
     tasks: Mapping[str, Task], workers: int | None, executor: Executor | None
 ) -> Generator[tuple[str, Outcome]]:
     """Yield the outcome of each task on completion. The task of a dead worker process is repeated once."""
-    if workers is not None and workers < 1:
-        raise ParameterError(f"workers = {workers} is not valid: it must be a whole number > 0.")
+    require(workers is None or workers >= 1, "workers", workers, "a whole number > 0")
     if executor is not None:
         yield from _by_executor(tasks, executor)
     elif tasks:

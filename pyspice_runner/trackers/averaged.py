@@ -23,7 +23,7 @@ from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.fixtures import add_cooling
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
@@ -183,10 +183,7 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
             f"{', '.join(AVERAGED_DISTURBANCES)}."
         )
     least = 2 * SMOOTHED_PERIODS / run.source.tracker.frequency
-    if not least <= run.duration <= LONGEST:
-        raise ParameterError(
-            f"duration = {run.duration:g} s is not valid: it must be from {least:.3g} to {LONGEST:g} s."
-        )
+    require(least <= run.duration <= LONGEST, "duration", run.duration, f"from {least:.3g} to {LONGEST:g} s", unit="s")
     return _compiled(run) if averaged_engine(engine) == "compiled" else _spice(run)
 
 

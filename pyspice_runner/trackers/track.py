@@ -22,7 +22,7 @@ from pyspice_runner.averaged.simulate import averaged_ceramic
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, ideal_drive
 from pyspice_runner.motor.motor import Motor
@@ -588,8 +588,7 @@ def _check_duration(setup: Point, source: TrackedSource, duration: float) -> Non
     longest_period = 1.0 / ((1.0 - source.tracker.span) * source.tracker.frequency)
     least = max(100.0 * setup.shortest_period, (2 * SMOOTHED_PERIODS + 2) * longest_period)
     most = MOST_POINTS * setup.step
-    if not least <= duration <= most:
-        raise ParameterError(f"duration = {duration:g} s is not valid: it must be from {least:.3g} to {most:.3g} s.")
+    require(least <= duration <= most, "duration", duration, f"from {least:.3g} to {most:.3g} s", unit="s")
 
 
 def _vectors(mode: int, *more: str) -> list[str]:

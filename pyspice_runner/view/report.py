@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
 from pyspice_runner.calibration.record import Record
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.files import write_netcdf
 from pyspice_runner.impedance.admittance import Admittance, admittance
 from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
@@ -80,8 +80,7 @@ def report(
         SimulationError: if ngspice fails or its result is not valid; ``partial`` maps the file name of each finished
             part to the function that writes it.
     """
-    if not levels or not all(0.0 < level <= 1.0 for level in levels):
-        raise ParameterError(f"levels = {list(levels)} is not valid: it must be numbers > 0 and ≤ 1.")
+    require(levels and all(0.0 < level <= 1.0 for level in levels), "levels", list(levels), "numbers > 0 and ≤ 1")
     if tracking is not None and tracking.settings["motor"] != motor.to_dict():
         raise ParameterError(
             f"tracking is a run of {tracking.settings['motor']['name']} with other parameters than {motor.name} has "
