@@ -171,6 +171,7 @@ def test_four_spectra_and_a_mass_make_a_motor_that_runs(
     assert of_fit["mean_rotor_speed_rad_s"] == pytest.approx(of_truth["mean_rotor_speed_rad_s"], rel=1e-3)
 
 
+@pytest.mark.soak
 def test_a_two_port_file_gives_the_same_motor(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     both = str(bench / "both.csv")
     assert run(["fit", both, "--two-port"]) == 0
@@ -212,6 +213,7 @@ def test_options_of_both_groups_that_do_not_fit_are_rejected(
     assert says in capsys.readouterr().err
 
 
+@pytest.mark.soak
 def test_a_two_port_is_fitted_over_a_part_of_its_band(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", str(bench / "both.csv"), "--two-port", "--start", "30e3", "--json"]) == 0
     modes = json.loads(capsys.readouterr().out)["modes"]

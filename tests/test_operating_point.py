@@ -45,8 +45,8 @@ VERBS: dict[str, tuple[Callable[[], Any], Callable[[], Any], str]] = {
         "hot_admittance_s",
     ),
     "averaged": (
-        lambda: POINT.averaged(2e-3, engine="spice"),
-        lambda: pr.simulate_averaged(MOTOR, DRIVE, 2e-3, speed=20.0, engine="spice"),
+        lambda: POINT.averaged(2e-3),
+        lambda: pr.simulate_averaged(MOTOR, DRIVE, 2e-3, speed=20.0),
         "torque_n_m",
     ),
     "design": (

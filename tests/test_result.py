@@ -16,6 +16,7 @@ from pyspice_runner.datasets import Curves, Dataset, as_result
 from pyspice_runner.result import Audit, Result, grouped
 from pyspice_runner.units import engineering
 from pyspice_runner.view.draw import plain
+from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("results")  # they are shared
 
@@ -55,7 +56,7 @@ def results() -> dict[str, Result]:
     }
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, ["run", "curves"]))
 def test_a_result_is_one_line_and_in_a_notebook_a_table_with_a_picture(results: dict[str, Result], name: str) -> None:
     line = repr(results[name])
     assert "\n" not in line
@@ -66,7 +67,7 @@ def test_a_result_is_one_line_and_in_a_notebook_a_table_with_a_picture(results: 
     assert 'src="data:image/png;base64,iVBOR' in page
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, ["admittance", "fit"]))
 def test_a_plot_returns_its_axes_fills_those_given_and_writes_its_file(
     results: dict[str, Result], name: str, tmp_path: Path
 ) -> None:

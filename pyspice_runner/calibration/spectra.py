@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from pyspice_runner.calibration.points import TEMPERATURE, Curve
 from pyspice_runner.errors import ParameterError, did_you_mean
-from pyspice_runner.impedance.joint_fit import amplitude_squared
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State, connect
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
@@ -177,6 +176,8 @@ def _checked(key: str, value: Any, where: str) -> float:
 
 def added(motor: Motor, frequency: Array, connection: Connection, level_v: float) -> Array:
     """Return the change of a free stator's admittance by the amplitude at a level, complex, in S."""
+    from pyspice_runner.impedance.joint_fit import amplitude_squared  # takes long to load
+
     found = np.zeros(len(frequency), dtype=complex)
     for mode in motor.modes:
         force = abs(_coupling(mode, connection)) * level_v

@@ -9,9 +9,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.measured import FIT, INPUT
 from pyspice_runner.commands.options import TARGETS, Call, command, option
-from pyspice_runner.impedance.one_port_fit import fit_one_port
 from pyspice_runner.impedance.spectrum import Connection
-from pyspice_runner.impedance.two_port_fit import fit_groups
 
 _ARMS_TRIED = "{} of at most {} arms"
 _OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm"
@@ -57,6 +55,7 @@ def fit(call: Call) -> None:
 def _fit_one_port(call: Call) -> None:
     """Fit one spectrum, without its fixture, and deliver the circuit."""
     from pyspice_runner.export.circuit import CIRCUIT_FORMATS
+    from pyspice_runner.impedance.one_port_fit import fit_one_port
 
     parts = call.pick("opened short", load="fixture_load")
     call.check(*CIRCUIT_FORMATS, ".json", ".csv", inputs=[call.file, *parts.values()])
@@ -95,6 +94,8 @@ def _fit_jointly(call: Call) -> None:
 
 def _fit_groups(call: Call) -> None:
     """Fit both groups together and deliver the couplings, or with a calibration the motor."""
+    from pyspice_runner.impedance.two_port_fit import fit_groups
+
     if call.velocity is None:
         call.refuse_idle("where both groups are fitted, without --velocity-per-current", "connection")
     calibration = _calibration(call)

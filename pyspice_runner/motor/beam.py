@@ -220,22 +220,20 @@ def solve_resonator(
     mass *= np.outer(scale, scale)
 
     # M φ = (1/ω²) K φ with the largest 1/ω²: accurate for the low modes, however many shapes there are.
-    from scipy.linalg import LinAlgError, eigh  # takes long to load
-
     try:
-        inverse_squares, vectors = eigh(mass, stiffness, subset_by_index=(unknowns - count, unknowns - 1))
-    except LinAlgError as error:
+        factor = np.linalg.inv(np.linalg.cholesky(stiffness))
+        inverse_squares, vectors = np.linalg.eigh(factor @ mass @ factor.T)
+    except np.linalg.LinAlgError as error:
         stiff, soft = (pick(section.bending_stiffness for section in sections) for pick in (max, min))
         raise ParameterError(
             f"The bending stiffness along the beam varies from {soft:.3g} to {stiff:.3g} N·m², too much for its modes "
             "to be computed; check the thickness of the beam and of the patches."
         ) from error
-    order = np.argsort(inverse_squares)[::-1]
-    inverse_squares = inverse_squares[order]
-    coefficients = scale[:, None] * vectors[:, order]
+    inverse_squares = inverse_squares[: -count - 1 : -1]
+    coefficients = scale[:, None] * (factor.T @ vectors[:, : -count - 1 : -1])
     amplitudes = np.array([_amplitude(column, k, beam.length_m) for column in coefficients[:shapes].T])
     coefficients = coefficients / amplitudes
-    stiffnesses = 1.0 / amplitudes**2  # eigh makes φᵀKφ = 1
+    stiffnesses = 1.0 / amplitudes**2  # φᵀKφ = 1 of the vectors
     along = -np.concatenate((tip.length_m * turn[: len(waves)], stem.sideways(tip.length_m)))
     tip_x, tip_y = along @ coefficients, rise @ coefficients
     pushed = np.stack((rise, along), axis=1) * scale[:, None]

@@ -102,9 +102,7 @@ def estimated_errors(beam: Beam, patches: tuple[Patch, ...], tip: Tip, count: in
     )
     x = np.linspace(0.0, beam.length_m, 101)
     shapes, others = (item.deflection(x) / np.linalg.norm(item.deflection(x), axis=0) for item in (ours, theirs))
-    from scipy.optimize import linear_sum_assignment
-
-    same = linear_sum_assignment(np.abs(shapes.T @ others), maximize=True)[1]
+    same = np.abs(shapes.T @ others).argmax(axis=1)
     groups = np.argmax(np.abs(ours.couplings_n_per_v), axis=0)
     columns = np.arange(count)
     with np.errstate(divide="ignore", invalid="ignore"):  # a mode that no group drives

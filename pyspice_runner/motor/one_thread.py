@@ -12,11 +12,13 @@ _Result = TypeVar("_Result")
 
 
 def one_thread(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Limit BLAS to one thread: more change the last bits of a result, and are never faster for small matrices."""
+    """Limit BLAS to one thread: more change the last bits of a result, and are never faster for small matrices.
+
+    SciPy's is another one than NumPy's, and limited only where it is loaded before the call.
+    """
 
     @wraps(function)
     def limited(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
-        import scipy.linalg  # noqa: F401 # its BLAS is not NumPy's, and only what is loaded is limited
         from threadpoolctl import threadpool_limits
 
         with threadpool_limits(limits=1, user_api="blas"):

@@ -37,6 +37,7 @@ def truth() -> tuple[pr.Motor, pr.Drive]:
     return motor, pr.default_drive(motor)
 
 
+@pytest.mark.soak
 def test_a_noisy_run_up_gives_back_inertia_and_bearing(tmp_path: Path) -> None:
     columns = measured(pr.simulate_averaged(*truth(), duration=10e-3, load_torque=1e-3), noise=1)
     table = tmp_path / "spinup.csv"

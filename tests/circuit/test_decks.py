@@ -139,12 +139,13 @@ def test_admittance_decks_find_resonance_and_conductance(name: str, preloaded: b
             0.0,
             marks=pytest.mark.soak,
         ),
-        (
+        pytest.param(
             "figure_eight",
             "andersen2002",
             pr.TwoToneDrive(voltage_1=50.0, frequency_1=25e3, voltage_2=50.0, frequency_2=50e3),
             2e-3,
             0.0,
+            marks=pytest.mark.soak,
         ),
         ("spin_up", "bimodal40", pr.default_drive(pr.load_motor("bimodal40")), 3e-3, 5e-3),
     ],
@@ -236,8 +237,12 @@ def run_with(name: str, values: Mapping[str, str], folder: Path) -> dict[str, fl
     return {key: float(value) for key, value in re.findall(r"^(\w+) *= +([-+.\de]+)", done.stdout, re.M)}
 
 
-# the circuits of these are in other decks too: the loop of averaged_speed_loop, the motor and the drive of ellipse
-LIKE = ("averaged_position_loop", "averaged_warm_up", "figure_eight", "first_resonance")
+# the circuits of these are in other decks too, or other tests run them
+LIKE = (
+    "averaged_position_loop", "averaged_small_signal", "averaged_speed_loop", "averaged_speed_torque",
+    "averaged_warm_up", "drive_half_bridge", "drive_llcc", "ellipse", "figure_eight", "first_resonance",
+    "thermal_drift",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, [name for name in NAMES if name not in LIKE]))
@@ -263,6 +268,7 @@ def test_a_deck_follows_the_parameters_at_its_beginning(tmp_path: Path) -> None:
     assert found["normal_force_greatest_n"] == pytest.approx(run.normal_force_n[last].max(), rel=1e-4)
 
 
+@pytest.mark.soak
 def test_a_boost_starts_the_motor_sooner_and_a_resistor_stops_it_sooner(tmp_path: Path) -> None:
     """The tip of the free stator rises to 0.38 of its end after 0.15 ms; the decay by the resistor is 0.46 ms."""
     fast, plain = measured("fast_start", tmp_path), run_with("fast_start", {"boost": "1", "resistance": "1"}, tmp_path)
@@ -348,6 +354,10 @@ def test_the_averaged_operating_point_is_the_steady_state_of_the_full_model(tmp_
     # the contact is open for a fifth of the period, where the averages are off by some per cent: measured 0.8 %
     assert found["speed_rad_s"] == pytest.approx(state.speed_rad_s, rel=0.02)
     assert found["check"] < 0.02
+
+
+@pytest.mark.soak
+def test_analyses_of_the_averaged_decks_come_to_one_steady_state(tmp_path: Path) -> None:
     # .op and .dc are the same steady state
     family = measured("averaged_speed_torque", tmp_path)
     response = measured("averaged_frequency_response", tmp_path)
@@ -357,6 +367,7 @@ def test_the_averaged_operating_point_is_the_steady_state_of_the_full_model(tmp_
     assert warm["free_speed_rad_s"] == pytest.approx(family["free_speed_rad_s"], rel=0.01)
 
 
+@pytest.mark.soak
 def test_a_small_signal_is_the_slope_of_the_operating_point(tmp_path: Path) -> None:
     low, high = (
         run_with("averaged_operating_point", {"voltage": voltage}, tmp_path)["speed_rad_s"]
@@ -377,7 +388,7 @@ def test_the_averaged_speed_loop_reaches_its_targets(tmp_path: Path) -> None:
 
 def test_an_xspice_device_in_an_averaged_deck_costs_no_steps_with_the_lines_of_the_header(tmp_path: Path) -> None:
     deck = deck_texts()["averaged_speed_loop.cir"].replace(LIBRARY, str(data_path("netlists") / LIBRARY))
-    for name, value in {"stepped": "2m", "loaded": "3m", "stop": "4m"}.items():
+    for name, value in {"stepped": "0.5m", "loaded": "0.75m", "stop": "1m"}.items():
         deck = re.sub(rf"^\.param {name}=\S+", f".param {name}={value}", deck, flags=re.M)
     device = "Etap raw 0 shaft 0 1\nAtap raw tap gain\n.model gain gain(gain=1)\nRtap tap 0 1k\n"
     library = (data_path("netlists") / "piezomotor_averaged.lib").read_text(encoding="utf-8")

@@ -73,6 +73,7 @@ def test_a_steady_state_moves_with_the_parameter_as_in_a_sweep() -> None:
     assert swept["law.width"].attrs["units"] == "m/s"
 
 
+@pytest.mark.soak
 def test_a_calibration_finds_the_parameter(tmp_path: Path) -> None:
     points = tmp_path / "points.csv"
     lines = ["speed_rad_s,torque_n_m,torque_n_m_error"]

@@ -77,7 +77,7 @@ def test_a_copy_of_a_built_in_law_gives_the_same(name: str, tmp_path: Path) -> N
         np.testing.assert_allclose(own[quantity], known[quantity], rtol=1e-6, err_msg=quantity)
 
 
-@pytest.mark.parametrize("name", ["bimodal40", str(EVERY_EFFECT)])
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, ["bimodal40", str(EVERY_EFFECT)], ["bimodal40"]))
 def test_a_copy_of_the_law_without_a_spring_gives_the_same_results(name: str, tmp_path: Path) -> None:
     """Free, held and in the steady state, on a worn tip and with compliances in series, too."""
     path = tmp_path / "copy.lib"

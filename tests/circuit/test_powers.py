@@ -30,7 +30,7 @@ def test_every_loss_feed_and_store_of_a_header_is_a_power(name: str) -> None:
 
 
 @pytest.mark.parametrize("network", mostly(pytest.mark.soak, NETWORKS, ["llcc"]))  # which has all kinds of parts
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", mostly(pytest.mark.soak, KINDS, ["full-bridge"]))
 def test_powers_are_those_of_the_nodes_that_the_circuit_leaves_out(kind: str, network: str) -> None:
     """Within the tolerance of the solver, which the nodes have and the evaluated expressions do not need."""
     motor, source = pr.load_motor("andersen2002"), driver(kind, network=network)

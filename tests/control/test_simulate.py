@@ -81,6 +81,7 @@ def test_an_error_in_a_controller_ends_ngspice_and_is_raised(motor: pr.Motor) ->
         simulate_controlled(motor, DRIVE, fails, duration=1e-3, sample_time=0.5e-3)
 
 
+@pytest.mark.soak
 def test_a_load_step_brakes_the_averaged_motor_as_the_full_one() -> None:
     """Held at its voltage, beam40 loses speed; every sample within 3 % of the greatest."""
     motor = pr.load_motor("beam40")
@@ -114,12 +115,13 @@ def test_the_power_and_heat_of_a_controlled_run_are_those_of_its_steady_state() 
     assert run.heat_w == pytest.approx(settled.heat_w[-1], rel=1e-5)
 
 
-def test_a_run_starts_at_the_steady_state(motor: pr.Motor) -> None:
+def test_a_run_starts_at_the_steady_state(motor: pr.Motor, monkeypatch: pytest.MonkeyPatch) -> None:
     run = simulate_controlled(motor, DRIVE, lambda _: {}, duration=2e-3, sample_time=0.5e-3, start="steady")
     settled = pr.simulate_averaged(motor, DRIVE, 0.5)
     assert run.speed_rad_s == pytest.approx(settled.rotor_speed_rad_s[-1], rel=1e-4)
     assert run.position_rad == pytest.approx(run.speed_rad_s * run.time_s, rel=1e-6)
     undamped = motor.updated({"rotor.bearing_damping_n_m_s": 0.0})
+    monkeypatch.setattr("pyspice_runner.averaged.core.PATIENCE", 0.2)
     with pytest.raises(pr.SimulationError, match="does not settle"):
         simulate_controlled(
             undamped, DRIVE, lambda _: {}, duration=2e-3, sample_time=0.5e-3, start="steady", load_torque=100.0

@@ -26,10 +26,12 @@ def test_errors_by_the_number_of_sliders(sliders: int) -> None:
     assert f"| {sliders} | {found}" in PAGE
 
 
+@pytest.mark.soak
 def test_rebound_of_the_other_laws() -> None:
     assert f"| {worst('brush', 0.0):.4f} | {worst('spring-slider', 0.0):.2f} | {worst('coulomb', 0.0):.2f} |" in PAGE
 
 
+@pytest.mark.soak
 def test_loss_at_an_amplitude_relative_to_itself() -> None:
     def off(amplitude: float, sliders: int) -> float:
         return loss("brush", amplitude, sliders) / float(microslip_loss(amplitude)) - 1.0

@@ -64,7 +64,7 @@ def changed(deck: str, changes: list[tuple[str, str]]) -> str:
 VERSION = ngspice_version()
 # which capacitance helps at the bridge leg depends on the version; tests/tools/ngspice46.py has that of ngspice 46
 ROWS = [
-    pytest.param(*row, id=str(number))
+    pytest.param(*row, id=str(number), marks=[pytest.mark.soak] if number % 4 else [])
     for number, row in enumerate(rows())
     if VERSION == MEASURED or not ("Shigh" in row[0] and "cshunt" in str(row[1]))
 ]

@@ -234,6 +234,7 @@ def test_loss_of_partial_slip() -> None:
     says(f"would cost {1e6 * loop:.2f} µJ", f"{1e3 * loop * 51.7e3:.0f} mW at 51.7 kHz")
 
 
+@pytest.mark.soak
 def test_spring_gives_energy_back() -> None:
     drive = pr.TwoToneDrive(voltage_1=50.0, frequency_1=13.5e3, voltage_2=50.0, frequency_2=27e3)
     run = simulated(MOTOR, drive, duration=5e-3)
@@ -255,6 +256,7 @@ def test_tilt() -> None:
 # --- rotor and numbers --------------------------------------------------------------------------------------
 
 
+@pytest.mark.soak
 def test_mean_normal_force() -> None:
     resonance = law.resonance_under_preload(CONTACT, MOTOR.modes[0])
     says(f"in phase at {resonance / 1e3:.1f} kHz and 20 V")
@@ -262,7 +264,7 @@ def test_mean_normal_force() -> None:
     says(f"rises from {CONTACT.preload_n:g} N to {run.mean(run.normal_force_n):.1f} N")
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_mean_normal_force_of_a_held_rotor() -> None:
     """At a fixed distance the preload is no mean force; on a mount it is."""
     motor = pr.load_motor("andersen2002-unintended-mode").updated({"mount": None})

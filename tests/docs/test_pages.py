@@ -48,7 +48,7 @@ def snippets(page: Path) -> list[str]:
 
 
 # pages whose commands or Python take 4 to 12 s
-LONG = {"drive", "impedance", "report", "steady_state", "sweeps", "tracking"}
+LONG = {"averaged", "drive", "impedance", "other_tools", "report", "steady_state", "sweeps", "tracking"}
 LONG |= {
     "tutorial_battery",
     "tutorial_control_tool",

@@ -21,7 +21,7 @@ def torque_m_n_m(frequency_hz: float, phase_deg: float) -> float:
     return 1e3 * simulated(MOTOR, drive, duration=5e-3, speed=0.0, audit=False).mean_torque_n_m
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize(
     "row",
     [pytest.param(row, marks=[] if row in ROWS[1:3] else pytest.mark.soak) for row in ROWS],  # between the resonances

@@ -62,6 +62,7 @@ def half_bridge(*, plotted: bool = False) -> DriveReport:
 # --- copies of what is built in ------------------------------------------------------------------------------
 
 
+@pytest.mark.soak
 def test_a_copy_of_the_half_bridge_gives_the_same_report() -> None:
     own = report(driver(built_in("driver_half_bridge"), network="inductor"), plotted=True)
     known = half_bridge(plotted=True)
@@ -82,6 +83,7 @@ def test_a_copy_of_the_amplifier_gives_the_same_report() -> None:
     assert list(own.losses_w.values()) == pytest.approx(list(known.losses_w.values()), rel=5e-3)
 
 
+@pytest.mark.soak
 def test_a_loss_that_is_not_stated_follows_from_the_powers(tmp_path: Path) -> None:
     name = "driver_half_bridge"
     text = (data_path("behavioral") / f"{name}.lib").read_text(encoding="ascii")
@@ -98,7 +100,8 @@ def test_a_loss_that_is_not_stated_follows_from_the_powers(tmp_path: Path) -> No
     assert own.gate_power_w == 0.0
 
 
-@pytest.mark.parametrize("name", [pytest.param("irf610", marks=pytest.mark.soak), "turned"])
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["irf610", "turned"])
 def test_a_copy_of_the_mosfet_gives_the_same_bridge(name: str, tmp_path: Path) -> None:
     (model,) = re.findall(r"^\.model irf610 .*$", (data_path("behavioral") / "driver_mosfet.lib").read_text(), re.M)
     path = tmp_path / "my.lib"
@@ -119,6 +122,7 @@ def test_a_bridge_has_the_mosfet_of_the_user_and_no_other(kind: str) -> None:
 # --- the example ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.soak
 def test_the_commands_of_the_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,6 +21,7 @@ from pyspice_runner.drivers.parts import E12, E24, beyond, largest_inductance, n
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.window import Window
 from tests.runs import simulated
+from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("drivers")
 
@@ -38,7 +39,7 @@ def driver(kind: str = "linear", **values: Any) -> pr.Driver:
 
 
 def report(chosen: pr.Driver, *, friction: float = 0.3, **settings: Any) -> DriveReport:
-    return pr.drive_report(motor(friction), chosen, **{"duration": 1.5e-3, **settings})
+    return pr.drive_report(motor(friction), chosen, **{"duration": 1e-3, **settings})
 
 
 @cache
@@ -90,8 +91,8 @@ def test_means_of_sines_with_uniform_steps_are_exact() -> None:
 
 def test_ideal_sources_are_those_of_simulate() -> None:
     """The same circuit but for an ammeter; whole periods end elsewhere between the points."""
-    found = report(driver("ideal"), duration=2e-3)
-    plain = simulated(motor(), pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY), duration=2e-3)
+    found = report(driver("ideal"))
+    plain = simulated(motor(), pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY), duration=1e-3)
     for group in ("a", "b"):
         voltage, current = getattr(plain, f"voltage_{group}_v"), getattr(plain, f"current_{group}_a")
         assert found.groups[group].real_power_w == pytest.approx(plain.mean(voltage * current), rel=5e-3)
@@ -101,7 +102,7 @@ def test_ideal_sources_are_those_of_simulate() -> None:
     assert found.efficiency == pytest.approx(found.shaft_power_w / found.motor_power_w)
 
 
-@pytest.mark.parametrize("kind", ["ideal", "linear"])
+@pytest.mark.parametrize("kind", mostly(pytest.mark.soak, ["ideal", "linear"], ["ideal"]))
 def test_the_error_of_the_torque_by_the_step_is_stated_and_holds(kind: str) -> None:
     settings: dict[str, Any] = {"speed": 3.0, "duration": 5e-4}
     found = report(driver(kind), **settings)
@@ -205,7 +206,7 @@ def settled(kind: str) -> DriveReport:
     return half_bridge() if kind == "half-bridge" else full_bridge(SETTLED)
 
 
-@pytest.mark.parametrize("kind", ["linear", "half-bridge", pytest.param("full-bridge", marks=pytest.mark.soak)])
+@pytest.mark.parametrize("kind", mostly(pytest.mark.soak, ["linear", "half-bridge", "full-bridge"], ["half-bridge"]))
 def test_supply_is_losses_and_motor_within_one_per_cent(kind: str) -> None:
     found = settled(kind)
     assert abs(found.balance_residual) < 0.01
@@ -215,6 +216,7 @@ def test_supply_is_losses_and_motor_within_one_per_cent(kind: str) -> None:
     assert found.settling < 0.05  # the filter's two frequencies beat
 
 
+@pytest.mark.soak
 def test_the_power_of_a_full_bridge_that_is_not_settled_balances_with_the_stored_energy() -> None:
     found = full_bridge(0.3e-3)
     assert abs(found.balance_residual) < 0.01

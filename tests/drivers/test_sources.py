@@ -44,8 +44,8 @@ def test_simulate_and_drive_report_take_the_same_mean_of_the_same_run(ideal: Wav
 
 def test_simulate_runs_a_motor_behind_a_half_bridge() -> None:
     bridge = driver("half-bridge", network="llcc")
-    run = simulated(MOTOR, bridge, duration=3e-4)
-    report = pr.drive_report(MOTOR, bridge, duration=3e-4)
+    run = simulated(MOTOR, bridge, duration=2e-4)
+    report = pr.drive_report(MOTOR, bridge, duration=2e-4)
     assert run.mean_torque_n_m == pytest.approx(report.mean_torque_n_m, rel=0.02)  # other vectors, other rounding
     power = run.mean(run.voltage_a_v * run.current_a_a + run.voltage_b_v * run.current_b_a)
     assert power == pytest.approx(report.motor_power_w, rel=0.02)
@@ -87,7 +87,7 @@ def test_a_run_says_its_final_state(ideal: Waveforms) -> None:
     assert pr.simulate(MOTOR, DRIVE, duration=1e-4, signals=["tip_x_m"]).final_state is None
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_operating_point_behind_a_driver_is_that_of_its_drive() -> None:
     strong = {"voltage": 200.0, "frequency": 54e3}
     direct = held_point(MOTOR, pr.TwoPhaseDrive(phase_deg=90.0, **strong), speed=2.0, mode="settle")

@@ -190,7 +190,9 @@ COLUMNS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["andersen2002", "andersen2002-unintended-mode"])
+@pytest.mark.parametrize(
+    "name", mostly(pytest.mark.soak, ["andersen2002", "andersen2002-unintended-mode"], ["andersen2002"])
+)
 def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averaged(name: str, tmp_path: Path) -> None:
     held = name == "andersen2002"
     thermal = pr.Thermal(heat_capacity_j_per_k=1e-3, ambient_k=10.0)  # so small that 20 ms warm it by some kelvin

@@ -19,11 +19,7 @@ from tests.selection import mostly
 
 FIGURES = Path(__file__).resolve().parents[2] / "figures"
 DEMO = ["admittance", "figure_5", "patch_position", "spin_up"]  # the others are `make figures`
-# their kinds of curves, contact laws and controllers are those of the others, which `make soak` draws
-ALWAYS = [
-    "contact_patch", "control_speed", "diagram_motor", "figure_6_region", "fit", "softening",
-    "speed_torque", "work_precision",
-]  # fmt: skip
+ALWAYS = ["diagram_motor", "speed_torque"]  # `make soak` draws the others
 SCRIPTS = sorted(path for path in FIGURES.glob("*.py") if path.stem not in ("diagram", "style", "demo"))
 
 

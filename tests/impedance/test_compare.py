@@ -191,6 +191,7 @@ def test_exit_status_is_by_tolerance(tolerances: list[str], status: int, capsys:
     assert ("part.csv: The frequency of mode 1 is off by +1 ± " in err) == bool(status)
 
 
+@pytest.mark.soak
 def test_one_is_drawn_over_its_reference_and_many_as_a_trend(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["compare", "part.csv", "good.csv", "--plot", "one.png", "--output", "one.csv"]) == 0
     assert "20.2 kHz" in capsys.readouterr().out
@@ -238,6 +239,7 @@ def test_a_spectrum_against_itself_has_deviations_without_a_sign_within_their_er
     assert "frequency +1 ± 0.002 %, quality" in one(part, noisy).summary()["mode 1"]
 
 
+@pytest.mark.soak
 def test_deviations_of_one_device_scatter_as_their_errors_say() -> None:
     pairs = [[measured("same", noise=0.01, seed=2 * number + side) for side in (1, 2)] for number in range(16)]
     found = [one(*pair, modes=2) for pair in pairs]

@@ -349,6 +349,7 @@ def test_blas_has_one_thread_while_a_fit_runs(monkeypatch: pytest.MonkeyPatch) -
 # --- long spectra ---
 
 
+@pytest.mark.soak
 def test_a_fit_of_a_long_spectrum_finds_narrow_arms_and_is_quick() -> None:
     """13 MB; the arm of Q 20,000 is six points wide, and weaker than its neighbours by a factor of 100."""
     circuit = resonator([20e3, 24e3, 33e3], [120.0, 20e3, 300.0], [0.05, 0.0005, 0.02], reference=25e3)

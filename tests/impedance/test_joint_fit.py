@@ -81,6 +81,7 @@ def test_levels_give_the_softening_and_the_losses_of_the_ceramic(softening: floa
     assert "softening" in " ".join(found.summary())
 
 
+@pytest.mark.soak
 def test_a_resonance_skewed_within_a_sweep_has_a_caution_and_its_level_gives_the_softening() -> None:
     soft = mode(6e7, 4e9)
     skewed = measured(soft, 80.0, 1)

@@ -36,7 +36,7 @@ def accurate(name: str, accuracy: float) -> Waveforms:
 
 
 # all of the points passed when the estimate was made
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [*POINTS, *MORE], ["sprung, mostly slip", "slippery"]))
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [*POINTS, *MORE], ["slippery"]))
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -54,10 +54,8 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
 HARD = "two tones, hammering"
 
 
-@pytest.mark.parametrize(
-    ("name", "accuracy"),
-    mostly(pytest.mark.soak, [(HARD, 0.02), (HARD, 0.0005), ("mostly slip", 0.0005)], [("mostly slip", 0.0005)]),
-)
+@pytest.mark.soak
+@pytest.mark.parametrize(("name", "accuracy"), [(HARD, 0.02), (HARD, 0.0005), ("mostly slip", 0.0005)])
 def test_a_finer_accuracy_is_kept_too(name: str, accuracy: float) -> None:
     run = accurate(name, accuracy)
     assert trajectory_error(name, run) < 1.2 * accuracy

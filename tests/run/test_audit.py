@@ -260,7 +260,7 @@ def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch:
 
 def test_a_tracked_motor_whose_contact_pulls_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
     tracker = pr.Tracker(kind="none", voltage=50.0, frequency=55.4e3)
-    settings: dict[str, Any] = {"duration": 2e-3, "begin": 2e-3, "step": 1.8e-7}
+    settings: dict[str, Any] = {"duration": 1.7e-3, "begin": 1.7e-3, "step": 1.8e-7}
     assert pr.track(MOTOR, tracker, **settings).to_dict()["audit"]["passed"]
     falsify(
         monkeypatch, Outcome, "vectors",

@@ -83,7 +83,7 @@ def test_every_kind_of_result_has_the_caution() -> None:
     driver = pr.Driver(kind="ideal", voltage=100.0, frequency=51.7e3, phase_deg=90.0)
     driven = pr.drive_report(MOTOR, driver, duration=1e-3)
     assert any(STRONG in caution for caution in driven.cautions)
-    tracked = pr.track(MOTOR, pr.Tracker(kind="none", voltage=100.0, frequency=51.7e3, phase_deg=90.0), duration=3e-3)
+    tracked = pr.track(MOTOR, pr.Tracker(kind="none", voltage=100.0, frequency=51.7e3, phase_deg=90.0), duration=2e-3)
     assert any(STRONG in caution for caution in tracked.cautions)
 
 

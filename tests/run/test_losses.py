@@ -76,11 +76,7 @@ def pair(name: str) -> tuple[Waveforms, ReferenceRun]:
 
 @pytest.mark.parametrize(
     "name",
-    mostly(
-        pytest.mark.soak,
-        POINTS,
-        ["Stribeck, opens", "dry bearing, opens", "both"],
-    ),
+    mostly(pytest.mark.soak, POINTS, ["Stribeck, opens"]),  # tests/test_every_effect.py has a dry bearing
 )
 def test_tip_rotor_states_and_energy_are_those_of_the_reference(name: str) -> None:
     run, exact = pair(name)
@@ -165,7 +161,10 @@ def damped(motor: pr.Motor, run: Waveforms) -> NDArray[np.float64]:
     )
 
 
-@pytest.mark.parametrize(("compliance", "restitution"), [(1e-8, 0.8), (COMPLIANCE, 0.6), (COMPLIANCE, 0.3)])
+@pytest.mark.parametrize(
+    ("compliance", "restitution"),
+    mostly(pytest.mark.soak, [(1e-8, 0.8), (COMPLIANCE, 0.6), (COMPLIANCE, 0.3)], [(COMPLIANCE, 0.3)]),
+)
 def test_damping_works_on_the_penetration_and_not_on_the_compliance_in_series(
     compliance: float, restitution: float
 ) -> None:
@@ -244,9 +243,8 @@ def test_the_averaged_motor_has_the_compliance_along_the_rotor() -> None:
     drive = pr.default_drive(motor)
     full = pr.steady_state(motor, drive, speed=30.0)
     limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
-    for engine, duration in (("compiled", 0.08), ("spice", 0.2)):
-        found = pr.simulate_averaged(motor, drive, duration, speed=30.0, engine=engine)  # type: ignore[arg-type]
-        assert found.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * limit)
+    found = pr.simulate_averaged(motor, drive, 0.08, speed=30.0)
+    assert found.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * limit)
 
 
 def test_friction_that_falls_makes_a_compliance_along_the_rotor_jump() -> None:

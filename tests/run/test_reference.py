@@ -107,10 +107,9 @@ POINTS = {
     "rigid mount, opens": Point(two_phase(60.0, 17.9e3, 90.0), 3.0, mount=springs(1e11, 1.0, 1e3)),
 }
 
-# one or more of each regime, drive, load and mount; the others with `make soak`
+# one of each regime and drive, and a mount; the others with `make soak`
 ALWAYS = [
-    "stick only", "mostly slip", "hammers, hardly pressed", "two tones, octave",
-    "load torque", "another motor", "sprung, opens far", "sprung, held shaft", "rigid mount, opens",
+    "mostly slip", "hammers, hardly pressed", "two tones, octave", "another motor", "sprung, opens far",
 ]  # fmt: skip
 
 
@@ -158,7 +157,7 @@ def trajectory_error(name: str, run: Waveforms) -> float:
     return rms(away) / rms(motion)
 
 
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, POINTS, ["two tones, hammering", "sprung, opens"]))
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, POINTS, ["sprung, opens far"]))
 def test_the_reference_motion_is_not_chaotic_there(name: str) -> None:
     # a start 1 pm away stays within 1 nm, so that trajectories and not only statistics can be compared
     assert np.abs(reference(name).tip_y_m - reference(name, 1e-12).tip_y_m).max() < 1e-9
@@ -199,7 +198,7 @@ def test_energy_balances(name: str) -> None:
 
 GAIN_POINT = "mostly slip"
 GAIN_STEPS = (0.4e-6, 0.2e-6, 0.1e-6, 0.05e-6)
-COARSE_STEPS = GAIN_STEPS[:3]  # two halvings; the finest step takes as long as these together
+COARSE_STEPS = GAIN_STEPS[:2]  # each finer step takes as long as the coarser ones together
 
 
 @cache
@@ -224,14 +223,8 @@ def test_exact_resonance_makes_the_error_many_times_smaller() -> None:
         assert exact < plain / 20  # measured 76 times, at the second resonance
 
 
-@pytest.mark.parametrize(
-    "name",
-    mostly(
-        pytest.mark.soak,
-        ["stick only", "mostly slip", "strong drive", "half stick, half slip", "60 kHz"],
-        ["strong drive"],
-    ),
-)
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["stick only", "mostly slip", "strong drive", "half stick, half slip", "60 kHz"])
 def test_halving_the_step_shows_second_order(name: str) -> None:
     errors = [trajectory_error(name, ours(name, points)) for points in (32, 64, 128)]
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))

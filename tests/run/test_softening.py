@@ -70,6 +70,7 @@ def test_loss_that_grows_with_amplitude_lowers_the_peak() -> None:
     assert run.energy_residual < 1e-3
 
 
+@pytest.mark.soak
 def test_the_deck_jumps_at_the_folds(tmp_path: Path) -> None:
     found = measured("softening", tmp_path)
     low, high, sweep = 0.975 * MODE.frequency_hz, 1.01 * MODE.frequency_hz, 0.05

@@ -59,7 +59,7 @@ def test_the_window_has_whole_periods_at_the_end(end: float, periods: int) -> No
 def test_a_run_in_mid_spin_up_says_that_its_means_are_not_settled() -> None:
     motor = pr.load_motor("andersen2002").updated({"mount": None, "rotor.inertia_kg_m2": 1e-8})
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
-    early, late = (pr.simulate(motor, drive, duration=duration) for duration in (2e-4, 5e-3))
+    early, late = (pr.simulate(motor, drive, duration=duration, step=2e-7) for duration in (2e-4, 5e-3))
     assert early.settled is False
     assert late.to_come["mean_rotor_speed_rad_s"] is not None
     assert late.to_come["mean_rotor_speed_rad_s"] < 0.02

@@ -260,6 +260,8 @@ def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> No
     partial = replace(signals(FAST), transfers={("speed", "amplitude"): np.ones(1, complex)})
     with pytest.raises(pr.ParameterError, match="the phases only where there is a current"):
         partial.transfer("motional_phase_b_deg", "amplitude")
+    with pytest.raises(pr.ParameterError, match="There is no transfer from volume to speed"):
+        partial.transfer("speed", "volume")
 
 
 @pytest.mark.soak
@@ -289,8 +291,6 @@ def test_wrong_requests_say_what_is_allowed() -> None:
     tones = pr.TwoToneDrive(voltage_1=1.0, frequency_1=2e4, voltage_2=1.0, frequency_2=4e4)
     with pytest.raises(pr.ParameterError, match="give a TwoPhaseDrive"):
         small_signals(MOTOR, tones, frequencies=[1.0])
-    with pytest.raises(pr.ParameterError, match="There is no transfer from volume to speed"):
-        signals(FAST).transfer("speed", "volume")
 
 
 @pytest.mark.soak
@@ -308,6 +308,7 @@ def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None
     assert running.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / 6.0)), abs=2.0)
 
 
+@pytest.mark.soak
 def test_the_command_prints_transfers_and_admittances(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = ["small-signals", MOTOR.name, "--voltage", "100", "--frequency", "46e3", "--speed", "6"]
     assert run([*words, "--frequencies", "1000", "--json", "--plot", str(tmp_path / "bode.png")]) == 0

@@ -294,6 +294,7 @@ def test_a_point_that_begins_with_the_motion_of_another_settles_where_one_from_r
     assert point["torque_n_m"] == pytest.approx(alone, rel=2e-3)
 
 
+@pytest.mark.soak
 def test_an_unstable_periodic_motion_gives_the_time_average_with_its_error() -> None:
     """7.375 mN·m is the mean over 120 of 240 ms; the periodic motion has 9.48 mN·m. Averaged models say so."""
     known = pr.load_motor("andersen2002-unintended-mode")
@@ -310,6 +311,7 @@ def test_an_unstable_periodic_motion_gives_the_time_average_with_its_error() -> 
         assert any("is unstable (irrational, multiplier 1.0039)" in caution for caution in found.cautions)
 
 
+@pytest.mark.soak
 def test_two_tones_that_beat_never_settle_and_say_so() -> None:
     beating = pr.TwoToneDrive(voltage_1=60.0, frequency_1=45e3, voltage_2=60.0, frequency_2=45.21e3)
     step = 3.0 * dynamometer(beating).setup.step  # the beat does not need fine steps

@@ -81,21 +81,14 @@ def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion
             assert swing == pytest.approx(abs(mode.tip_x * force / stiffness), rel=2e-3), index
 
 
-@pytest.mark.slow
+@pytest.mark.soak  # of the motor with every effect in test_every_effect.py
 @pytest.mark.parametrize(
     ("motor", "drive", "speeds"),
     [
-        (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (3.0,)),
-        pytest.param(PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (-5.0,), marks=pytest.mark.soak),
+        (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (3.0, -5.0)),
         # as in test_speed_torque.py, at other speeds
-        pytest.param(MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0), marks=pytest.mark.soak),
-        # test_contact_laws.py has two tones, against the row of elements
-        pytest.param(
-            PAPER,
-            pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3),
-            (2.0,),
-            marks=pytest.mark.soak,
-        ),
+        (MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0)),
+        (PAPER, pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3), (2.0,)),
     ],
 )
 def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> None:
@@ -228,6 +221,7 @@ def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str
     assert np.abs(others).max(initial=0.0) < NEWTON.memory  # sliders at the edge, which slip
 
 
+@pytest.mark.soak
 def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
     mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
     motor = PAPER.updated(mount)
@@ -244,6 +238,7 @@ def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_t
     assert state.normal_force_n == pytest.approx(settled["normal_force_n"], rel=1e-3)
 
 
+@pytest.mark.soak
 def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
     motor = MOTOR.updated({"mount": None})  # the carrier of the set is slower than the modes, and would be what is left
     largest = abs(pr.steady_state(motor, DRIVE, speed=6.0).floquet_multipliers[0])
@@ -329,7 +324,11 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
 
 @pytest.mark.parametrize(
     ("name", "volts", "frequency"),
-    [("andersen2002", 6.0, 51.7e3), ("andersen2002", 10.0, 51.7e3), ("bimodal40", 10.0, 40.7e3)],
+    [
+        pytest.param("andersen2002", 6.0, 51.7e3, marks=pytest.mark.soak),
+        ("andersen2002", 10.0, 51.7e3),
+        ("bimodal40", 10.0, 40.7e3),
+    ],
 )
 def test_a_held_shaft_whose_contact_does_not_slip_has_an_interval_of_torques_about_that_of_a_run_from_rest(
     name: str, volts: float, frequency: float

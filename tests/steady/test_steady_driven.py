@@ -96,6 +96,7 @@ def test_a_run_begins_between_the_edges_of_a_bridge(kind: str, phase_deg: float,
             assert np.ptp(np.sign(control - limit)) == 0.0, (ahead, limit)
 
 
+@pytest.mark.soak
 def test_a_bridge_has_a_stable_steady_state_with_a_period_that_balances() -> None:
     state = pr.steady_state(HELD, driver("half-bridge", "inductor"), speed=6.0, accuracy=5e-3)
     assert state.method == "newton"

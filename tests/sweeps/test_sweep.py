@@ -62,6 +62,7 @@ def quick(threads: Executor, tmp_path: Path) -> dict[str, Any]:
 # --- the right numbers at the right places ---
 
 
+@pytest.mark.soak
 def test_each_point_is_the_run_that_simulate_does(threads: Executor, tmp_path: Path) -> None:
     over = {"contact.preload_n": [4.0, 9.0], "drive.voltage": [20.0, 60.0], "run.speed": [0.5]}
     names = ["mean_torque_n_m", "state_fractions.stick", "energy_j.damping"]
@@ -360,6 +361,7 @@ def test_a_killed_worker_loses_no_point(quick: dict[str, Any], tmp_path: Path) -
     assert found["failure"].values.tolist() == [""] * 10
 
 
+@pytest.mark.soak
 def test_a_point_that_kills_its_worker_fails_alone(quick: dict[str, Any]) -> None:
     how = quick | {"analysis": points.kills_its_worker_at_7_n, "executor": None, "workers": 2}
     found = pr.sweep(MOTOR, DRIVE, over={"contact.preload_n": np.arange(1.0, 11.0)}, **how)
@@ -454,6 +456,7 @@ def wait_for(condition: Any, seconds: float = 60.0) -> bool:
     return False
 
 
+@pytest.mark.soak
 def test_an_early_ctrl_c_prints_one_sentence(tmp_path: Path) -> None:
     sweeping = start(tmp_path, "--over", "drive.voltage=1:50:2000", "--store", "points")
     # three: the sweep, the keeper of its resources and a worker about to import; `ngspice --version` is alone with it

@@ -66,6 +66,7 @@ def test_loss_per_cycle_of_eight_sliders() -> None:
         assert loss("brush", amplitude, 32) == pytest.approx(float(microslip_loss(amplitude)), rel=0.02)
 
 
+@pytest.mark.soak
 def test_errors_fall_with_the_square_of_the_sliders() -> None:
     for error in (worst_force, worst_loss):
         errors = [error(sliders) for sliders in (4, 8, 16, 32)]

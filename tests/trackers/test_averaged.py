@@ -31,6 +31,7 @@ def motor() -> pr.Motor:
     return pr.load_motor("andersen2002").updated({"mount": None, "rotor.inertia_kg_m2": 1e-7})
 
 
+@pytest.mark.soak
 def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> None:
     """3 % RMS of the speed reached; the frequency within 0.1 %, a few of the steps by which an edge is seen late."""
     chosen = tracker(motor, offset=0.03)

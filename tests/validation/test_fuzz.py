@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from tests.selection import mostly
 from validation.fuzz import watch
 from validation.fuzz.__main__ import drawn, fault
 from validation.fuzz.entry_points import ENTRY_POINTS, EntryPoint, warm
@@ -34,7 +35,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "out"
 
 
-@pytest.mark.parametrize("entry_point", ENTRY_POINTS.values(), ids=lambda entry_point: entry_point.name)
+@pytest.mark.parametrize(
+    "entry_point",
+    mostly(pytest.mark.fuzz, ENTRY_POINTS.values(), [one for name, one in ENTRY_POINTS.items() if name != "fit"]),
+    ids=lambda entry_point: entry_point.name,
+)
 def test_every_entry_point_accepts_an_input_or_rejects_it_clearly(entry_point: EntryPoint, folder: Path) -> None:
     for number in range(round(COUNT * entry_point.share)):
         _, words = fault(entry_point, drawn(entry_point, SEED, number), folder)

@@ -57,7 +57,7 @@ def report(measured: pr.Spectrum) -> Report:
     motor = pr.load_motor("andersen2002").updated({"mount": None})  # on which this drive turns the rotor
     with pytest.MonkeyPatch.context() as fewer:
         fewer.setattr("pyspice_runner.view.report.SPEEDS", 4)
-        return pr.report(motor, drive, duration=2e-3, levels=(0.7, 1.0), measured=measured, connection="A-B")
+        return pr.report(motor, drive, duration=1e-3, levels=(1.0,), measured=measured, connection="A-B")
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +166,7 @@ def test_the_motion_plays_and_pauses_by_keyboard(desktop: tuple[Page, list[str]]
     assert wrong == []
 
 
+@pytest.mark.soak
 def test_the_motion_starts_by_itself_where_none_objects(browser: Browser, page_file: Path) -> None:
     page, wrong = opened(browser, page_file, READY, viewport=PHONE, color_scheme="dark")
     assert page.locator('[data-plays="modes"] button').inner_text() == "Pause"
@@ -204,6 +205,7 @@ def test_the_keyboard_zooms_moves_and_resets_a_chart(desktop: tuple[Page, list[s
     page.wait_for_function(f"([l, h]) => Math.abs(({ranges})()[1] - h) < 1e-6 * h", arg=[low, high])
 
 
+@pytest.mark.soak
 def test_downloads_are_complete(report: Report, desktop: tuple[Page, list[str]], tmp_path: Path) -> None:
     page, _ = desktop
     names = page.eval_on_selector_all(".downloads a", "all => all.map(one => one.download)")
@@ -250,6 +252,7 @@ def test_a_motor_without_a_beam_says_why_no_shape_moves(report: Report) -> None:
     assert "so their shapes are not known" in page
 
 
+@pytest.mark.soak
 def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report: Report) -> None:
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
@@ -289,6 +292,7 @@ def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report
         pr.report(pr.load_motor("beam40"), drive, tracking=tracking)
 
 
+@pytest.mark.soak
 def test_no_text_from_outside_runs_in_the_page(
     report: Report, browser: Browser, desktop: tuple[Page, list[str]], tmp_path: Path
 ) -> None:
@@ -312,6 +316,7 @@ def test_no_text_from_outside_runs_in_the_page(
     page.close()
 
 
+@pytest.mark.soak
 def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_path: Path) -> None:
     value = RecordedValue(
         value=0.25, standard_error=2e-3, interval_95=(0.246, 0.254), identifiable=False, start=0.3, unit="1"
@@ -357,6 +362,7 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
     page.close()
 
 
+@pytest.mark.soak
 def test_the_motor_to_play_with_runs_in_the_report(report: Report, desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     page.click("#start-live")
@@ -445,7 +451,7 @@ def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_
 def test_the_estimated_error_is_that_of_the_step(report: Report) -> None:
     """Against a run of a quarter of the step, whose own error is a sixteenth."""
     step = report.run.provenance["run"]["step_s"]
-    fine = pr.simulate(report.motor, report.drive, duration=2e-3, step=step / 4.0)
+    fine = pr.simulate(report.motor, report.drive, duration=1e-3, step=step / 4.0)
     run = report.run
     window = run.window()
     distance, size = 0.0, 0.0

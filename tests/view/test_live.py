@@ -138,7 +138,13 @@ def test_speed_and_limits_are_those_of_the_steady_state(desktop: tuple[Page, lis
     assert stress == pytest.approx(1e-6 * steady.ceramic_stress_pa, rel=0.02)
     assert rise == pytest.approx(steady.temperature_rise_k, rel=0.02)
 
-    # exceeded limits are named as by the package
+
+@pytest.mark.soak
+def test_exceeded_limits_are_named_as_by_the_package(desktop: tuple[Page, list[str]]) -> None:
+    page, _ = desktop
+    motor = pr.load_motor("beam40")
+    drive = pr.default_drive(motor)
+    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
     hot = pr.steady_state(motor, drive.updated({"voltage": 180.0}))
     answered(page, typed(page, "voltage", 180.0), settled=True)
     unknown = ("Friction puts", "The results are those of a new tip")  # to the page, as are those of the motor
@@ -208,6 +214,7 @@ def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser
     assert wrong == []
 
 
+@pytest.mark.soak
 def test_two_settings_stand_side_by_side_and_a_link_restores_them(
     desktop: tuple[Page, list[str]], browser: Browser, page_file: Path
 ) -> None:
@@ -240,6 +247,7 @@ def test_two_settings_stand_side_by_side_and_a_link_restores_them(
     page.click("#compare")
 
 
+@pytest.mark.soak
 def test_escape_stops_a_run_and_the_next_change_runs_again(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     page.select_option("#preset-choice", label="andersen2002: the paper's eq. (2): figure eight")
@@ -251,6 +259,7 @@ def test_escape_stops_a_run_and_the_next_change_runs_again(desktop: tuple[Page, 
     assert abs(float(found["speed"])) < 1e-3
 
 
+@pytest.mark.soak
 def test_every_view_is_drawn_and_says_its_values(drawn: tuple[Page, list[str]]) -> None:
     page, wrong = drawn
     for name in ("forces", "slider", "voltage", "current", "torque", "response", "impedance"):
@@ -275,6 +284,7 @@ def test_every_view_is_drawn_and_says_its_values(drawn: tuple[Page, list[str]]) 
     assert wrong == []
 
 
+@pytest.mark.soak
 def test_speed_over_frequency_shows_hysteresis(drawn: tuple[Page, list[str]]) -> None:
     page, _ = drawn
     assert len(page.query_selector_all("#response-chart path.line")) == 2
@@ -311,6 +321,7 @@ def test_a_motor_that_the_preview_does_not_describe_runs_cycle_by_cycle(browser:
     page.close()
 
 
+@pytest.mark.soak
 def test_the_deck_gives_the_same_numbers_in_ngspice(drawn: tuple[Page, list[str]], tmp_path: Path) -> None:
     page, _ = drawn
     with page.expect_download() as waiting:
@@ -328,6 +339,7 @@ def test_the_deck_gives_the_same_numbers_in_ngspice(drawn: tuple[Page, list[str]
 # --- what a user brings along ---
 
 
+@pytest.mark.soak
 def test_ngspice_runs_a_driver_and_its_messages_stand_at_their_lines(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     with without_runs(page):

@@ -37,17 +37,19 @@ def stator_of(solid: Solid) -> Stator:
     content = hashlib.sha256(solid.model_dump_json().encode())
     for source in sorted(Path(__file__).parent.glob("*.*")):
         content.update(source.read_bytes())
-    try:
+    stored = None
+    with suppress(ParameterError):
         stored = cache_folder("stators", ParameterError("no home")) / f"{content.hexdigest()[:32]}.npz"
-    except ParameterError:
-        return solve_stator(solid)
-    kept = _read(stored)
-    if kept is not None:
+    kept = stored and _read(stored)
+    if kept:
         return kept
+    import scipy.linalg  # noqa: F401 # its BLAS is limited to one thread only where it is loaded before
+
     found = solve_stator(solid)
     with suppress(OSError, ParameterError):  # a result that cannot be kept is still one
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        write_stator(stored, found)
+        if stored:
+            stored.parent.mkdir(parents=True, exist_ok=True)
+            write_stator(stored, found)
     return found
 
 

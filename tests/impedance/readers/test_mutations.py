@@ -83,6 +83,7 @@ def test_a_hundred_megabytes_are_refused_at_once(tmp_path: Path) -> None:
     ],
     ids=range(10),
 )
+@pytest.mark.fuzz
 def test_large_nonsense_does_not_hang(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "measured.dat"
     path.write_bytes(content)
