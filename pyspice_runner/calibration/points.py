@@ -210,18 +210,7 @@ def read_columns(
         )
     numbers = {key: [_number(value, key, row, source) for row, value in enumerate(values, start=1)]
                for key, values in columns.items()}  # fmt: skip
-    return source, _named(_scaled(numbers, source), source, further, linear=linear)
-
-
-def _scaled(columns: Mapping[str, list[float]], source: str) -> dict[str, list[float]]:
-    """Return the columns in SI units under the names of this module, where their headings have a unit."""
-    found: dict[str, list[float]] = {}
-    for name, values in columns.items():
-        own, factor = _column_of(name) or (name, 1.0)
-        if own in found:
-            raise ParameterError(f"{source}: {quoted(name)} is a second column of {own}. Leave one out.")
-        found[own] = [factor * value for value in values]
-    return found
+    return source, _named(numbers, source, further, linear=linear)
 
 
 def _column_of(heading: str) -> tuple[str, float] | None:
@@ -280,10 +269,11 @@ def _number(value: Any, name: str, row: int, source: str) -> float:
 def _named(
     columns: Mapping[str, list[float]], source: str, further: Sequence[str], *, linear: bool
 ) -> dict[str, list[float]]:
-    """Return the columns under the names of a rotor. Raise ParameterError for an unknown name."""
+    """Return the columns in SI units under the names of a rotor. Raise ParameterError for an unknown name."""
     known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED, *(LINEAR if linear else ())]
     found: dict[str, list[float]] = {}
-    for name, values in columns.items():
+    for heading, values in columns.items():
+        name, factor = _column_of(heading) or (heading, 1.0)
         base = name.removesuffix(ERROR)
         own = LINEAR.get(base, base) if linear else base
         allowed = MEASURED if base != name else (*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED)
@@ -292,8 +282,8 @@ def _named(
             raise ParameterError(f"{source}: there is no column {quoted(name)}. {hint}")
         own = own + name[len(base) :]
         if own in found:
-            raise ParameterError(f"{source}: {quoted(name)} is given twice, as {own} too. Give it once.")
-        found[own] = values
+            raise ParameterError(f"{source}: {quoted(heading)} is a second column of {name}. Leave one out.")
+        found[own] = [factor * value for value in values]
     return found
 
 
