@@ -182,7 +182,7 @@ def test_a_speed_torque_table_of_a_motor_is_read_in_its_units(tmp_path: Path) ->
     ("text", "says"),
     [
         ("Speed (furlongs),Force (N)\n1,2\n", "there is no column"),
-        ("Speed (mm/s),Velocity (m/s),Force (N)\n1,2,3\n", "second column of speed_m_s"),
+        ("Speed (rpm),Velocity (rad/s),Torque (Nm)\n1,2,3\n", "second column of speed_rad_s"),
         ("Speed (mm/s),Force (N)\n1,2\n", "there is no column"),  # of a rotor
     ],
 )
