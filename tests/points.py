@@ -12,7 +12,6 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.motor.drive import Drive
-from pyspice_runner.run.waveforms import Waveforms
 
 
 def formula(motor: pr.Motor, drive: Drive, *, duration: float, speed: float = 0.0) -> dict[str, Any]:
@@ -67,13 +66,3 @@ def kills_one_worker(motor: pr.Motor, drive: Drive, *, mark: str, **run: float) 
 def power(point: dict[str, Any]) -> float:
     """A quantity of one's own."""
     return float(2.0 * point["torque_n_m"])
-
-
-def peak_force(run: Waveforms) -> float:
-    """A quantity of one's own, of waveforms."""
-    return float(run.normal_force_n.max())
-
-
-def resident_bytes() -> int:
-    """Memory of this process."""
-    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -213,18 +213,6 @@ def test_options_of_both_groups_that_do_not_fit_are_rejected(
     assert says in capsys.readouterr().err
 
 
-@pytest.mark.soak
-def test_a_two_port_is_fitted_over_a_part_of_its_band(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["fit", str(bench / "both.csv"), "--two-port", "--start", "30e3", "--json"]) == 0
-    modes = json.loads(capsys.readouterr().out)["modes"]
-    expected = pr.load_motor("andersen2002").modes[1].frequency_hz
-    assert [mode["series_resonance_hz"] for mode in modes] == pytest.approx([expected], rel=1e-4)
-    assert run(["fit", str(bench / "both.csv"), "--two-port", "--stop", "30e3", "--json"]) == 0
-    modes = json.loads(capsys.readouterr().out)["modes"]
-    expected = pr.load_motor("andersen2002").modes[0].frequency_hz
-    assert [mode["series_resonance_hz"] for mode in modes] == pytest.approx([expected], rel=1e-4)
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -113,7 +113,7 @@ def test_a_curve_has_the_steady_states_at_its_speeds() -> None:
     assert curve["torque_n_m"].values[0] == pytest.approx(LIMIT, rel=2e-3)  # all slips in one direction
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_small_signals_have_the_slow_gain_of_two_steady_states() -> None:
     """Near the speed without load, where the torque depends on the voltage."""
     speed, step = 50.0, 2.0

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from pyspice_runner.run.waveforms import Array
 
@@ -57,6 +56,8 @@ def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope
         residuals: of all values and priors.
         slope: their Jacobian, with the roots of the weights of the loss.
     """
+    from scipy.special import gammaincc  # takes long to load
+
     hat = slope @ np.linalg.solve(slope.T @ slope, slope.T)
     found = []
     for name, own in zip(names, sets, strict=True):
@@ -67,7 +68,7 @@ def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope
         squares = float(huber(residuals[used]).sum())
         ratio = 2.0 * mean / variance if variance > 0.0 else 0.0
         # parameters that take up all values of a set leave nothing to judge
-        probability = float(chi2.sf(squares * ratio, mean * ratio)) if mean > 0.5 else 1.0
+        probability = float(gammaincc(0.5 * mean * ratio, 0.5 * squares * ratio)) if mean > 0.5 else 1.0
         found.append(SetFit(name, len(own), squares, mean, probability))
     return tuple(found)
 

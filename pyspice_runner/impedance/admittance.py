@@ -20,7 +20,6 @@ from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, linear_sum_assignment
 
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.errors import ParameterError, SimulationError, require
@@ -28,7 +27,7 @@ from pyspice_runner.impedance.spectrum import COUPLING, Connection, State, band_
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Audit, Result
@@ -129,7 +128,7 @@ BAND_HZ = 5e3, 100e3  # of an admittance by default
 
 
 @checked
-@one_thread
+@one_thread_of_scipy
 def admittance(
     motor: Motor,
     *,
@@ -228,6 +227,8 @@ class _Expected:
 
 def _expected(motor: Motor, preloaded: bool) -> list[_Expected]:
     """Return every mode with its expected resonance."""
+    from scipy.optimize import linear_sum_assignment  # takes long to load
+
     modes = motor.on_carrier().modes
     bandwidth = [mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi) for mode in modes]
     if not preloaded:
@@ -320,6 +321,8 @@ def _motional_arm(
     others: Sequence[_Expected],
 ) -> MotionalArm:
     """Fit one arm, those of its neighbours, and a smooth background, which enters linearly."""
+    from scipy.optimize import least_squares  # takes long to load
+
     near = np.exp(-0.5 * ((frequency - fs) / (2.0 * bandwidth)) ** 2)
     # the background has complex coefficients; the part outside the span of its columns is the residual
     background, _ = np.linalg.qr(np.vander(frequency / fs - 1.0, 4) * near[:, None])

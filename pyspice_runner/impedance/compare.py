@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import write_rows
@@ -386,6 +385,8 @@ def _listed(fit: SpectrumFit) -> str:
 
 def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int, int]:
     """Return the measured mode of each mode of the reference: the closest in frequency and capacitance."""
+    from scipy.optimize import linear_sum_assignment  # takes long to load
+
     (f, c), (f_found, c_found) = (
         np.log([[arm.series_resonance_hz, arm.capacitance_f] for arm in arms] or np.ones((0, 2))).T
         for arms in (wanted, found)

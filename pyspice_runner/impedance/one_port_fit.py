@@ -28,7 +28,7 @@ from pyspice_runner.impedance.identify.selection import Candidate, Outcome, fit_
 from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
 from pyspice_runner.impedance.spectrum import Spectrum, band_of
 from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit
-from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering, unit_in
 
@@ -240,7 +240,7 @@ def _shown(item: object, name: str, deviations: Mapping[str, float | None]) -> s
     return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
 
 
-@one_thread
+@one_thread_of_scipy
 def fit_one_port(
     spectrum: Spectrum,
     modes: int | None = None,

@@ -12,10 +12,7 @@ _Result = TypeVar("_Result")
 
 
 def one_thread(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Limit BLAS to one thread: more change the last bits of a result, and are never faster for small matrices.
-
-    SciPy's is another one than NumPy's, and limited only where it is loaded before the call.
-    """
+    """Limit NumPy's BLAS to one thread: more change the last bits, and are never faster for small matrices."""
 
     @wraps(function)
     def limited(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
@@ -25,3 +22,16 @@ def one_thread(function: Callable[_Parameters, _Result]) -> Callable[_Parameters
             return function(*args, **kwargs)
 
     return limited
+
+
+def one_thread_of_scipy(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+    """Limit SciPy's BLAS too, which is another one, and limited only where it is loaded."""
+    limited = one_thread(function)
+
+    @wraps(function)
+    def loaded(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
+        import scipy.linalg  # noqa: F401 # takes long to load
+
+        return limited(*args, **kwargs)
+
+    return loaded

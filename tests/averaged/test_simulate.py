@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 import pytest
@@ -124,15 +123,6 @@ def test_ngspice_turns_the_rotor_as_the_compiled_motor_does(
     )
     assert spice == pytest.approx(compiled, rel=1e-3)
     assert (abs(compiled) < 0.5e-6) == (name == "beam40")
-
-
-def test_a_second_of_the_motor_takes_a_tenth_of_a_second() -> None:
-    turning = pr.load_motor("bimodal40")
-    drive = pr.default_drive(turning)
-    simulate_averaged(turning, drive, 1e-3, engine="compiled")  # compiles the motor, once for this user
-    begun = process_time()
-    simulate_averaged(turning, drive, 1.0, engine="compiled")
-    assert process_time() - begun < 0.1
 
 
 def test_without_a_compiler_ngspice_runs_the_motor(motor: pr.Motor, monkeypatch: pytest.MonkeyPatch) -> None:

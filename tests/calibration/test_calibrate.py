@@ -18,7 +18,6 @@ from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
-from validation import calibration as study
 
 SET = "andersen2002-unintended-mode"
 ERRORS = {"torque_n_m": 1e-4, "current_a_rms_a": 4e-4}  # 1 % of their greatest value at this drive
@@ -87,16 +86,6 @@ def test_a_spectrum_gives_back_a_quality_factor_and_leaves_the_friction_open(tmp
 
 
 @pytest.mark.soak
-def test_further_starts_end_at_the_same_values() -> None:
-    columns = truth_and_points({"contact.friction": 0.25}, [4.0, 12.0])
-    one, several = (pr.calibrate(pr.load_motor(SET), columns, free=["contact.friction"], starts=n) for n in (1, 4))
-    (first,), (second,) = one.estimates, several.estimates
-    assert abs(first.value - second.value) < 0.6 * first.standard_error  # both end within 0.3 of the least sum
-    with pytest.raises(pr.ParameterError, match="starts = 0 is not valid"):
-        pr.calibrate(pr.load_motor(SET), columns, free=["contact.friction"], starts=0)
-
-
-@pytest.mark.soak
 def test_spectra_give_back_quality_factors_and_stiffness_and_leave_the_friction_open() -> None:
     motor = pr.load_motor(SET)
     truth = motor.updated({
@@ -156,18 +145,6 @@ def test_a_calibrated_motor_predicts_another_voltage_within_its_band() -> None:
     # 1e-3 of the friction torque of 0.0125 N·m: steps of truth and prediction differ
     assert np.all(np.abs(curve.values - torques) < 4.0 * curve.standard_errors + 1.25e-5)
     assert np.all(curve.standard_errors < 0.02 * np.abs(curve.values))
-
-
-@pytest.mark.soak
-def test_twelve_points_and_six_parameters_take_less_than_a_minute_of_processor_time() -> None:
-    start, free = study.base(), [*study.FREE[:5], "modes.0.quality_factor"]
-    points = study.points_of(start, "spring-slider", np.random.default_rng(1), study.VOLTAGES)
-    assert len(points["voltage"]) == 12
-    began = study.processor_s()
-    result = pr.calibrate(start, points, free=free)
-    assert study.processor_s() - began < 60.0
-    for one in result.estimates:
-        assert abs(one.value - one.start) < 4.0 * one.standard_error, one.path  # one in 16,000 of a normal error
 
 
 @pytest.mark.parametrize(

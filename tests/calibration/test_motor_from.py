@@ -116,12 +116,6 @@ def test_a_motor_comes_back_from_its_spectra_and_its_data_sheet_within_its_error
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("mass", "friction"), [(0.7, 1.2), (1.4, 0.7)])
-def test_a_motor_far_from_the_other_one_comes_back_too(mass: float, friction: float) -> None:
-    comes_back(invented("andersen2002", mass, friction), "andersen2002", 1)
-
-
-@pytest.mark.soak
 def test_the_command_writes_the_motor_and_a_page_with_data_and_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -295,16 +289,6 @@ def test_the_widths_of_the_class_are_those_of_the_bundled_motors() -> None:
 def test_a_contradictory_or_incomplete_data_sheet_is_refused_with_a_reason(changes: dict[str, Any], told: str) -> None:
     with pytest.raises(pr.ParameterError, match=told):
         pr.motor_from(**STAGE | changes)  # type: ignore[arg-type]
-
-
-@pytest.mark.soak
-def test_the_command_makes_a_stage_of_its_data_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["motor-from", *(f"--{key.replace('_', '-')}={value}" for key, value in STAGE.items())]
-    assert run([*words, "--output", str(tmp_path / "stage.toml")]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "class average, ± 23 %" in printed
-    assert "(data sheet)" in printed
-    assert run([*words, "--preloaded", "x.csv"]) == 2
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.misfit import misfits
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.record import Record
 from pyspice_runner.calibration.run_up import RUN_UP_ERROR, RunUp
@@ -101,22 +100,6 @@ def test_derivatives_of_a_run_up_do_not_follow_the_steps_of_its_integration(name
         )
         true = (4.0 * wide - wider) / 3.0
         assert np.linalg.norm(own - true) <= 0.03 * np.linalg.norm(true)
-
-
-@pytest.mark.soak
-def test_a_run_up_tells_a_wrong_bearing() -> None:
-    table = measured(pr.simulate_averaged(*truth(), duration=10e-3, load_torque=1e-3), noise=1)
-    wrong = pr.calibrate(pr.load_motor(SET), free=["rotor.inertia_kg_m2"], transients=[table])
-    assert any("does not explain run-up 1" in warning for warning in wrong.warnings)
-
-
-@pytest.mark.soak
-def test_a_run_up_of_the_full_motor_gives_back_inertia_and_bearing() -> None:
-    full = pr.simulate(*truth(), 10e-3, load_torque=1e-3)
-    result = pr.calibrate(pr.load_motor(SET), free=list(TRUTH), transients=[measured(full, noise=2)])
-    for one in result.estimates:
-        assert abs(one.value - TRUTH[one.path]) < FAR * one.standard_error
-    assert not misfits(result.fits)
 
 
 @pytest.mark.soak

@@ -27,9 +27,7 @@ from pyspice_runner.motor.dielectric import lossy_capacitance
 from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
-from pyspice_runner.motor.stator import Stator
 from pyspice_runner.spice.library import definitions, read_library
-from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.spice.pyspice import BatchSimulator
 from tests.circuit.batch import measured
 from tests.motors import mode, motor
@@ -94,14 +92,6 @@ def test_library_is_one_file_with_the_pins_in_its_header() -> None:
     assert library.count("* MODE ") == 3
     assert "turn: 66000 Hz, Q 60" in library
     assert library.isascii()
-
-
-def test_library_does_not_know_of_any_run() -> None:
-    """Slider time and modes are those of the motor, not those adapted to a time step."""
-    library = motor_library(motor())
-    assert " slider_time=5e-08 " in library.split(".subckt piezomotor a")[1]  # the default of the contact
-    for item in motor().modes:
-        assert f"mass={float(f'{item.mass_kg:.10g}')} " in library
 
 
 # --- the circuit ---------------------------------------------------------------------------------------------
@@ -244,35 +234,6 @@ def test_the_libraries_accept_every_motor_that_the_model_accepts(index: int) -> 
     # friction that falls with the slip velocity goes with the spring-slider only
     for law in (None, *(LAWS if subject.contact.sliding_ratio == 1.0 else ("spring-slider",))):
         assert str(MotorSubCircuit(subject, law=law_of(law))).count("piezomotor_mode") == len(subject.modes)
-
-
-def test_a_second_tip_of_a_mode_is_a_second_instance() -> None:
-    """Two modes with two contacts and a force on one of them: both move as P (K − ω²M + jωB)⁻¹ Pᵀ."""
-    modes = (mode("first", 36e3, 0.003, 200.0), mode("second", 41e3, 0.002, 150.0))
-    shapes = np.array([[[0.2, 0.9], [-0.3, 0.8]], [[0.9, -0.1], [0.7, 0.4]]])  # of mode and contact: x, y
-    circuit = Circuit("two modes, two tips")
-    circuit.raw_spice = definitions(read_library("piezomotor_mode"), read_library("piezomotor_tip")) + "\n"
-    for number, (own, tips) in enumerate(zip(modes, shapes, strict=True)):
-        spring = {"stiffness": own.stiffness_n_per_m, "damping": own.damping_n_s_per_m}
-        ends = [f"{name}{number}" for name in ("force", "damped", "elastic")]
-        circuit.X(f"mode{number}", "piezomotor_mode", 0, 0, 0, *ends, 0, mass=own.mass_kg, **spring)
-        for contact, (x, y) in enumerate(tips.tolist()):
-            pins = [f"{name}{contact}" for name in ("fx", "fy", "x", "y", "vx", "vy")]
-            circuit.X(f"tip{number}_{contact}", "piezomotor_tip", *ends, *pins, tip_x=x, tip_y=y, **spring)
-    for contact in range(2):
-        circuit.V(f"fx{contact}", f"fx{contact}", circuit.gnd, "DC 0")
-        circuit.V(f"fy{contact}", f"fy{contact}", circuit.gnd, f"DC 0 AC {1 - contact}")
-        for name in ("x", "y", "vx", "vy"):
-            circuit.R(f"{name}{contact}", f"{name}{contact}", circuit.gnd, 1)
-    names = [f"v({name}{contact})" for contact in range(2) for name in ("x", "y", "vx", "vy")]
-    found = run_deck(f"{circuit}\n.save {' '.join(names)}\n.ac lin 3 35k 43k\n.end\n", vectors=names).raw.vectors
-    stator = Stator.of_modes(modes, motor().piezo, motor().contact)
-    contacts = shapes.transpose(1, 2, 0).reshape(4, 2)
-    omega = 2.0 * pi * found["frequency"].real
-    motion = contacts @ np.linalg.solve(stator.dynamic_stiffness(omega), contacts[1])[..., np.newaxis]
-    for place, name in enumerate(("x0", "y0", "x1", "y1")):
-        np.testing.assert_allclose(1e-6 * found[f"v({name})"], motion[:, place, 0], rtol=1e-6)
-        np.testing.assert_allclose(found[f"v(v{name})"], 1j * omega * motion[:, place, 0], rtol=1e-6)
 
 
 # --- a mode under the trapezoidal rule -----------------------------------------------------------------------

@@ -17,12 +17,9 @@ from pyspice_runner.circuit.fixtures import AC_OPTIONS
 from pyspice_runner.circuit.law import LAWS, Law
 from pyspice_runner.circuit.motor import add_motor, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS
-from pyspice_runner.export.circuit import CircuitExport
-from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import check_parameters, parse_library
 from pyspice_runner.spice.ngspice import find_ngspice, run_deck
 from tests.motors import motor as odd_motor
-from tests.resonators import resonator
 
 STEP, DURATION, FREQUENCY = 1e-7, 3e-4, 51.7e3
 AC = ".options " + " ".join(f"{name}={value}" for name, value in AC_OPTIONS.items())
@@ -192,41 +189,6 @@ quit
         assert speed == pytest.approx(float(np.interp(2.9e-4, wave.time_s, wave.rotor_speed_rad_s)), rel=1e-5)
         assert force == pytest.approx(float(np.interp(2.9e-4, wave.time_s, wave.normal_force_n)), rel=1e-5)
     assert len(set(speeds)) == 3
-
-
-def test_two_fits_and_two_kinds_of_motor_work_in_one_deck(tmp_path: Path) -> None:
-    """Fitted resonators, and a motor that drifts beside one that does not."""
-    circuits = [resonator([20e3], [100.0], [0.05]), resonator([31e3, 44e3], [80.0, 200.0], [0.04, 0.02])]
-    files = [tmp_path / name for name in ("left.lib", "right.lib", "cold.lib", "hot.lib")]
-    for file, circuit in zip(files[:2], circuits, strict=True):
-        CircuitExport(circuit, name=file.stem).save(file)
-    pr.export_motor(symmetric(), files[2])
-    pr.export_motor(symmetric(), files[3], thermal=Thermal(), contact=Law("brush", 2))
-    text = "\n".join(file.read_text(encoding="ascii") for file in files)
-    defined = re.findall(r"^\.subckt (\S+)", text, re.M)
-    assert len(defined) == len(set(defined))
-    assert {"left", "right", "piezomotor", "piezomotor_thermal"} <= set(defined)
-    deck = f"""one deck
-{text}
-V1 a 0 DC 0 AC -1
-V2 b 0 DC 0 AC -1
-V3 c 0 DC 0 AC 1
-V4 d 0 DC 0 AC 1
-Xleft a 0 left
-Xright b 0 right
-Xcold c 0 0 shaft1 piezomotor
-Xhot d 0 0 shaft2 temperature heat piezomotor_thermal
-{AC}
-.save i(v1) i(v2) i(v3) i(v4)
-.ac lin 101 15k 50k
-.end
-"""
-    vectors = run_deck(deck, vectors=["i(v1)"], stop_frequency=50e3).raw.vectors
-    frequency = vectors["frequency"].real
-    for name, circuit in zip(("i(v1)", "i(v2)"), circuits, strict=True):
-        np.testing.assert_allclose(vectors[name], circuit.admittance(frequency), rtol=1e-6)
-    # at temperature 0 the drifting motor is the same linear circuit; a brush sticks as the spring does
-    np.testing.assert_allclose(vectors["i(v4)"], vectors["i(v3)"], rtol=1e-4)
 
 
 @pytest.mark.parametrize(

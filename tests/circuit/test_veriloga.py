@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.law import ContactLaw, contact_values
 from pyspice_runner.circuit.veriloga import WRITTEN, motor_module
 from pyspice_runner.spice.library import data_path, read_library
 
@@ -79,17 +78,6 @@ def test_every_mode_has_its_states_equations_and_values() -> None:
     assert "andersen2002-unintended-mode" in text.splitlines()[1]
 
 
-@pytest.mark.parametrize("law", WRITTEN)
-def test_a_rotational_shaft_has_the_access_functions_of_its_discipline(law: ContactLaw) -> None:
-    motor = pr.load_motor("beam40")
-    electrical, rotational = (motor_module(motor, contact=law, rotational=option) for option in (False, True))
-    assert re.findall(r"^ +rotational_omega (.+);$", rotational, re.M) == ["shaft"]
-    assert not re.search(r"electrical [^;]*\bshaft\b|\b[VI]\(shaft\)", rotational)
-    assert rotational.count("Omega(shaft)") == electrical.count("V(shaft)") > 0
-    assert rotational.count("Tau(shaft)") == electrical.count("I(shaft)") > 0
-    assert "rotational_omega" not in electrical
-
-
 def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) -> None:
     file = pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", name="left")
     assert "\nmodule left(a, b, com, shaft, temperature);\n" in file.read_text(encoding="utf-8")
@@ -97,22 +85,3 @@ def test_a_module_takes_a_name_and_no_law_that_it_does_not_have(tmp_path: Path) 
     law.write_text(read_library("piezomotor_coulomb").text, encoding="utf-8")
     with pytest.raises(pr.ParameterError, match=r"contact = .* is not valid for a \.va file"):
         pr.export_motor(pr.load_motor("andersen2002"), tmp_path / "m.va", contact=str(law))
-
-
-@pytest.mark.parametrize("sliders", [1, 8, 20])
-def test_a_brush_has_a_cell_for_every_slider(sliders: int, tmp_path: Path) -> None:
-    motor = pr.load_motor("beam40")
-    text = pr.export_motor(motor, tmp_path / "m.va", contact=pr.Law("brush", sliders)).read_text(encoding="utf-8")
-    found = parameters(text)
-    (span,) = (item for item in read_library("piezomotor_brush").parameters if item.name == "span")
-    assert (float(found["span"]["least"]), float(found["span"]["greatest"])) == (span.least, span.greatest)
-    assert found["span"]["unit"] == span.unit
-    values = contact_values(
-        pr.Law("brush"), motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n
-    )
-    assert float(found["span"]["value"]) == pytest.approx(values["span"], rel=1e-9)
-    assert not {"sliding", "creep"} & set(found)
-    for number in range(1, sliders + 1):
-        assert text.count(f"I(cell_{number}) <+ ddt(slider_time * V(cell_{number}))") == 1
-    assert f"cell_{sliders + 1}" not in text
-    assert text.count("I(slider) <+") == 1

@@ -16,7 +16,6 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import pyspice_runner as pr
@@ -62,18 +61,6 @@ def half_bridge(*, plotted: bool = False) -> DriveReport:
 # --- copies of what is built in ------------------------------------------------------------------------------
 
 
-@pytest.mark.soak
-def test_a_copy_of_the_half_bridge_gives_the_same_report() -> None:
-    own = report(driver(built_in("driver_half_bridge"), network="inductor"), plotted=True)
-    known = half_bridge(plotted=True)
-    assert own.driver["rails_v"] == known.driver["rails_v"]
-    for quantity in ("supply_power_w", "gate_power_w", "motor_power_w", "efficiency", "balance_residual"):
-        # the same circuit with other names: the same steps, to the last digits
-        assert getattr(own, quantity) == pytest.approx(getattr(known, quantity), rel=1e-9), quantity
-    assert list(own.losses_w.values()) == pytest.approx(list(known.losses_w.values()), rel=1e-9)
-    np.testing.assert_allclose(own.waveforms["group_b_a"], known.waveforms["group_b_a"], rtol=1e-9)
-
-
 def test_a_copy_of_the_amplifier_gives_the_same_report() -> None:
     own, known = report(driver(built_in("driver_amplifier"))), report(driver("linear"))
     assert own.driver["rails_v"] == known.driver["rails_v"]
@@ -98,17 +85,6 @@ def test_a_loss_that_is_not_stated_follows_from_the_powers(tmp_path: Path) -> No
     assert found == pytest.approx(stated - known.gate_power_w + missed, rel=1e-6)
     assert abs(missed) < 0.05 * stated
     assert own.gate_power_w == 0.0
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("name", ["irf610", "turned"])
-def test_a_copy_of_the_mosfet_gives_the_same_bridge(name: str, tmp_path: Path) -> None:
-    (model,) = re.findall(r"^\.model irf610 .*$", (data_path("behavioral") / "driver_mosfet.lib").read_text(), re.M)
-    path = tmp_path / "my.lib"
-    path.write_text(f"{model}\n.subckt turned s g d\nM1 d g s irf610\n.ends\n")
-    own = report(driver("half-bridge", network="inductor", mosfet=f"{path}:{name}"))
-    assert own.losses_w == pytest.approx(half_bridge().losses_w, rel=1e-9)
-    assert own.driver["mosfet"] == f"{path}:{name}"
 
 
 @pytest.mark.parametrize("kind", ["half-bridge", "full-bridge", built_in("driver_half_bridge")])
@@ -231,38 +207,28 @@ def put(line: str) -> str:
     [
         ("", "there is no .subckt one. It has none."),
         (DRIVER.replace("one", "two"), "there is no .subckt one. It has two."),
-        (DRIVER + DRIVER, "one is defined twice"),
         (DRIVER.replace(".ends one\n", ""), ".subckt one has no .ends"),
-        (DRIVER.replace(".ends one", ".ends two"), "'.ends two' does not end a subcircuit"),
         (DRIVER.replace(" com gain", " gain"), "the pins of one are in out; they must be out and com"),
-        (DRIVER.replace("in out com", "in out out com"), "the pins of one are in out out com; they must be"),
         (DRIVER.replace("in out com", "in out com tab"), "and may include in, vp and vn, in any order"),
         (DRIVER.replace("in out com", "out com"), "the parameters amplitude, frequency, phase_deg are missing"),
         (DRIVER.replace("gain=20", "gain={2}"), "parameter gain: '{2}' is not a SPICE number"),
         (DRIVER.replace("one in", 'on"e in').replace("s one", 's on"e'), "'on\"e' is not valid"),
         (DRIVER + ".control\nshell touch marker\n.endc\n", "'.control' is outside of a subcircuit"),
-        (DRIVER + "shell touch marker\n", "'shell touch marker' is outside of a subcircuit"),
         (".include /etc/passwd\n" + DRIVER, "'.include /etc/passwd' is outside of a subcircuit"),
         (put(".control"), "'.control' is not allowed: only .param, and .model of type D, SW"),
-        (put("+ \n.lib x.lib y"), "'.lib x.lib y' is not allowed"),
         (put(".include other.lib"), "'.include other.lib' is not allowed"),
         (put("A1 %v([a]) %d([b]) process"), "elements begin with one of"),
-        (put("N1 a b osdi"), "elements begin with one of"),
         (put(".model m d_process (process_file=a)"), "a device reads no files and needs no quotes"),
-        (put("V1 a 0 PWL file=a.txt"), "a device reads no files and needs no quotes"),
         (put("R1 a 0 `shell`"), "a device reads no files and needs no quotes"),
         (put("X1 a b other"), "other is not in the file; name it in a line '* NEEDS driver_mosfet'"),
         (put("X1 in out com one"), "one contains itself, or is nested too deeply"),
         (put("M1 a b c c absent"), "the model of M1 is not in the file; add its .model"),
         (put("R2 a 0 {depth}"), "the expression reads depth, which is not a parameter"),
-        (put("R2 a 0 {1+{gain}}"), "the braces of 'R2 a 0 {1+{gain}}' do not match, or are nested"),
         (put("R2 a 0 1\x07"), "it has a control character"),
         (put("R2 µ 0 1"), "one that is not ASCII"),
-        (put(f"R2 a 0 1{' ' * 5000}x"), "at most 4096 are allowed"),
         (put(".subckt inner a b"), "'.subckt inner a b' is inside of .subckt one; move it out"),
         ("* PAR gain $\\frac{$ 20 1 100 gain\n" + DRIVER, "in the PAR line of gain is not a unit"),
         ("* PAR gain 1 20 x 100 gain\n" + DRIVER, "my.lib, parameter gain: 'x' is not a SPICE number."),
-        ("* LOSS v(x)) loss\n" + DRIVER, "LOSS 'v(x))' has no node"),
         ("* LOSS heat loss\n" + DRIVER, "LOSS 'heat' has no node 'loss_heat'"),
         ("* PAR gain 1 20 0 100 gain\n" + DRIVER.replace("=20", "=21"), "gain is 21 here and 20 in its PAR line"),
         ("* NEEDS nothing\n" + DRIVER, "NEEDS names 'nothing', which is not in behavioral/. Usually it is driver_mosf"),

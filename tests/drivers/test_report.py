@@ -216,13 +216,6 @@ def test_supply_is_losses_and_motor_within_one_per_cent(kind: str) -> None:
     assert found.settling < 0.05  # the filter's two frequencies beat
 
 
-@pytest.mark.soak
-def test_the_power_of_a_full_bridge_that_is_not_settled_balances_with_the_stored_energy() -> None:
-    found = full_bridge(0.3e-3)
-    assert abs(found.balance_residual) < 0.01
-    assert found.settling > 0.05  # which test_supply has for the settled ones, and `make soak` for this one
-
-
 # --- the design of a network ---------------------------------------------------------------------------------
 
 

@@ -10,7 +10,6 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.run.waveforms import Waveforms
-from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.trackers.tracker import running_resonance
 from tests.runs import simulated
 
@@ -85,19 +84,6 @@ def test_a_run_says_its_final_state(ideal: Waveforms) -> None:
     assert tip == pytest.approx(ideal.tip_x_m[-1], rel=1e-6)
     assert state.speed_rad_s == ideal.rotor_speed_rad_s[-1]
     assert pr.simulate(MOTOR, DRIVE, duration=1e-4, signals=["tip_x_m"]).final_state is None
-
-
-@pytest.mark.soak
-def test_operating_point_behind_a_driver_is_that_of_its_drive() -> None:
-    strong = {"voltage": 200.0, "frequency": 54e3}
-    direct = held_point(MOTOR, pr.TwoPhaseDrive(phase_deg=90.0, **strong), speed=2.0, mode="settle")
-    behind = held_point(MOTOR, driver("ideal", **strong), speed=2.0)
-    assert behind["settled"]
-    # blocks of one run against runs that go on from each other, with steps that are in beat with the period: the mean
-    # of a small torque is then wrong by up to 2 %
-    assert behind["torque_n_m"] == pytest.approx(direct["torque_n_m"], rel=0.02)
-    assert behind["power_a_w"] == pytest.approx(direct["power_a_w"], rel=0.005)
-    assert behind["current_b_peak_a"] == pytest.approx(direct["current_b_peak_a"], rel=0.01)
 
 
 @pytest.mark.soak

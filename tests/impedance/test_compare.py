@@ -191,16 +191,6 @@ def test_exit_status_is_by_tolerance(tolerances: list[str], status: int, capsys:
     assert ("part.csv: The frequency of mode 1 is off by +1 ± " in err) == bool(status)
 
 
-@pytest.mark.soak
-def test_one_is_drawn_over_its_reference_and_many_as_a_trend(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["compare", "part.csv", "good.csv", "--plot", "one.png", "--output", "one.csv"]) == 0
-    assert "20.2 kHz" in capsys.readouterr().out
-    words = ["--reference", "good.csv", "--at", "0,100", "--label", "age in h", "--plot", "many.png"]
-    assert run(["compare", "good.csv", "part.csv", *words, "--output", "many.json"]) == 0
-    assert json.loads((files / "many.json").read_text(encoding="utf-8"))["label"] == "age in h"
-    assert min((files / name).stat().st_size for name in ("one.png", "many.png")) > 20_000
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [

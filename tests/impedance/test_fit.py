@@ -387,13 +387,6 @@ def test_thinning_keeps_both_ends_and_is_densest_at_a_resonance() -> None:
     assert np.count_nonzero(np.abs(frequency[places] - 20e3) < 100.0) > 5 * 2000 * 200.0 / 10e3  # evenly: 40
 
 
-def test_progress_shows_the_number_of_arms_that_is_tried() -> None:
-    told: list[tuple[int, int]] = []
-    fit = pr.fit_spectrum(spectrum(TWO_MODES, BAND), progress=lambda *numbers: told.append(numbers))  # type: ignore[arg-type]
-    assert told[:2] == [(1, 8), (2, 8)]
-    assert len(fit.arms) == 2
-
-
 @pytest.mark.parametrize("modes", [0, -1, 21, 2.0, True, "two"])
 def test_a_refused_number_of_modes(modes: object) -> None:
     with pytest.raises(pr.ParameterError, match="is not valid: it must be"):
@@ -474,70 +467,3 @@ def test_thickness_mode_against_the_instruments_own_circuit() -> None:
     left = np.sqrt(np.mean(np.abs(theirs / measured.admittance_s - 1.0)[near] ** 2))
     assert left == pytest.approx(0.10, rel=0.05)
     assert np.sqrt(np.mean(np.abs(fit.residuals)[near] ** 2)) < 0.1 * left
-
-
-@needs_measured
-@pytest.mark.soak  # a further instrument
-def test_the_turned_phase_is_a_caution_of_the_fit() -> None:
-    fit = fitted(pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt"))
-    assert fit.leads is None
-    assert fit.circuit.damping_matrix is not None
-    # scikit-rf's vector fitting with 2 pairs of poles, the better of S and Y: 0.546 % (benchmarks/fit.py)
-    assert len(fit.arms) == 2
-    assert fit.rms_relative_error < 0.00546
-    assert any("off by 180°" in text for text in fit.cautions)
-    main = fit.main_arm.characteristics
-    assert main.coupling_factor == pytest.approx(np.sqrt(1.0 - (112_679 / 114_242) ** 2), rel=0.05)
-    assert main.fm == pytest.approx(112_679, rel=1e-3)
-    assert main.fn == pytest.approx(114_242, rel=1e-3)
-
-
-@needs_measured
-@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::RuntimeWarning")  # of scikit-rf's own fits
-@pytest.mark.parametrize("arms", mostly(pytest.mark.soak, [3, 5], [3]))
-def test_a_stated_number_of_arms_leaves_less_than_a_passive_vector_fit(arms: int) -> None:
-    import skrf
-    from skrf.vectorFitting import VectorFitting
-
-    spectrum = pr.read_spectrum(MEASURED / "hp4294a_admittance" / "sampleadmittance.txt")
-    y, ohm = spectrum.admittance_s, 1.0 / float(np.median(np.abs(spectrum.admittance_s)))
-    frequency = skrf.Frequency.from_f(spectrum.frequency_hz, unit="hz")
-    network = skrf.Network(frequency=frequency, s=((1 - ohm * y) / (1 + ohm * y))[:, None, None], z0=ohm)
-    wide = np.concatenate([np.geomspace(1e3, 1e7, 10_001), np.linspace(100e3, 130e3, 10_001)])
-    theirs = []
-    for kind in ("s", "y"):
-        fitting = VectorFitting(network)
-        fitting.vector_fit(
-            n_poles_real=int(kind == "s"), n_poles_cmplx=arms, parameter_type=kind, fit_proportional=kind == "y",
-            enforce_dc=False,
-        )  # fmt: skip
-
-        def of_them(f: np.ndarray, kind: str = kind, fitting: VectorFitting = fitting) -> np.ndarray:
-            found = fitting.get_model_response(0, 0, f)
-            return (1 - found) / (1 + found) / ohm if kind == "s" else found
-
-        if of_them(wide).real.min() >= 0.0:
-            theirs.append(float(np.sqrt(np.mean(np.abs(of_them(spectrum.frequency_hz) / y - 1.0) ** 2))))
-    fit = fitted(spectrum, arms)
-    assert len(fit.arms) == arms
-    assert fit.leads is None
-    assert fit.rms_relative_error < min(theirs)
-
-
-@needs_measured
-def test_the_inductor_is_refused() -> None:
-    with pytest.raises(pr.SpectrumError, match=r"impedance\.txt is not capacitive at any frequency"):
-        pr.fit_spectrum(pr.read_spectrum(MEASURED / "hp4294a_inductor" / "impedance.txt"))
-
-
-@needs_measured
-@pytest.mark.soak  # a further instrument
-def test_the_weak_resonance_of_the_polymer() -> None:
-    """No passive circuit without features narrower than the points follows it closer than 4.3 % (benchmarks/fit.py)."""
-    fit = fitted(pr.read_spectrum(MEASURED / "nanovna_polymer" / "T61.csv"))
-    assert fit.leads is None
-    assert fit.main_arm.in_band
-    # scikit-rf's vector fitting with 1 pair of poles, the better of S and Y: 13.87 %
-    assert len(fit.arms) == 1
-    assert fit.rms_relative_error < 0.1387
-    assert any("does not follow the spectrum to the noise" in text for text in fit.cautions)

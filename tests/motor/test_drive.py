@@ -125,13 +125,6 @@ def test_the_first_voltages_are_those_at_time_zero(
     assert plus == (0.0 if start else pytest.approx(2.0 * sin(radians(phase))))
 
 
-def test_drive_cannot_be_changed() -> None:
-    drive = TwoPhaseDrive(voltage=1.0, frequency=1e3)
-    with pytest.raises(ParameterError, match=r"voltage cannot be assigned. The method updated of"):
-        drive.voltage = 2.0
-    assert drive.updated({"voltage": 2.0}) == TwoPhaseDrive(voltage=2.0, frequency=1e3)
-
-
 def test_values_without_names_are_taken_in_the_order_of_the_declaration() -> None:
     assert TwoPhaseDrive(110, 40e3, 120) == TwoPhaseDrive(voltage=110.0, frequency=40e3, phase_deg=120.0)
     assert TwoToneDrive(50.0, 13.5e3, 50.0, 27e3).frequencies == (13.5e3, 27e3)
@@ -148,30 +141,6 @@ GOOD: dict[type[Drive], dict[str, Any]] = {
         "voltage_1": 1.0, "frequency_1": 1e3, "voltage_2": 1.0, "frequency_2": 2e3, "phase_deg": 0.0, "soft_start": 0.0,
     },
 }  # fmt: skip
-
-
-@pytest.mark.parametrize("kind", GOOD)
-@pytest.mark.parametrize("wrong", [-1e9, 1e12, float("nan"), float("inf"), "5", True, None, [1.0]])
-def test_wrong_value_is_rejected_with_its_range(kind: type[Drive], wrong: Any) -> None:
-    for name in GOOD[kind]:
-        with pytest.raises(
-            ParameterError, match=rf"^{kind.__name__}: {name} = .* is not valid: it must be a number ≥ "
-        ):
-            kind(**{**GOOD[kind], name: wrong})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        ({"voltage": 1.0}, "frequency is missing"),
-        ({"voltage": 1.0, "frequency": 1e3, "phase": 3}, "there is no 'phase'. Did you mean 'phase_deg'?"),
-        ({"x": 1}, "Known are voltage, frequency, phase_deg, ratio_b, soft_start."),
-    ],
-)
-def test_missing_or_misspelt_argument_is_named(arguments: dict[str, Any], reason: str) -> None:
-    with pytest.raises(ParameterError) as caught:
-        TwoPhaseDrive(**arguments)
-    assert reason in str(caught.value)
 
 
 # --- a drive and its motor -----------------------------------------------------------------------------------

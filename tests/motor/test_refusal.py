@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from datetime import date
-from inspect import signature
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -197,28 +196,3 @@ def test_a_wrong_name_is_an_error_that_names_the_function_and_the_nearest_name(
 def test_a_typo_in_an_argument_of_a_public_function_names_the_function_and_the_argument(name: str) -> None:
     with pytest.raises(ParameterError, match=f"^{name}: there is no argument 'x'. The arguments are "):
         getattr(pr, name)(x=1)
-
-
-def test_a_method_does_not_name_self_among_its_arguments() -> None:
-    with pytest.raises(ParameterError, match=r"updated: there is no argument 'x'. The arguments are changes\.$"):
-        pr.load_motor("andersen2002").updated(x=1)  # type: ignore[call-arg]
-
-
-@pytest.mark.parametrize(
-    "name", ["simulate", "simulate_averaged", "simulate_controlled", "track", "drive_report", "report"]
-)
-def test_the_duration_is_positional_and_has_a_name(name: str) -> None:
-    parameter = signature(getattr(pr, name)).parameters["duration"]
-    assert parameter.kind is parameter.POSITIONAL_OR_KEYWORD
-
-
-def test_a_motor_without_named_parameters_points_to_load_motor() -> None:
-    with pytest.raises(ParameterError, match="Motor: name every parameter, or use load_motor"):
-        pr.Motor("andersen2002")
-
-
-def test_a_typo_in_an_argument_of_a_sweep_names_the_argument() -> None:
-    motor, drive = pr.load_motor("andersen2002"), pr.TwoPhaseDrive(voltage=1.0, frequency=5e4)
-    for typo, meant in (("sample", "samples"), ("duraton", "duration")):
-        with pytest.raises(ParameterError, match=f"There is no argument '{typo}'. Did you mean '{meant}'"):
-            pr.sweep(motor, drive, over={"drive.voltage": [1.0]}, **{typo: 1})

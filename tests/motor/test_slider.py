@@ -43,20 +43,12 @@ def test_the_document_states_the_slider_in_place_of_the_rotor() -> None:
     assert "slider" not in rotary().to_dict()
 
 
-def test_without_dry_friction_the_document_leaves_out_its_values() -> None:
-    assert set(stage(guide_friction_n=0.0).to_dict()["slider"]) == {"mass_kg", "guide_damping_n_s_per_m"}
-
-
 def test_a_motor_is_read_back_as_it_was_written(tmp_path: Path) -> None:
     motor = stage()
     file = tmp_path / "stage.toml"
     file.write_text(motor.to_toml(), encoding="utf-8")
     assert pr.load_motor(file).to_dict() == motor.to_dict()
     assert "rotor" not in tomllib.loads(file.read_text(encoding="utf-8"))
-
-
-def test_a_validated_copy_is_the_same_motor() -> None:
-    assert Motor.model_validate(stage().model_dump()) == stage()
 
 
 def test_paths_of_the_slider_change_the_rotor_too() -> None:

@@ -51,16 +51,6 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
     assert true <= 0.006
 
 
-HARD = "two tones, hammering"
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(("name", "accuracy"), [(HARD, 0.02), (HARD, 0.0005), ("mostly slip", 0.0005)])
-def test_a_finer_accuracy_is_kept_too(name: str, accuracy: float) -> None:
-    run = accurate(name, accuracy)
-    assert trajectory_error(name, run) < 1.2 * accuracy
-
-
 def test_a_step_that_is_too_coarse_is_refused_with_the_largest_that_would_do() -> None:
     point = POINTS["mostly slip"]
     settings = {"duration": 1e-3, "accuracy": 1e-3}

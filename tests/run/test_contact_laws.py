@@ -173,10 +173,3 @@ def test_exported_library_runs_by_the_law_it_was_asked_for(
     assert found["speed_rad_s"] == pytest.approx(np.interp(499e-6, run.time_s, run.rotor_speed_rad_s), rel=0.01)
     with pytest.raises(pr.ParameterError, match=r"contact = None \(free tip\) is not valid here"):
         motor_library(MOTOR, contact=None)
-
-
-def test_unknown_law_is_refused() -> None:
-    with pytest.raises(pr.ParameterError, match="contact = 'glue' is not valid: it must be 'spring-slider', 'brush', "):
-        pr.simulate(MOTOR, DRIVES["slip"], duration=1e-4, contact="glue")
-    with pytest.raises(pr.ParameterError, match="sliders = 0 is not valid"):
-        pr.simulate(MOTOR, DRIVES["slip"], duration=1e-4, contact=Law("brush", 0))

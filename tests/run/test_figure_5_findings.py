@@ -128,27 +128,3 @@ def test_stick_dominates_at_small_amplitude(drive: Callable[[float], pr.TwoPhase
     assert small.state_fractions["stick"] == 1.0
     assert large.state_fractions["stick"] < 0.7
     assert large.state_fractions["slip"] > 0.02
-
-
-FIGURE_5 = {  # drive: the voltage at which figures/figure_5.py draws it
-    between: 200.0,
-    off_resonance: 200.0,
-    at_f1: 50.0,
-    at_contact_resonance: 50.0,
-}
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    ("drive", "voltage"),
-    list(FIGURE_5.items()),
-    ids=lambda item: getattr(item, "__name__", None),
-)
-def test_stick_dominates_at_the_figures_voltages_on_the_mount(
-    drive: Callable[[float], pr.TwoPhaseDrive | pr.TwoToneDrive], voltage: float
-) -> None:
-    mounted = pr.load_motor("andersen2002")
-    assert mounted.mount is not None
-    shares = pr.simulate(mounted, drive(voltage), duration=DURATION, step=STEP, speed=0.0).state_fractions
-    assert shares["stick"] == max(shares.values())
-    assert shares["stick"] > 1.4 * shares["slip"]  # least where the tones are off resonance: 60 % against 40 %

@@ -183,17 +183,6 @@ def test_steady_state_and_averaged_motor_agree_on_a_carrier_that_moves_along_the
     assert abs(without.torque_n_m[-1] - state.torque_n_m) > 0.2 * greatest  # the recoil detunes the mode
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize(("voltage", "frequency"), [(80.0, 40.1e3), (40.0, 42e3), (110.0, 40.6e3)])
-def test_a_trusted_averaged_motor_on_a_light_carrier_is_the_full_motor(voltage: float, frequency: float) -> None:
-    motor = FLAGSHIP.updated({"modes.bending-1.recoil_kg": 1e-3, "mount.mass_kg": 2e-3, "mount.stiffness_n_per_m": 1e6})
-    drive = two_phase(voltage, frequency, 120.0)
-    averaged = pr.simulate_averaged(motor, drive, 5e-3, speed=5.0)
-    difference = averaged.torque_n_m[-1] - pr.steady_state(motor, drive, speed=5.0).torque_n_m
-    # the promise of the check: within 2 % of the friction torque where it passes
-    assert not averaged.trusted or abs(difference) < 0.02 * 0.3 * 6.5 * 0.015
-
-
 def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
     unknown = pr.load_motor("beam40")
     said = pr.steady_state(unknown, pr.default_drive(unknown), speed=15.0).cautions

@@ -223,16 +223,6 @@ def test_exact_resonance_makes_the_error_many_times_smaller() -> None:
         assert exact < plain / 20  # measured 76 times, at the second resonance
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("name", ["stick only", "mostly slip", "strong drive", "half stick, half slip", "60 kHz"])
-def test_halving_the_step_shows_second_order(name: str) -> None:
-    errors = [trajectory_error(name, ours(name, points)) for points in (32, 64, 128)]
-    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    # 2 in the limit; stick and slip change within a step, which scatters it a little
-    assert np.all(orders > 1.7)
-    assert np.all(orders < 2.5)
-
-
 @cache
 def told() -> dict[str, list[str]]:
     """The rows of the accuracy page."""

@@ -13,7 +13,6 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.datasets import Curves, WorkingPoints
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.units import linear_name, with_linear
 from tests.motors import sliding, turning
 from tests.runs import simulated
@@ -21,7 +20,6 @@ from tests.runs import simulated
 SHEET: Motor = pr.load_motor("beam40")
 STAGE = sliding(SHEET)
 DRIVE = pr.default_drive(SHEET)
-PLL = pr.Tracker(kind="pll", voltage=60.0, frequency=40.1e3, phase_deg=120.0)
 COARSE: dict[str, Any] = {"step": 4e-7, "accuracy": 0.1}  # both motors have the same error by the step
 
 
@@ -111,18 +109,6 @@ def test_a_curve_has_force_and_speed_beside_the_rotary_ones() -> None:
     assert axes.lines[0].get_ydata() == pytest.approx(curve["force_n"].values)
 
 
-@pytest.mark.soak
-def test_a_point_of_a_sweep_has_force_and_speed() -> None:
-    point = held_point(STAGE, DRIVE, speed=0.1, step=4e-7)
-    assert point["force_n"] == point["torque_n_m"]
-    swept = pr.sweep(
-        STAGE, DRIVE, over={"slider.mass_kg": [0.01, 0.02]}, quantities=["speed_m_s", "force_n"], duration=1e-4
-    )
-    assert [swept[name].attrs["units"] for name in ("speed_m_s", "force_n", "slider.mass_kg")] == ["m/s", "N", "kg"]
-    assert np.isfinite(swept["force_n"].values).all()
-    assert abs(swept["speed_m_s"].values[0]) > abs(swept["speed_m_s"].values[1])
-
-
 def test_a_map_has_force_and_speed() -> None:
     points = pr.working_points(
         STAGE, DRIVE, over={"load.speed": [0.1, 0.2]}, limits={"force_n": 10.0, "tensile_stress_pa": 2e9}, **COARSE
@@ -135,18 +121,6 @@ def test_a_map_has_force_and_speed() -> None:
     assert "force" in result.summary()
     assert result.plot(panel="torque").get_ylabel() == "force on the slider in N"
     assert "shaft" not in points.attrs["title"] or "m/s" in points.attrs["title"]
-
-
-@pytest.mark.soak
-def test_small_signals_are_in_newton_and_metres_per_second() -> None:
-    small = pr.small_signals(STAGE, DRIVE, frequencies=[1000.0], speed=0.1, step=4e-7)
-    assert small.unit("speed", "load_torque") == "m/s/N"
-    assert small.unit("torque", "amplitude") == "N/V"
-    assert small.to_dict()["steady_state"]["speed_m_s"] == small.state.speed_rad_s
-    assert "force per amplitude" in small.summary()
-    legend = small.plot(panel="amplitude").get_legend()
-    assert legend is not None
-    assert any("force" in text.get_text() and "N/V" in text.get_text() for text in legend.get_texts())
 
 
 def test_the_averaged_motor_has_force_and_speed() -> None:
@@ -162,16 +136,6 @@ def test_the_averaged_motor_has_force_and_speed() -> None:
     assert "m/s" in slides.summary()["speed"]
 
 
-def test_a_controlled_run_has_speed_and_position_of_the_slider() -> None:
-    samples = pr.simulate_controlled(
-        STAGE, DRIVE, lambda sample: {"voltage": 60.0 + sample.speed_rad_s}, 2e-3, sample_time=1e-3, averaged=True
-    )
-    assert samples.to_dict()["end"]["position_m"] == samples.position_m[-1] == samples.position_rad[-1]
-    assert samples.to_dict()["run"]["load_force_n"] == 0.0
-    assert samples.plot(panel="position").get_ylabel() == "slider position in mm"
-    assert samples.summary()["speed"].endswith(" m/s")
-
-
 def test_behind_a_driver_the_slider_has_force_and_speed() -> None:
     report = pr.drive_report(STAGE, pr.Driver(kind="linear", voltage=50.0, frequency=40.1e3), duration=3e-4, speed=0.2)
     document = report.to_dict()
@@ -179,12 +143,3 @@ def test_behind_a_driver_the_slider_has_force_and_speed() -> None:
     assert document["speed_m_s"] == pytest.approx(0.2, rel=1e-6)
     assert report.summary()["mean slider speed"].endswith("m/s")
     assert "mean force" in report.summary()
-
-
-def test_a_tracker_keeps_a_motor_with_a_slider() -> None:
-    found = pr.track(STAGE, PLL, averaged=True, disturb="load", load_torque=0.1, duration=10e-3)
-    document = found.to_dict()
-    assert document["speed_after_m_s"] == found.speed_after_rad_s
-    assert found.columns()["speed_m_s"] is found.columns()["rotor_speed_rad_s"]
-    assert "m/s before" in found.summary()["speed"]
-    assert found.plot(panel="speed").get_ylabel() == "slider speed in mm/s"

@@ -68,16 +68,6 @@ def test_a_steady_state_is_what_the_motor_settles_to() -> None:
     assert state.wear_volume_m3_per_s > 1e-18
 
 
-@pytest.mark.soak
-def test_new_and_worn_tips_stand_in_one_curve() -> None:
-    """Both are copies in one deck. At half of the voltage, where there is one steady state."""
-    path, drive = "contact.worn_flat_radius_m", DRIVE.updated({"voltage": 55.0})
-    both = pr.speed_torque(MOTOR, drive, speeds=[10.0], over={path: [0.0, 60e-6]})["torque_n_m"]
-    alone = [pr.steady_state(MOTOR.updated({path: flat}), drive, speed=10.0).torque_n_m for flat in (0.0, 60e-6)]
-    assert both.values.ravel() == pytest.approx(alone, abs=2e-3 * 0.3 * 6.5 * 0.015)  # the accuracy of a torque
-    assert abs(alone[0] - alone[1]) > 1e-3
-
-
 def test_what_has_no_worn_tip_says_so(tmp_path: Path) -> None:
     flat = r"contact.worn_flat_radius_m = 6e-05"
     with pytest.raises(pr.ParameterError, match=flat + r" has no averaged model: it must be 0"):

@@ -402,10 +402,7 @@ PARS = ": the PAR lines and the parameters of .subckt differ; make them the same
     ("damage", "sentence"),
     [
         (without("* small:"), " lacks title"),
-        (without("* SOURCE"), " lacks SOURCE"),
-        (without("* OMITS"), " lacks OMITS"),
         (without("* REVISION"), " lacks REVISION"),
-        (without("* STEP"), " lacks STEP"),
         (without("* TESTED"), " lacks TESTED WITH"),
         (without("* END USE"), " lacks USE"),
         (without(".ends"), " lacks .subckt"),
@@ -415,7 +412,6 @@ PARS = ": the PAR lines and the parameters of .subckt differ; make them the same
         (swap("* PIN  b   inout  V    the other end", "* PIN b"), PINS),
         (without("* PAR  tc"), PARS),
         (swap("r=1k tc=0", "tc=0 r=1k"), PARS),
-        (swap("r=1k", "r=2k"), PARS),
         (swap("* PAR  r", "* PAR  r   ohm    1k   1  1meg  twice\n* PAR  r"), PARS),
         (swap("1k   1  1meg", "1k   2k  1meg"), ": the default of r is outside its range; correct its PAR."),
         (swap("1k   1  1meg", "much 1  1meg"), ", parameter r: 'much' is not a SPICE number."),

@@ -12,7 +12,6 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run as command
 from pyspice_runner.spice import Engine
-from tests.runs import simulated
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
 MOTOR = pr.load_motor("beam40")
@@ -122,25 +121,6 @@ def test_it_settles_at_the_steady_state_behind_the_same_driver(driver: pr.Driver
     contact = MOTOR.contact
     friction_torque = contact.friction * contact.preload_n * MOTOR.rotor.radius_m
     assert run.torque_n_m[-1] == pytest.approx(state.torque_n_m, abs=1e-3 * friction_torque)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(
-    ("driver", "of_voltage"),
-    # an inductor that resonates far from the drive, and a filter whose two resonances are at half and twice the drive,
-    # ring at more than half of the drive's frequency: long steps damp that
-    [(resonant(45e3, 20.8, 300.0), 0.01), (resonant(42e3, 9.1, 200.0), 0.01), (INDUCTOR, None), (llcc(), None)],
-    ids=["at 45 kHz", "at 42 kHz", "at 72 kHz", "llcc"],
-)
-def test_a_start_behind_a_network_is_that_of_the_full_motor(driver: pr.Driver, of_voltage: float | None) -> None:
-    """Envelope of the voltage within 1 % RMS of its range, speed within 3 %."""
-    full, run = simulated(MOTOR, driver, duration=6e-3), pr.simulate_averaged(MOTOR, driver, 6e-3)
-    for group in "ab" if of_voltage else "":
-        time, reference = envelope(full, f"voltage_{group}_v")
-        difference = np.interp(time, run.time_s, getattr(run, f"amplitude_{group}_v")) - reference
-        assert np.sqrt(np.mean(difference**2)) < (of_voltage or 0.0) * reference.max()
-    speed = np.interp(full.time_s, run.time_s, run.rotor_speed_rad_s)
-    assert np.sqrt(np.mean((speed - full.rotor_speed_rad_s) ** 2)) < 0.03 * np.ptp(full.rotor_speed_rad_s)
 
 
 def controlled(engine: Engine = "auto", *, averaged: bool = True, duration: float = 8e-3) -> pr.ControlledRun:

@@ -25,6 +25,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy, Probe, copies_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
+from pyspice_runner.steady.steady import steady_states
 from pyspice_runner.trackers.loop import LockedPoint, running_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
 
@@ -188,6 +189,16 @@ def test_short_steps_of_a_transient_show_the_extrapolated_transfer_functions() -
     place = int(np.argmin(np.abs(shown.modulation_hz - DRIVE.frequency / numbers[0])))
     for (output, _), value in modulated("amplitude", numbers, rest=300, window=598, finer=8).items():
         assert shown.transfer(output, "amplitude")[place] == pytest.approx(value, rel=1e-3), output
+
+
+def test_the_slow_gain_is_that_of_two_steady_states() -> None:
+    """Measured 0.05 %; test_every_effect.py has the motor with every effect."""
+    motor = pr.load_motor("beam40")
+    drive = pr.default_drive(motor)
+    found = small_signals(motor, drive, frequencies=[0.01], speed=15.0)
+    ends = [Point.of(motor, drive.updated({"voltage": drive.voltage + step}), speed=15.0) for step in (-2.0, 2.0)]
+    low, high = (state.torque_n_m for state in steady_states(ends))
+    assert found.transfer("torque", "amplitude")[0].real == pytest.approx((high - low) / 4.0, rel=0.01)
 
 
 @pytest.mark.soak

@@ -285,16 +285,6 @@ def test_steady_states_are_where_the_points_settle(mount: Any) -> None:
 
 
 @pytest.mark.soak
-def test_a_point_that_begins_with_the_motion_of_another_settles_where_one_from_rest_does() -> None:
-    bench = dynamometer(drive(46e3))
-    _, last = settling.settle(bench, 5.0, None, settling.Settling())
-    point, _ = settling.settle(bench, 6.0, last.end, settling.Settling())
-    assert point["settled"]
-    alone = float(curve(46e3)["torque_n_m"].sel(speed_rad_s=6.0))
-    assert point["torque_n_m"] == pytest.approx(alone, rel=2e-3)
-
-
-@pytest.mark.soak
 def test_an_unstable_periodic_motion_gives_the_time_average_with_its_error() -> None:
     """7.375 mN·m is the mean over 120 of 240 ms; the periodic motion has 9.48 mN·m. Averaged models say so."""
     known = pr.load_motor("andersen2002-unintended-mode")
@@ -309,24 +299,6 @@ def test_an_unstable_periodic_motion_gives_the_time_average_with_its_error() -> 
     assert averaged.torque_n_m[-1] == pytest.approx(9.48e-3, rel=1e-3)
     for found in (averaged, pr.state_space(motor, drive(46e3))):
         assert any("is unstable (irrational, multiplier 1.0039)" in caution for caution in found.cautions)
-
-
-@pytest.mark.soak
-def test_two_tones_that_beat_never_settle_and_say_so() -> None:
-    beating = pr.TwoToneDrive(voltage_1=60.0, frequency_1=45e3, voltage_2=60.0, frequency_2=45.21e3)
-    step = 3.0 * dynamometer(beating).setup.step  # the beat does not need fine steps
-    point = held_point(MOTOR, beating, speed=0.0, mode="settle", patience=8, step=step)
-    assert not point["settled"]
-    assert abs(point["torque_drift_n_m"]) > 1e-5
-
-
-@pytest.mark.soak
-def test_a_soft_start_is_waited_for() -> None:
-    soft = drive(46e3).model_copy(update={"soft_start": 3e-3})
-    point = held_point(MOTOR, soft, speed=6.0, mode="settle")
-    assert point["settled"]
-    assert point["simulated_s"] > 3e-3 + 2e-3
-    assert point["torque_n_m"] == pytest.approx(float(curve(46e3)["torque_n_m"].sel(speed_rad_s=6.0)), rel=2e-3)
 
 
 def test_progress_is_told() -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
-from math import log
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +17,13 @@ from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.drive import Load
-from pyspice_runner.run.dynamometer import STUCK, UNITS, Dynamometer, off_beat
+from pyspice_runner.run.dynamometer import STUCK, UNITS
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.copies import Copy
 from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
-from tests.runs import simulated
 from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
@@ -81,32 +78,6 @@ def test_multipliers_of_a_free_linear_stator_are_those_of_its_equation_of_motion
             assert swing == pytest.approx(abs(mode.tip_x * force / stiffness), rel=2e-3), index
 
 
-@pytest.mark.soak  # of the motor with every effect in test_every_effect.py
-@pytest.mark.parametrize(
-    ("motor", "drive", "speeds"),
-    [
-        (PAPER, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3), (3.0, -5.0)),
-        # as in test_speed_torque.py, at other speeds
-        (MOTOR.updated({"mount": None}), DRIVE, (-12.0, 18.0)),
-        (PAPER, pr.TwoToneDrive(voltage_1=20.0, frequency_1=27e3, voltage_2=50.0, frequency_2=54e3), (2.0,)),
-    ],
-)
-def test_a_steady_state_is_what_a_run_settles_to(motor: pr.Motor, drive: pr.TwoPhaseDrive, speeds: list[float]) -> None:
-    for speed in speeds:
-        state = pr.steady_state(motor, drive, speed=speed)
-        settled = held_point(motor, drive, speed=speed, mode="settle", tolerance=1e-4)
-        assert state.converged
-        assert settled["settled"]
-        # required: 0.5 %; what the steps of the settled run and its tolerance are worth
-        assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(motor))
-        assert state.torque_error_n_m < 2e-3 * friction_torque(motor)
-        for name in UNITS:
-            if name in ("separated", "stick", "slip"):
-                assert getattr(state, name) == pytest.approx(settled[name], abs=0.01), name
-            elif name.startswith(("power", "apparent", "current", "damping", "dielectric", "normal_force")):
-                assert getattr(state, name) == pytest.approx(settled[name], rel=5e-3), name
-
-
 def test_a_slider_that_slips_as_a_run_begins_leaves_no_trace_in_the_result() -> None:
     # the contact slips one way for almost all of the period, so that speed changes neither mean normal force nor decay
     setup = [
@@ -142,15 +113,6 @@ def test_a_free_rotor_runs_where_the_curve_of_held_ones_crosses_the_load() -> No
     crossing = np.interp(-load, [-low.load_torque_n_m, -high.load_torque_n_m], [16.0, 16.1])
     # required; measured 0.06 %, because the free rotor swings a little in each period
     assert free.speed_rad_s == pytest.approx(float(crossing), rel=1e-3)
-
-
-@pytest.mark.soak
-def test_a_free_rotor_under_load_reaches_its_steady_speed() -> None:
-    load, motor = 5e-3, MOTOR.updated({"mount": None})  # on the mount it settles ten times as slowly
-    free = pr.steady_state(motor, DRIVE, load_torque=load)
-    run = simulated(motor, DRIVE, duration=14e-3, load_torque=load, signals=("rotor_speed_rad_s",))
-    late = run.time_s > 13e-3  # ten time constants of the rotor; 46 periods
-    assert float(run.rotor_speed_rad_s[late].mean()) == pytest.approx(free.speed_rad_s, rel=0.01)  # required: 1 %
 
 
 def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -221,44 +183,6 @@ def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str
     assert np.abs(others).max(initial=0.0) < NEWTON.memory  # sliders at the edge, which slip
 
 
-@pytest.mark.soak
-def test_on_a_mount_the_mean_normal_force_is_the_preload_less_what_the_springs_take() -> None:
-    mount = {"mount.stiffness_n_per_m": 2e4, "mount.mass_kg": 0.05, "mount.damping_n_s_per_m": 50.0}
-    motor = PAPER.updated(mount)
-    drive = pr.TwoPhaseDrive(voltage=300.0, frequency=45e3)
-    state = pr.steady_state(motor, drive, speed=3.0)
-    assert state.converged
-    assert state.stable
-    assert abs(state.balance_residual) < 1e-4
-    held = pr.steady_state(PAPER.updated({"mount": None}), drive, speed=3.0)
-    assert abs(held.normal_force_n - 5.0) > 1e-3  # at a fixed distance the hammering changes the mean force
-    assert state.normal_force_n == pytest.approx(5.0, abs=0.1 * abs(held.normal_force_n - 5.0))
-    settled = held_point(motor, drive, speed=3.0, mode="settle", tolerance=1e-4)
-    assert state.torque_n_m == pytest.approx(settled["torque_n_m"], abs=5e-3 * friction_torque(motor))
-    assert state.normal_force_n == pytest.approx(settled["normal_force_n"], rel=1e-3)
-
-
-@pytest.mark.soak
-def test_a_disturbance_dies_out_at_the_rate_of_the_largest_multiplier() -> None:
-    motor = MOTOR.updated({"mount": None})  # the carrier of the set is slower than the modes, and would be what is left
-    largest = abs(pr.steady_state(motor, DRIVE, speed=6.0).floquet_multipliers[0])
-    usual = Point(motor, DriveSource(DRIVE))
-    # a decay does not need fine steps: the modes are exact at resonance by any step
-    bench = Dynamometer(off_beat(usual.with_step(2.0 * usual.step)))
-    motion = bench.rest(6.0)
-    for _ in range(4):  # some decay times: near the steady state
-        motion = bench.run(motion, 6.0, 0.0, meters=False).end
-    pushed = replace(motion, velocities_m_s=(motion.velocities_m_s[0] + 1e-3, *motion.velocities_m_s[1:]))
-    begun, apart = 0.0, []
-    for _ in range(5):
-        motion, pushed = (bench.run(each, 6.0, begun, meters=False).end for each in (motion, pushed))
-        begun += bench.duration
-        apart.append(pushed.displacements_m[0] - motion.displacements_m[0])
-    # samples of A ρ^k cos(kθ + φ) have d(k-1) d(k+1) - d(k)² = -A² ρ^2k sin²θ; the first block lets the faster ones go
-    fall = (apart[2] * apart[4] - apart[3] ** 2) / (apart[1] * apart[3] - apart[2] ** 2)
-    assert log(fall) / (2 * bench.periods) == pytest.approx(log(largest), rel=0.02)
-
-
 def test_one_period_of_waveforms_closes_and_balances() -> None:
     waves = held(6.0).waveforms
     assert waves is not None
@@ -286,11 +210,6 @@ def test_dry_friction_of_the_bearing_takes_its_torque_from_a_held_shaft() -> Non
     assert state.waveforms.energy_residual < 1e-3
     with pytest.raises(pr.ParameterError, match="dry friction is not found by shooting"):
         pr.steady_state(dry, DRIVE)
-
-
-def test_speed_and_load_exclude_each_other() -> None:
-    with pytest.raises(pr.ParameterError, match="speed and load_torque"):
-        pr.steady_state(MOTOR, DRIVE, speed=1.0, load_torque=1e-3)
 
 
 def test_the_command_prints_the_state_and_writes_its_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

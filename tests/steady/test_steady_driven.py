@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import json
 from math import pi, sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,17 +67,6 @@ def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
     assert abs(ours.floquet_multipliers[0]) == pytest.approx(abs(plain.floquet_multipliers[0]), rel=1e-3)
 
 
-@pytest.mark.soak
-def test_the_ceramic_is_strained_behind_an_amplifier_as_at_ideal_voltages() -> None:
-    motor = pr.load_motor("bimodal40").updated({"mount": None})
-    drive = pr.default_drive(motor)
-    amplifier = pr.Driver(kind="linear", **two_phases(drive), settings={"amplifier.bandwidth": 20e6})
-    ours, plain = (pr.steady_state(motor, one, speed=20.0) for one in (amplifier, drive))
-    # 0.5 %: the output resistance of 1 Ω and the bandwidth of 20 MHz take 0.3 % of the voltages
-    assert ours.ceramic_stress_pa == pytest.approx(plain.ceramic_stress_pa, rel=5e-3)
-    assert ours.ceramic_strain == pytest.approx(plain.ceramic_strain, rel=5e-3)
-
-
 @pytest.mark.parametrize("level", [0.0, 0.5])
 @pytest.mark.parametrize("phase_deg", [-90.0, 62.0, 180.0])
 @pytest.mark.parametrize("kind", KINDS[1:])
@@ -94,22 +81,6 @@ def test_a_run_begins_between_the_edges_of_a_bridge(kind: str, phase_deg: float,
         limits = (level, -level) if kind == "full-bridge" else (0.0,)
         for limit in limits:
             assert np.ptp(np.sign(control - limit)) == 0.0, (ahead, limit)
-
-
-@pytest.mark.soak
-def test_a_bridge_has_a_stable_steady_state_with_a_period_that_balances() -> None:
-    state = pr.steady_state(HELD, driver("half-bridge", "inductor"), speed=6.0, accuracy=5e-3)
-    assert state.method == "newton"
-    assert state.stable
-    # the modes decay behind a stage of a few ohms as behind ideal voltages: 1.5 Ω and the coil's 1 Ω at 2.2 nF
-    plain = pr.steady_state(HELD, DRIVE, speed=6.0)
-    assert abs(state.floquet_multipliers[0]) == pytest.approx(abs(plain.floquet_multipliers[0]), abs=2e-3)
-    waves = state.waveforms
-    assert waves is not None
-    assert waves.energy_residual < 1e-3
-    for name in ("tip_x_m", "normal_force_n", "current_a_a", "voltage_b_v"):
-        signal = getattr(waves, name)
-        assert signal[-1] == pytest.approx(signal[0], abs=1e-3 * np.ptp(signal)), name
 
 
 def both(kind: str, network: str, motor: pr.Motor) -> tuple[pr.SteadyState, dict[str, Any]]:
@@ -131,18 +102,6 @@ def test_behind_a_driver_a_steady_state_is_what_a_run_settles_to(kind: str, netw
     assert ours.torque_n_m == pytest.approx(settled["torque_n_m"], abs=off)
     for name in ("normal_force_n", "power_a_w", "power_b_w", "current_a_rms_a", "current_b_rms_a", "damping_loss_w"):
         assert getattr(ours, name) == pytest.approx(settled[name], rel=1e-2), name  # settled means to its tolerance
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(("kind", "network"), [("linear", "inductor"), ("half-bridge", "llcc"), ("push-pull", "none")])
-def test_a_free_shaft_behind_a_driver_starts_near_its_speed(kind: str, network: str) -> None:
-    """From rest Newton's method fails, and the motor ran for four decay times, five times as long as the rest."""
-    free = pr.steady_state(HELD, driver(kind, network), load_torque=3e-3)
-    assert free.method == "newton"
-    assert free.stable
-    held = pr.steady_state(HELD, driver(kind, network), speed=free.speed_rad_s)
-    # 0.1 % of the friction torque, and 0.27 % that the ripple of the speed takes, with ideal voltages as well
-    assert held.load_torque_n_m == pytest.approx(3e-3, abs=4e-3 * friction_torque(HELD))
 
 
 @pytest.mark.soak
@@ -170,26 +129,6 @@ def test_behind_a_coil_the_steps_of_many_copies_stay_uniform() -> None:
     steps = np.diff(run_bench(bench, ["v(xc0.a)"], None, "transient", timing).vectors()["time"])
     # ngspice doubles its steps from a hundredth, with one more that ends at a whole number of the first
     assert steps[12:-2] == pytest.approx(period_map.step, rel=1e-9)
-
-
-@pytest.mark.soak
-@pytest.mark.slow
-def test_a_half_bridge_with_a_filter_has_a_curve_of_steady_states() -> None:
-    curve = pr.speed_torque(HELD, driver("half-bridge", "llcc"), speeds=[6.0])
-    assert json.loads(curve.attrs["method"])[0] == "newton"
-    # a run of 5.4 ms from rest settles to 11.372 mN·m, which the soak test repeats; required: 0.5 %
-    assert float(curve["torque_n_m"][0]) == pytest.approx(11.372e-3, abs=5e-3 * friction_torque(HELD))
-    assert abs(float(curve["balance_residual"][0])) < 1e-3
-
-
-@pytest.mark.soak
-def test_the_command_takes_a_driver(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["steady", MOTOR.name, "--set", "mount=none", "--voltage", "100", "--frequency", "46e3", "--phase", "180"]
-    words += ["--speed", "6", "--driver", "linear+inductor", "--no-match", "--part", "inductor.inductance=2e-3"]
-    assert run([*words, "--json", "--plot", str(tmp_path / "period.png")]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert document["drive"]["parts"]["a"]["inductor"]["inductance"] == 2e-3
-    assert (tmp_path / "period.png").stat().st_size > 1000
 
 
 def test_the_command_refuses_options_of_a_driver_without_one(capsys: pytest.CaptureFixture[str]) -> None:

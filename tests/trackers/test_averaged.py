@@ -148,11 +148,6 @@ def test_what_has_no_averaged_model_is_an_error(motor: pr.Motor, changes: dict[s
         pr.track(motor, tracker(motor), **{"averaged": True, **changes})
 
 
-def test_an_observer_has_no_averaged_model(motor: pr.Motor) -> None:
-    with pytest.raises(pr.ParameterError, match="'observe-power' has no averaged model"):
-        pr.track(motor, tracker(motor, kind="observe-power"), averaged=True)
-
-
 @pytest.mark.soak
 def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones_do_not() -> None:
     motor = pr.load_motor("beam40")

@@ -166,31 +166,6 @@ def test_the_motion_plays_and_pauses_by_keyboard(desktop: tuple[Page, list[str]]
     assert wrong == []
 
 
-@pytest.mark.soak
-def test_the_motion_starts_by_itself_where_none_objects(browser: Browser, page_file: Path) -> None:
-    page, wrong = opened(browser, page_file, READY, viewport=PHONE, color_scheme="dark")
-    assert page.locator('[data-plays="modes"] button').inner_text() == "Pause"
-    page.locator("#modes").scroll_into_view_if_needed()
-    before = drawn_path(page, "modes")
-    page.wait_for_function(
-        "before => [...document.querySelectorAll('#modes .trace path')].map(p => p.outerHTML).join() !== before",
-        arg=before,
-    )
-    check_that_the_tool_bar_covers_nothing(page)
-    # readable on a phone, in the dark: nothing wider than the screen, the charts in the theme's colours
-    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 29)"
-    assert (
-        page.evaluate("getComputedStyle(document.querySelector('#spin-up .xtick text')).fill") == "rgb(230, 232, 235)"
-    )
-    page.emulate_media(color_scheme="light")
-    page.wait_for_function(
-        "getComputedStyle(document.querySelector('#spin-up .xtick text')).fill === 'rgb(27, 31, 36)'", timeout=20_000
-    )
-    assert wrong == []
-    page.close()
-
-
 def test_the_keyboard_zooms_moves_and_resets_a_chart(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     ranges = "() => document.getElementById('admittance')._fullLayout.xaxis.range"
@@ -445,20 +420,3 @@ def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_
     held = pr.speed_torque(rough, drive, speeds=[free.speed_rad_s])
     assert abs(held["load_torque_n_m"].item()) < 0.02e-3  # of the 1 mN·m; the error of the torque is 0.01 mN·m
     assert _free_rotor(motor.updated({"rotor.bearing_friction_n_m": 0.05}), drive, None) is None
-
-
-@pytest.mark.soak
-def test_the_estimated_error_is_that_of_the_step(report: Report) -> None:
-    """Against a run of a quarter of the step, whose own error is a sixteenth."""
-    step = report.run.provenance["run"]["step_s"]
-    fine = pr.simulate(report.motor, report.drive, duration=1e-3, step=step / 4.0)
-    run = report.run
-    window = run.window()
-    distance, size = 0.0, 0.0
-    for name in ("tip_x_m", "tip_y_m"):
-        exact = np.interp(run.time_s[window], fine.time_s, getattr(fine, name))
-        distance += np.mean((getattr(run, name)[window] - exact) ** 2)
-        size += np.var(exact)
-    true = np.sqrt(distance / size)
-    # events of the contact fall anywhere within a step, which makes the error of a run uneven: half to twice
-    assert 0.5 * true < report.discretisation_error["tip_path"] < 2.0 * true

@@ -9,7 +9,6 @@ from math import inf, log, sqrt
 from operator import itemgetter
 
 import numpy as np
-from scipy.optimize import nnls
 
 from pyspice_runner.impedance.identify import errors
 from pyspice_runner.impedance.identify.arms import COST, GLOBALS, LEADS, LOSSES, Solution
@@ -326,6 +325,8 @@ def _leads_promise(problem: Problem, solution: Solution) -> float:
 
 def start(problem: Problem, arms: int) -> Solution:
     """Return start values for a number of arms."""
+    from scipy.optimize import nnls  # takes long to load
+
     s, w = problem.model.s, problem.w
     y: Complexes = 1.0 / (1.0 / problem.y - problem.stated_leads[0] - s * problem.stated_leads[1])
     weight = 1.0 / problem.deviation

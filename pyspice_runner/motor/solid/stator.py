@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.motor.solid.capacitance import clamped_capacitance
 from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, factor, strains
 from pyspice_runner.motor.solid.geometry import Geometry, build_geometry
@@ -81,7 +81,7 @@ class Stator:
         ]
 
 
-@one_thread  # the modes enter decks and the addresses of stored points
+@one_thread_of_scipy  # the modes enter decks and the addresses of stored points
 def solve_stator(solid: Solid) -> Stator:
     """Return the modes of a stator. Raise ParameterError if its parts do not fit together or it has no modes there."""
     geometry = build_geometry(solid)

@@ -43,8 +43,6 @@ def stator_of(solid: Solid) -> Stator:
     kept = stored and _read(stored)
     if kept:
         return kept
-    import scipy.linalg  # noqa: F401 # its BLAS is limited to one thread only where it is loaded before
-
     found = solve_stator(solid)
     with suppress(OSError, ParameterError):  # a result that cannot be kept is still one
         if stored:
