@@ -388,7 +388,7 @@ def test_the_averaged_speed_loop_reaches_its_targets(tmp_path: Path) -> None:
 
 def test_an_xspice_device_in_an_averaged_deck_costs_no_steps_with_the_lines_of_the_header(tmp_path: Path) -> None:
     deck = deck_texts()["averaged_speed_loop.cir"].replace(LIBRARY, str(data_path("netlists") / LIBRARY))
-    for name, value in {"stepped": "0.5m", "loaded": "0.75m", "stop": "1m"}.items():
+    for name, value in {"stepped": "2m", "loaded": "3m", "stop": "4m"}.items():
         deck = re.sub(rf"^\.param {name}=\S+", f".param {name}={value}", deck, flags=re.M)
     device = "Etap raw 0 shaft 0 1\nAtap raw tap gain\n.model gain gain(gain=1)\nRtap tap 0 1k\n"
     library = (data_path("netlists") / "piezomotor_averaged.lib").read_text(encoding="utf-8")

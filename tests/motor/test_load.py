@@ -172,11 +172,14 @@ def test_the_ceramic_table_states_the_shared_values_of_all_patches(load: Callabl
     assert [patch.layers for patch in own.structure.patches] == [1, 3]
 
 
+MOTION = {f"motion_{axis}_{group}_m_per_v": 0.0 for axis in "xy" for group in "ab"}
+
+
 def test_modes_are_taken_as_stated_and_sorted(load: Callable[[Document], Motor]) -> None:
     subject = load(MODES | {"modes": [SIDE, MODE]})
     linear = {"softening_per_m2": 0.0, "damping_growth_per_m2": 0.0, "recoil_kg": None, "recoil_x_kg": None}
     assert [item.model_dump() for item in subject.modes] == [MODE | linear, SIDE | linear]
-    assert subject.piezo.model_dump() == LOSS | CAPACITANCES | {"capacitance_ab_f": 0.0}
+    assert subject.piezo.model_dump() == LOSS | CAPACITANCES | {"capacitance_ab_f": 0.0} | MOTION
 
 
 def test_frequency_and_quality_factor_replace_stiffness_and_damping(load: Callable[[Document], Motor]) -> None:

@@ -221,7 +221,7 @@ def integrate_damped(
     seated = (preload / p[HERTZ]) ** (2.0 / 3.0)
     p[physics.SEAT] += compliance * preload
     p[[_SERIES, _SOFT]] = compliance, law.get("tangential_series_compliance_m_per_n", 0.0)
-    moved = [motor["piezo"].get(f"motion_{axis}_{group}_m_per_v", 0.0) for axis in "xy" for group in "ab"]
+    moved = [motor.get("piezo", {}).get(f"motion_{axis}_{group}_m_per_v", 0.0) for axis in "xy" for group in "ab"]
     p[_MOVED : _MOVED + 4] = np.array(moved) * np.repeat(p[[_SOFT, _SERIES]] > 0.0, 2)
     p[_LOSS] = _damping(law.get("restitution", 1.0), law.get("restitution_velocity_m_s", 1.0))
     s = physics.rest(modes, preload, len(INTEGRALS))

@@ -146,12 +146,12 @@ def test_a_parameter_that_is_edited_on_the_drawing_changes_the_motor(tool: str, 
     for preload in (motor.contact.preload_n, 4.0):
         x1 = " ".join(parts["X1"]).replace(f"preload={motor.contact.preload_n!r} ", f"preload={preload!r} ")
         lines = ["edited", f".include {EXAMPLES / tool / 'motor.lib'}", f"X1 {x1}"]
-        lines += ["V1 a 0 SIN(0 150 40.7k)", "V2 b 0 SIN(0 150 40.7k 0 0 62)", ".tran 100n 20u 0 100n uic"]
+        lines += ["V1 a 0 SIN(0 1 40.7k)", "V2 b 0 SIN(0 1 40.7k)", ".tran 100n 20u 0 100n uic"]
         lines += [".measure tran normal FIND v(x1.normal) AT=50n", ".end"]
         (tmp_path / "deck.cir").write_text("\n".join(lines) + "\n", encoding="utf-8")
         done = subprocess.run(
             ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
         )
         forces.append(float(re.search(r"normal\s*=\s*(\S+)", done.stdout)[1]))  # type: ignore[index]
-    # the first step after rest: the normal force is the preload
+    # the first step after rest: the normal force is the preload, with voltages that hardly move the tip
     assert forces == pytest.approx([motor.contact.preload_n, 4.0], rel=1e-3)
