@@ -200,12 +200,19 @@ need_package() { # EXTRA…
     fi
     rm -f "$stamp"
     say "installing the package and its dependencies in $venv (a minute or two, once)"
-    # no retries and 10 s: without a network pip would go on for minutes
-    PIP_RETRIES=${PIP_RETRIES:-0} PIP_DEFAULT_TIMEOUT=${PIP_DEFAULT_TIMEOUT:-10} $python -m pip install -q --disable-pip-version-check -e ".${extras:+[$extras]}" ||
-        die "pip could not install the package with the dependencies that pyproject.toml lists; see its message above." \
-            "  It needs a network with a package index; PIP_INDEX_URL, PIP_PROXY or PIP_FIND_LINKS (a folder of wheels" \
-            "  with PIP_NO_INDEX=1) name another source. What is installed already is kept."
+    # one package of a few kB first, without retries: without a network pip would go on for minutes
+    probe=$(mktemp -d)
+    PIP_RETRIES=0 PIP_DEFAULT_TIMEOUT=10 $python -m pip download -q --disable-pip-version-check --no-deps -d "$probe" \
+        hatchling || unreachable
+    rm -rf "$probe"
+    $python -m pip install -q --disable-pip-version-check -e ".${extras:+[$extras]}" || unreachable
     printf '%s\n' "$wanted" >"$stamp"
+}
+
+unreachable() {
+    die "pip could not install the package with the dependencies that pyproject.toml lists; see its message above." \
+        "  It needs a network with a package index; PIP_INDEX_URL, PIP_PROXY or PIP_FIND_LINKS (a folder of wheels" \
+        "  with PIP_NO_INDEX=1) name another source. What is installed already is kept."
 }
 
 moved() { # was the tree moved since .venv was made? Its scripts would point to the old place

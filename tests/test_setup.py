@@ -24,14 +24,14 @@ esac
 
 
 def test_without_a_network_it_says_at_once_what_is_needed(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("PIP_RETRIES", "PIP_DEFAULT_TIMEOUT"):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PIP_DEFAULT_TIMEOUT", "60")
     program = tree.parent / "bin" / "python3"
-    failing = PYTHON.replace("mkdir installing || exit 1", "echo retries $PIP_RETRIES, $PIP_DEFAULT_TIMEOUT s; exit 1")
-    program.write_text(failing, encoding="utf-8")
+    failing = '"-m pip download"*) echo retries $PIP_RETRIES, $PIP_DEFAULT_TIMEOUT s; exit 1 ;;\n    "-m venv"*'
+    program.write_text(PYTHON.replace('"-m venv"*', failing), encoding="utf-8")
     ended = subprocess.run(["sh", "scripts/setup.sh"], cwd=tree, capture_output=True, text=True, check=False)
     assert ended.returncode == 1
     assert "retries 0, 10 s" in ended.stdout
+    assert not (tree / "installed").exists()
     assert "needs a network with a package index; PIP_INDEX_URL" in ended.stderr
 
 
