@@ -88,7 +88,7 @@ def pushes(motor: Motor, law: Law | None) -> dict[str, tuple[float, ...]]:
 
 def held_piezo(motor: Motor, law: Law | None) -> Piezo:
     """Return the capacitances of the netlist: while the springs are held that the voltages move, C − Sᵀ R⁻¹ S."""
-    piezo, matrix = motor.piezo, np.array(motor.piezo.matrix)
+    piezo, matrix = motor.piezo, motor.stator.capacitance.copy()
     for name, forces in pushes(motor, law).items():
         matrix -= stems(motor, law)[name] * np.outer(forces, forces)
     (a, between), (_, b) = matrix.tolist()

@@ -293,7 +293,8 @@ class PeriodMap:
         copy = copy_name(number)
         names = plant.recorded(copy)
         if whole:
-            names += [f"v({plant.inside(copy)}.{name})" for name in CONTACT if plant.law]
+            motor = plant.inside(copy)
+            names += [f"v({motor}.{name})" for name in CONTACT if plant.law]
             names += plant.pins(copy).values()
         return names
 
@@ -308,7 +309,8 @@ class PeriodMap:
             plant, name = copy.plant, copy_name(number)
             states, contact = plant.sampled(raw, name, self.discretisation), np.zeros((len(CONTACT), len(time)))
             if whole and plant.law:
-                contact[:] = [raw[f"v({plant.inside(name)}.{one})"] for one in CONTACT]
+                motor = plant.inside(name)
+                contact[:] = [raw[f"v({motor}.{one})"] for one in CONTACT]
             if self.lead:
                 traces.append(self._evened(plant, name, raw, np.vstack([states, contact]), window))
                 continue
