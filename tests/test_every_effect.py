@@ -165,7 +165,7 @@ def test_a_sweep_has_the_run_of_each_point(tmp_path: Path) -> None:
         assert torque == pr.simulate(MOTOR.updated({"contact.friction": friction}), DRIVE, **run).mean_torque_n_m
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_point_of_its_own_gives_back_the_friction() -> None:
     columns = {"speed_rad_s": [SPEED], "torque_n_m": [steady().torque_n_m], "torque_n_m_error": [1e-4]}
     result = pr.calibrate(MOTOR.updated({"contact.friction": 0.23}), columns, free=["contact.friction"], drive=DRIVE)

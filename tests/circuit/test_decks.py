@@ -386,6 +386,7 @@ def test_the_averaged_speed_loop_reaches_its_targets(tmp_path: Path) -> None:
     assert loop["lowest_loaded_rad_s"] > 25.0
 
 
+@pytest.mark.soak
 def test_an_xspice_device_in_an_averaged_deck_costs_no_steps_with_the_lines_of_the_header(tmp_path: Path) -> None:
     deck = deck_texts()["averaged_speed_loop.cir"].replace(LIBRARY, str(data_path("netlists") / LIBRARY))
     for name, value in {"stepped": "2m", "loaded": "3m", "stop": "4m"}.items():
