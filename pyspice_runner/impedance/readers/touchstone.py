@@ -119,10 +119,8 @@ def _option(text: Text, index: int, line: str) -> _Option:
 def _parameters(form: str, rows: list[list[float]]) -> Complexes:
     """Return the matrices of the points; those of a two-port stand column by column: 11, 21, 12, 22."""
     first, second = np.array(rows)[:, 1:].reshape(len(rows), -1, 2).transpose(2, 0, 1)
-    if form == "ri":
-        values = first + 1j * second
-    else:
-        values = (10.0 ** (first / 20.0) if form == "db" else first) * np.exp(1j * np.deg2rad(second))
+    size = 10.0 ** (first / 20.0) if form == "db" else first
+    values: Complexes = np.asarray(first + 1j * second if form == "ri" else size * np.exp(1j * np.deg2rad(second)))
     ports = 2 if values.shape[1] == 4 else 1
     return np.asarray(values.reshape(-1, ports, ports).transpose(0, 2, 1), dtype=np.complex128)
 
