@@ -185,6 +185,7 @@ class Dynamometer:
         return transient(
             bench, vectors if end_only else [*vectors, *map(ammeter, "ab")], step=setup.step, duration=duration,
             record_from=duration - 1e-3 * setup.step if end_only else 0.0, timeout=setup.solver.timeout,
+            uniform=setup.source.uniform,
         )  # fmt: skip
 
     def means(self, integrals: Mapping[str, float]) -> dict[str, float]:

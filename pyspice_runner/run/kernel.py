@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.bench import Bench, Derived
 from pyspice_runner.circuit.evaluated import Plotted, plotted_vectors
-from pyspice_runner.errors import Interrupted
+from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.spice.ngspice import SpiceRun
 from pyspice_runner.spice.pyspice import BatchSimulator
 
 Array = NDArray[np.float64]
+
+_COLLAPSED = "timestep too small"  # in the log of a run whose steps fell below what ngspice allows
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ def transient(
     timeout: float | None = None,
     progress: Callable[[float], object] | None = None,
     keep_partial: bool = False,
+    uniform: bool = True,
 ) -> Outcome:
     """Run a bench from its initial state.
 
@@ -98,12 +101,25 @@ def transient(
     ``progress`` is called some times a second with the time in s that the run has reached. With ``keep_partial`` an
     interrupted run returns its points, as ``partial`` of :class:`Interrupted`.
 
+    Where steps are not ``uniform`` by the options of the bench, a run that ends with "Timestep too small" is repeated
+    once with half the step: whether the steps that ngspice chooses collapse at an edge depends on where they fall, and
+    on the version of ngspice.
+
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.
         Interrupted: if interrupted and ``keep_partial``.
     """
-    timing = transient_timing(step, duration, longest, record_from)
-    return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
+
+    def run(step: float) -> Outcome:
+        timing = transient_timing(step, duration, longest, record_from)
+        return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
+
+    try:
+        return run(step)
+    except SimulationError as error:
+        if uniform or _COLLAPSED not in error.log.lower():
+            raise
+    return run(step / 2.0)
 
 
 def transient_timing(

@@ -234,7 +234,7 @@ class Point:
         """Run it from rest; the arguments are those of :func:`~pyspice_runner.run.kernel.transient`."""
         return transient(
             self.bench(), vectors, step=self.step, duration=duration, record_from=record_from,
-            timeout=self.solver.timeout, progress=progress, keep_partial=keep_partial,
+            timeout=self.solver.timeout, progress=progress, keep_partial=keep_partial, uniform=self.source.uniform,
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
