@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Each correction of docs/corrections.md by quadrature, against the package where it has the function.
+"""Each correction to the paper on docs/physics.md by quadrature, against the package where it has the function.
 
 The surface displacements are integrated from the point-force solutions of Boussinesq and Cerruti, so that none of the
 closed forms in question is taken for granted. Tolerances are those of the quadratures, 1e-9 or better where the

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Foot and stem of a tip against closed forms of a cantilever and momentum.
 
-tests/docs/test_beam_page.py compares with finite elements of the same shape.
+tests/docs/test_physics_page.py compares with finite elements of the same shape.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ and α the direction of the point, the displacements per load are, inside and ou
     u_x = \frac{(2-\nu)\,I_0 + \nu\cos 2\alpha\,I_2}{8Ga}, \qquad
     u_y = \frac{\nu\sin 2\alpha\,I_2}{8Ga}.
 
-Sources: Andersen, Helbo and Blanke (2002), eqs. (5)–(12), corrected as ``docs/corrections.md`` shows; K. L. Johnson,
+Sources: Andersen, Helbo and Blanke (2002), eqs. (5)–(12), corrected as ``docs/physics.md`` shows; K. L. Johnson,
 *Contact Mechanics*, Cambridge 1985, §3.6, §3.7 and §7.2; R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20 (1953) 327.
 """
 
