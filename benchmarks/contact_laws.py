@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Effect of the contact law on results and run time: the table of ``docs/contact.md``."""
+"""Effect of the contact law on results and run time."""
 
 from __future__ import annotations
 
