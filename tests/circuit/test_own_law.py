@@ -38,7 +38,7 @@ def test_the_commands_of_the_tutorial_run(
     law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(law.parent)
-    commands = re.findall(r"^piezomotor (.+)$", PAGE.read_text(encoding="utf-8"), re.M)
+    commands = re.findall(r"^    piezomotor (.+)$", PAGE.read_text(encoding="utf-8"), re.M)
     assert {command.split()[0] for command in commands} == {"simulate", "speed-torque", "export"}
     for command in commands:
         assert run([*command.split(), "--json"]) == 0, command
