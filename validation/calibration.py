@@ -181,7 +181,7 @@ def summary(record: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return the rows of docs/calibrate.md for a summary."""
+    """Return the tables of a summary."""
     truth, law, prediction = (found[subject] for subject in ("truth", "law", "prediction"))
     rows = [
         "| parameter | motors | 95 % intervals that hold | bias over the width of the interval |", "|---|---|---|---|",

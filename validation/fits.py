@@ -180,7 +180,7 @@ def summary(record: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def passes(found: Mapping[str, Any]) -> bool:
-    """Whether every class is within the limits that the fit is built for, in docs/impedance.md."""
+    """Whether every class is within the limits that the fit is built for, as docs/impedance.md says."""
     return all(
         item["extra"] <= 3
         and item["missed"] == 0

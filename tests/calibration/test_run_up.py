@@ -113,7 +113,7 @@ def test_derivatives_of_a_run_up_do_not_follow_the_steps_of_its_integration(name
 def test_the_page_states_how_well_a_run_up_of_the_full_motor_gives_inertia_and_bearing(
     name: str, values: tuple[float, ...], load: float, duration: float, stated: tuple[tuple[float, float], ...]
 ) -> None:
-    """``stated``: bias and standard error in docs/calibrate.md, %, of inertia and bearing."""
+    """``stated``: bias and standard error in docs/impedance.md, %, of inertia and bearing."""
     known = dict(zip(TRUTH, values, strict=True))
     start = pr.load_motor(name).updated({path: 0.7 * value for path, value in known.items()})
     motor = start.updated(known)
