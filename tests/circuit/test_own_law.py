@@ -34,6 +34,7 @@ def law(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.soak
 def test_the_commands_of_the_tutorial_run(
     law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
