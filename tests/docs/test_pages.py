@@ -52,7 +52,6 @@ def snippets(page: Path) -> list[str]:
 # pages whose commands or Python take 4 to 12 s
 LONG = {"averaged", "drive", "impedance", "other_tools", "steady_state", "sweeps", "tracking"}
 LONG |= {
-    "tutorial_battery",
     "tutorial_control_tool",
     "tutorial_driver",
     "tutorial_firmware",
@@ -71,14 +70,27 @@ def pages_with(parts: Callable[[Path], list[str]]) -> list[Any]:
     ]
 
 
+def run_decks(page: Path, folder: Path) -> None:
+    """Run the decks of a page in the folder of what its commands have written."""
+    for deck in decks(page):
+        (folder / "mine.cir").write_text(deck, encoding="utf-8")
+        done = subprocess.run(
+            ["ngspice", "-b", "mine.cir"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
+        for name in re.findall(r"^meas \w+ (\w+)", deck, re.M):
+            assert (float(measured[name]) == 0.0) == (name == "check")
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if page.stem in LONG], ids=lambda page: page.stem)
 def test_commands_of_long_pages_are_valid(page: Path) -> None:
     for command in commands(page):
         parse(command)
 
 
-# test_battery_page.py runs the commands of its page
-@pytest.mark.parametrize("page", [page for page in pages_with(commands) if page.id != "tutorial_battery"])
+# test_tutorial_driver_page.py runs the commands of its page
+@pytest.mark.parametrize("page", [page for page in pages_with(commands) if page.id != "tutorial_driver"])
 def test_commands(page: Path, tmp_path: Path) -> None:
     for command in commands(page):
         words = shlex.split(command)[1:]
@@ -88,15 +100,7 @@ def test_commands(page: Path, tmp_path: Path) -> None:
         for option in ("--output", "--plot"):
             if option in words:
                 assert (tmp_path / words[words.index(option) + 1]).stat().st_size > 0
-    for deck in decks(page):  # beside what the commands have written
-        (tmp_path / "mine.cir").write_text(deck, encoding="utf-8")
-        done = subprocess.run(
-            ["ngspice", "-b", "mine.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
-        for name in re.findall(r"^meas \w+ (\w+)", deck, re.M):
-            assert (float(measured[name]) == 0.0) == (name == "check")
+    run_decks(page, tmp_path)
 
 
 @pytest.mark.parametrize("page", pages_with(snippets))

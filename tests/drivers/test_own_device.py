@@ -31,7 +31,7 @@ from validation.fuzz.watch import watched
 pytestmark = pytest.mark.xdist_group("drivers")
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "own_driver.md"
+PAGE = ROOT / "docs" / "drive.md"
 EXAMPLE = ROOT / "examples" / "drivers" / "my_drivers.lib"
 MOTOR = pr.load_motor("andersen2002")
 SHORT = 2e-4  # s: ten periods, the shortest run of a report
