@@ -44,7 +44,7 @@ of a Standing Wave Piezomotor", 2002). *Derived*: follows from other values. *As
 stated reason. The paper gives two resonance frequencies and the damping; nearly everything else is assumed.
 
 A motor states its modes in one of four ways: by `[beam]`, `[[patches]]`, `[tip]` and `[damping]`; by `[solid]`
-([solid.md](solid.md)); by `[[modes]]`; or by `[[arms]]`. Its contact is stated by its constants or by
+([own_motor.md](own_motor.md#3-by-its-geometry)); by `[[modes]]`; or by `[[arms]]`. Its contact is stated by its constants or by
 `[contact.materials]`. `piezomotor show MOTOR --json` prints the result; its paths (`contact.preload_n`,
 `modes.0.frequency_hz`) are those of `Motor.updated()` and of sweeps.
 

@@ -114,7 +114,7 @@ def test_the_deflection_and_stiffness_of_a_bender_are_those_of_the_elements(name
     assert numbers(name) == pytest.approx(found, rel=DIGITS)
     # a clamped beam of two layers: δ = 3 d₃₁ V L²/(t² s), k = s E w t³/(4 L³), E = 1/s₁₁; each layer is stiffer by
     # s = 1 + k₃₁²/(4 (1 − k₃₁²)), because its field follows the strain. Sides that are free take up to 6 % of the force
-    # (docs/solid.md), and the clamp, which holds the ceramic across, some more; a plate is stiffer.
+    # and the clamp, which holds the ceramic across, some more; a plate is stiffer.
     stiffer = 1.0 + COUPLING / (4.0 * (1.0 - COUPLING))
     assert deflection == pytest.approx(3 * CHARGE * voltage * (length / thickness) ** 2 / stiffer, rel=0.15)
     assert stiffness == pytest.approx(stiffer * width * thickness**3 / (4 * COMPLIANCE * length**3), rel=0.1)

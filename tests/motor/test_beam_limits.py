@@ -32,7 +32,7 @@ def test_the_estimates_are_those_of_finite_elements(case: PatchedBeam) -> None:
     for theory in ("timoshenko", "bernoulli-euler"):
         ours = case.beam(theory)
         said = estimated_errors(*case.parts(theory), 2)
-        # the two points on docs/beam.md; a second mode of Bernoulli and Euler has errors far above them
+        # the two points on docs/physics.md; a second mode of Bernoulli and Euler has errors far above them
         close = 0.02 * ours[0] / case.beam()[0]
         assert (np.abs(ours[0] / frequencies - 1 - said[0]) < close).all()
         if case is MEDIUM:
