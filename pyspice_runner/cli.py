@@ -22,15 +22,30 @@ import pyspice_runner as pr
 from pyspice_runner.commands.common import INTERRUPTED, OnceCommand, complain, say, say_versions, silence, written
 from pyspice_runner.interrupts import raised
 
-# name of each command → its module in :mod:`.commands`; a command loads no other one's
-MODULES = {
-    "motors": "motors", "show": "motors", "simulate": "simulate", "admittance": "linear",
-    "speed-torque": "steady_states", "steady": "steady_states", "small-signals": "steady_states", "loop": "loop",
-    "state-space": "linear", "sweep": "sweep", "drive": "drive", "track": "track",
-    "fit": "fit", "compare": "compare", "motor-from": "motor_from", "calibrate": "calibrate",
-    "export": "motors", "report": "pages", "live": "pages", "map": "steady_states",
+# groups of the help → their commands → the module in :mod:`.commands`; a command loads no other one's
+GROUPS = {
+    "Run a motor": {
+        "motors": "motors", "show": "motors", "simulate": "simulate", "steady": "steady_states",
+        "speed-torque": "steady_states", "map": "steady_states", "sweep": "sweep", "report": "pages", "live": "pages",
+    },
+    "Electronics and control": {
+        "drive": "drive", "track": "track", "loop": "loop", "small-signals": "steady_states", "state-space": "linear",
+    },
+    "Measurements": {
+        "admittance": "linear", "fit": "fit", "compare": "compare", "motor-from": "motor_from",
+        "calibrate": "calibrate",
+    },
+    "Files": {"export": "motors", "new": "motors"},
 }  # fmt: skip
+MODULES = {name: module for commands in GROUPS.values() for name, module in commands.items()}
 FUNCTIONS = {"map": "map_points"}  # of commands whose function has another name
+SYNONYMS = {  # what other programs call a command → the arguments it stands for
+    "run": ["simulate"], "list": ["motors"], "impedance": ["admittance"], "torque-speed": ["speed-torque"],
+    "bode": ["small-signals"], "pll": ["track"], "montecarlo": ["sweep"], "version": ["--version"],
+}  # fmt: skip
+MEANT = {  # options that other programs have → what stands for them here
+    "--time": "--duration TIME", "--stall": "--speed 0", "--supply": "--rail VOLTAGE", "--torque": "--load TORQUE",
+}  # fmt: skip
 
 FIRST_STEPS = """A SPICE model of a standing-wave piezomotor, run on ngspice.
 
@@ -87,6 +102,9 @@ def run(arguments: list[str]) -> int:
         return 2
     except _usage_error() as error:
         message = error.message.replace("Value error, ", "")
+        if (meant := MEANT.get(getattr(error, "option_name", ""))) is not None:
+            error.possibilities = []
+            message = f"{message} Write {meant}."
         error.message = str(pr.ParameterError(message))  # shortened and printable like our own
         error.show()
         return 2
@@ -102,6 +120,7 @@ def _invoked(arguments: list[str]) -> Any:
     """Run the command and return its value; typer alone would hide an interrupt."""
     if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks for completions
         return _app()(arguments, prog_name="piezomotor", standalone_mode=False)
+    arguments = _translated(arguments)
     group = typer.main.get_command(_app(arguments[0]) if arguments and arguments[0] in MODULES else _app())
     try:
         with warnings.catch_warnings(), group.make_context("piezomotor", list(arguments)) as context:
@@ -109,6 +128,14 @@ def _invoked(arguments: list[str]) -> Any:
             return group.invoke(context)
     except typer.Exit as end:
         return end.exit_code
+
+
+def _translated(arguments: list[str]) -> list[str]:
+    """Return the arguments with a synonym replaced, and ``help COMMAND`` as ``COMMAND --help``."""
+    first, rest = arguments[:1], arguments[1:]
+    if first == ["help"]:
+        return [*_translated(rest), "--help"]
+    return [*SYNONYMS.get(first[0], first), *rest] if first else arguments
 
 
 @cache
@@ -124,7 +151,8 @@ def _app(*names: str) -> typer.Typer:
     for name in names or MODULES:
         module = import_module(f"pyspice_runner.commands.{MODULES[name]}")
         command = getattr(module, FUNCTIONS.get(name, name.replace("-", "_")))
-        line.command(name=name, cls=OnceCommand)(command)
+        group = next(group for group, commands in GROUPS.items() if name in commands)
+        line.command(name=name, cls=OnceCommand, rich_help_panel=group)(command)
     return line
 
 

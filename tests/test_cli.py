@@ -78,7 +78,6 @@ def test_settings_reach_the_run(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_every_command_prints_json_and_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, ending in (
-        (["motors"], "csv"),
         (["show", "andersen2002"], "csv"),
         (["admittance", "andersen2002", "--points", "20"], "nc"),
         (["speed-torque", "andersen2002", "--speeds=0,1", "--patience", "4"], "nc"),
@@ -90,9 +89,11 @@ def test_every_command_prints_json_and_a_table(tmp_path: Path, capsys: pytest.Ca
         assert isinstance(json.loads(capsys.readouterr().out), dict)
         assert output.stat().st_size > 0
         assert plot.stat().st_size > 5_000
-        if words[0] in ("motors", "show", "simulate"):
+        if words[0] in ("show", "simulate"):
             assert run(words) == 0
             assert "andersen2002" in capsys.readouterr().out
+    assert run(["motors", "--json", "--output", str(tmp_path / "motors.csv")]) == 0
+    assert "bimodal40" in [motor["name"] for motor in json.loads(capsys.readouterr().out)["motors"]]
 
 
 def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from rich.progress import (
 from rich.table import Table
 
 import pyspice_runner as pr
+from pyspice_runner.commands.numbers import number
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.load import changed_motor
@@ -66,7 +67,7 @@ def complete_motor(incomplete: str) -> list[str]:
 
 MOST_VALUES = 1_000_000  # of an axis
 _OPTIONS = {  # path of an axis → options that state its value, where they have another name than the path ends in
-    "drive.phase_deg": ("phase",), "load.torque": ("load", "load_torque"),
+    "drive.phase_deg": ("phase",), "load.torque": ("load_torque",),
 }  # fmt: skip
 
 
@@ -81,7 +82,7 @@ class OnceCommand(typer.core.TyperCommand):
             order = self.make_parser(ctx).parse_args(args=given)[2]
             for option in order:
                 if not getattr(option, "multiple", False) and order.count(option) > 1:
-                    raise pr.ParameterError(f"{max(option.opts, key=len)} is given twice. Give it once.")
+                    raise pr.ParameterError(f"{option.opts[0]} is given twice. Give it once.")
         return rest
 
 
@@ -90,7 +91,7 @@ def stated_options(context: typer.Context, *names: str) -> Iterator[str]:
     for parameter in context.command.params:
         source = context.get_parameter_source(parameter.name) if parameter.name in names else None
         if source is not None and source.name == "COMMANDLINE":
-            yield max(parameter.opts, key=len)
+            yield parameter.opts[0]
 
 
 def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
@@ -122,9 +123,10 @@ def _value(text: str) -> float | int | str | None:
     words = {"none": None, "true": True, "false": False}
     if text in words:
         return words[text]
-    for kind in (int, float):
-        with suppress(ValueError):
-            return kind(text)
+    with suppress(ValueError):
+        return int(text)
+    with suppress(pr.ParameterError):
+        return number(text)
     return text
 
 
@@ -132,11 +134,12 @@ def grid(option: str, text: str) -> list[float]:
     """Read the values of an axis: ``2,5,9``, or ``20:80:7`` for seven from 20 to 80."""
     try:
         if ":" not in text:
-            return [float(value) for value in text.split(",")]
+            return [number(value) for value in text.split(",")]
         start, stop, count = text.split(":")
-        if not 0 <= int(count) <= MOST_VALUES or not isfinite(float(stop) - float(start)):
+        first, last = number(start), number(stop)
+        if not 0 <= int(count) <= MOST_VALUES or not isfinite(last - first):
             raise ValueError
-        return [float(value) for value in np.linspace(float(start), float(stop), int(count))]
+        return [float(value) for value in np.linspace(first, last, int(count))]
     except ValueError:
         raise pr.ParameterError(
             f"{option}: {text!r} is not valid. Write values as 2,5,9, or as 20:80:7 for seven from 20 to 80."
@@ -170,6 +173,23 @@ def pairs_of(
             raise pr.ParameterError(f"{option} {path} is given twice. Give it once.")
         paths.add(path)
         yield path, value
+
+
+def limits_of(texts: list[str] | None) -> dict[str, tuple[float, float]]:
+    """Return the limits that are written as NAME=LOW:HIGH, either end left out, or as NAME=HIGH."""
+    found = {}
+    for name, text in pairs_of("--limit", texts):
+        low, _, high = text.rpartition(":")
+        try:
+            ends = number(low) if low else -inf, number(high) if high else inf
+        except pr.ParameterError:
+            raise pr.ParameterError(f"--limit {name}: {text!r} is not LOW:HIGH. Write 135:165, 3m: or :0.1.") from None
+        if not ends[0] <= ends[1]:
+            raise pr.ParameterError(
+                f"--limit {name}={text} is not valid: LOW must be at most HIGH. Write {name}=LOW:HIGH, as 135:165."
+            )
+        found[name] = ends
+    return found
 
 
 def percentage(option: str, path: str, text: str) -> float:

@@ -12,7 +12,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import refuse_idle_match, spec_of
 from pyspice_runner.commands.driving import recommended_phases
-from pyspice_runner.commands.options import DRIVERS, LAW, PHASE, TARGETS, VOLTAGE, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVERS, LAW, PHASE, TARGETS, VOLTAGE, Call, command, option
 from pyspice_runner.drivers.design import NoDriverError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @command(
     "motor driver against voltage frequency phase rail stage network match part mosfet duration events speed",
-    "load_torque audit", LAW, "timeout changes", TARGETS,
+    "load_torque audit", LAW, "timeout", CHANGES, TARGETS,
     driver=option(str, "linear", DRIVERS),
     against=option(str | None, None, "A second driver for comparison."),
     voltage=VOLTAGE,
@@ -58,7 +58,12 @@ def drive(call: Call) -> None:
         call.refuse_idle("without --rail", "stage network")
         refuse_idle_match(call, driver, against or "")
     else:
-        call.refuse_idle("with --rail, which designs the driver", "driver against match")
+        for name in common.stated_options(call.context, "driver"):
+            raise pr.ParameterError(
+                f"{name} has no effect with --rail, which designs the driver. Choose the power stage of the design "
+                f"with --stage {driver.partition('+')[0]}."
+            )
+        call.refuse_idle("with --rail, which designs the driver", "against match")
         driver = f"{call.stage or 'full-bridge'}+{call.network}"
     call.check(".json", ".csv", *([".cir"] if against is None else []))
     motor = call.loaded

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
+from pyspice_runner.commands.numbers import number
 from pyspice_runner.commands.options import Call
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
     form = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
     for path, text in common.pairs_of("--part", changes, form):
         try:
-            values[path.lower()] = float(text)  # SPICE does not distinguish case
-        except ValueError:
-            raise pr.ParameterError(f"--part {path}: {text!r} is not a number. Give one, in SI units.") from None
+            values[path.lower()] = number(text)  # SPICE does not distinguish case
+        except pr.ParameterError as error:
+            raise pr.ParameterError(f"--part {path}: {error}") from None
     return values

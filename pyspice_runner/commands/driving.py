@@ -14,11 +14,22 @@ _TWO_PHASE = ("voltage", "frequency", "ratio_b")
 _TWO_TONE = ("voltage_1", "frequency_1", "voltage_2", "frequency_2")
 
 
+def check_frequency(motor: pr.Motor, frequency: float | None) -> None:
+    """Raise ParameterError for a frequency in Hz that is meant in kHz: a thousandth of a resonance."""
+    resonances = [mode.frequency_hz for mode in motor.modes]
+    if frequency is not None and 0.5 * min(resonances) < 1e3 * frequency < 2.0 * max(resonances):
+        raise pr.ParameterError(
+            f"--frequency {frequency:g} is in Hz, and the modes of {motor.name} are at {min(resonances) / 1e3:.4g} to "
+            f"{max(resonances) / 1e3:.4g} kHz. Did you mean {frequency:g}k?"
+        )
+
+
 def stated(options: Mapping[str, Any], motor: pr.Motor) -> pr.TwoPhaseDrive | pr.TwoToneDrive:
     """Return the drive for a motor: the recommended one, with the options that were given in place.
 
     Raise ParameterError for an option of the other kind of drive, or a missing or invalid value.
     """
+    check_frequency(motor, options["frequency"])
     recommended = pr.default_drive(motor)
     chosen: str = options["drive"] or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
     for name in _TWO_TONE if chosen == "two-phase" else _TWO_PHASE:
@@ -48,6 +59,7 @@ def recommended_phases(
 
     Raise ParameterError if a value is missing and the motor recommends two tones.
     """
+    check_frequency(motor, frequency)
     given = {"voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
     missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]
     recommended = pr.default_drive(motor)

@@ -6,12 +6,12 @@ from __future__ import annotations
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import one_tone
-from pyspice_runner.commands.options import DRIVE, NO_START, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import State
 
 
 @command(
-    "motor", TARGETS, "state start stop points timeout audit changes",
+    "motor", TARGETS, "state start stop points timeout audit", CHANGES,
     state=option(State, "free", "Free tip, or pressed on the rotor."),
     start=option(float | None, None, "First frequency, Hz; default: that of the solid, else 5 kHz."),
     stop=option(float | None, None, "Last frequency, Hz; default: that of the solid, else 100 kHz."),
@@ -29,7 +29,7 @@ def admittance(call: Call) -> None:
     call.deliver(result, f"{result.motor['name']}, {call.state}")
 
 
-@command("motor", DRIVE, "load changes", TARGETS)
+@command("motor", DRIVE, "load_torque", CHANGES, TARGETS)
 def state_space(call: Call) -> None:
     """Write the averaged motor about a steady state as A, B, C, D: .mat or .json.
 
@@ -39,6 +39,6 @@ def state_space(call: Call) -> None:
     call.check(".json", ".mat")
     drive = one_tone(call.stated, "Small signals are those about")
     with common.busy("The averaged motor settles"):
-        system = pr.state_space(call.loaded, drive, load_torque=call.load)
+        system = pr.state_space(call.loaded, drive, load_torque=call.load_torque)
     common.caution(system)
     call.deliver(system, f"{call.loaded.name}: state space, {drive.label}")

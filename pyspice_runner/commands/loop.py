@@ -6,12 +6,14 @@ from __future__ import annotations
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driving import one_tone
-from pyspice_runner.commands.options import DRIVE, NO_START, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.control.loop import Quantity
+
+LONGEST_SAMPLE = 1.0  # s; a motor of this kind runs up in milliseconds
 
 
 @command(
-    "motor", DRIVE, "quantity crossover margin sample load over changes", TARGETS,
+    "motor", DRIVE, "quantity crossover margin sample load_torque over", CHANGES, TARGETS,
     quantity=option(Quantity, "speed", "Controlled quantity."),
     crossover=option(float, 40.0, "Frequency at which the loop gain is 1, Hz."),
     margin=option(float, 60.0, "Phase margin, degrees."),
@@ -30,11 +32,16 @@ def loop(call: Call) -> None:
     """
     call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".csv", ".nc")
+    if call.sample > LONGEST_SAMPLE:
+        raise pr.ParameterError(
+            f"--sample {call.sample:g} is out of range: it is the time between two samples, at most {LONGEST_SAMPLE:g} "
+            f"s. For {call.sample:g} samples per second write --sample {1.0 / call.sample:.3g}."
+        )
     drive = one_tone(call.stated, "A loop is designed about")
     with common.busy("The averaged motor settles and steps"):
         design = pr.control_loop(
             call.loaded, drive, over=common.axes_of(call.over) if call.over else None,
-            **call.pick("quantity crossover margin", sample_time="sample", load_torque="load"),
+            **call.pick("quantity crossover margin load_torque", sample_time="sample"),
         )  # fmt: skip
     common.caution(design)
     call.deliver(design, f"{call.loaded.name}: loop of the {call.quantity}, {drive.label}")

@@ -4,16 +4,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import LAW, TARGETS, Call, argument, command, option
-from pyspice_runner.export.xyce import Dialect
+from pyspice_runner.commands.options import CHANGES, LAW, TARGETS, Call, argument, command, option
+
+SKELETON = Path(__file__).parents[1] / "motor" / "skeleton.toml"
 
 
-@command(TARGETS)
+@command("as_json output")
 def motors(call: Call) -> None:
     """List the parameter sets of the package."""
     call.check(".json", ".csv")
@@ -23,13 +25,24 @@ def motors(call: Call) -> None:
     table = common.summary_table({motor.name: motor.summary()["modes"] for motor in found}, "Parameter sets")
     rows = [["motor", "mode", "frequency_hz"]]
     rows += [[motor.name, mode.name, f"{mode.frequency_hz:.9g}"] for motor in found for mode in motor.modes]
-    call.write(
-        document, table, lambda path: common.write_table(path, document, rows),
-        lambda path: common.view().draw(found, path),
-    )  # fmt: skip
+    call.write(document, table, lambda path: common.write_table(path, document, rows))
 
 
-@command("motor changes", TARGETS)
+@command("as_json", target=argument(Path, ..., "The file to write, .toml.", "FILE"))
+def new(call: Call) -> None:
+    """Write the parameter set of a motor to start from: every value with its unit and a comment.
+
+    Example: piezomotor new mymotor.toml
+    """
+    common.check_targets(call.target, (".toml",), None)
+    if call.target.exists():
+        raise pr.ParameterError(f"{call.target} exists. Choose another name, or remove it.")
+    document = {"file": str(call.target)}
+    shown = common.summary_table({"file": str(call.target), "next": f"piezomotor show {call.target}"}, "A new motor")
+    common.deliver(document, shown, call.as_json, (call.target, lambda path: path.write_bytes(SKELETON.read_bytes())))
+
+
+@command("motor", CHANGES, TARGETS)
 def show(call: Call) -> None:
     """Show a motor: its modes, groups, contact and rotor, in SI units.
 
@@ -55,11 +68,12 @@ _OF_MOTORS = "contact sliders thermal averaged dialect rotational"  # options of
 
 
 @command(
-    "source", LAW, "name thermal averaged dialect rotational fmi changes", TARGETS,
+    "source target", LAW, "name thermal averaged dialect rotational fmi", CHANGES, TARGETS,
     source=argument(
         str, ..., "A parameter set, a motor's TOML, or a fit's .json or .toml.", "MOTOR|FIT",
         autocompletion=common.complete_motor,
     ),
+    target=argument(Path | None, None, "The file to write; the same as --output.", "FILE"),
     name=option(
         str, "", "Name of the subcircuit; different names may be used in one deck.", show_default=False
     ),
@@ -67,7 +81,9 @@ _OF_MOTORS = "contact sliders thermal averaged dialect rotational"  # options of
     averaged=option(
         bool, False, "Write the motor averaged over the drive's period (.lib, .fmu).", "--averaged"
     ),
-    dialect=option(Dialect, "spice", "Dialect of the .lib: spice (ngspice, LTspice) or xyce."),
+    dialect=option(
+        Literal["spice", "ltspice", "xyce"], "spice", "Dialect of the .lib; spice is the same as ltspice."
+    ),
     rotational=option(
         bool, False, "Give the .va a shaft pin of the discipline rotational_omega.", "--rotational"
     ),
@@ -86,6 +102,10 @@ def export(call: Call) -> None:
     from pyspice_runner.motor.circuit_file import is_circuit_file
     from pyspice_runner.motor.thermal import Thermal
 
+    if call.target is not None:
+        if call.output is not None:
+            raise pr.ParameterError(f"Two files are given, {call.target} and --output {call.output}. Give one.")
+        call = Call(call.context, {**call.values, "output": call.target})
     output = call.output
     if is_circuit_file(call.source):
         call.refuse_idle("on the circuit of a fit", _OF_MOTORS)
@@ -97,10 +117,11 @@ def export(call: Call) -> None:
     call.check(*endings(call.averaged), inputs=[call.source])
     ending = output.suffix if output is not None else ".lib"
     call.refuse_idle(f"on a {ending}", " ".join(FORMATS[ending].idle))
-    loaded = common.load_changed(call.source, call.changes)
+    loaded = call.load(call.source)
     drift = Thermal.of(loaded) if call.thermal else None
     exported = MotorExport(
-        loaded, contact, thermal=drift, **call.pick("name averaged dialect rotational fmi")
+        loaded, contact, thermal=drift, dialect="xyce" if call.dialect == "xyce" else "spice",
+        **call.pick("name averaged rotational fmi"),
     )  # fmt: skip
     exported.check(output)
 
@@ -113,8 +134,9 @@ def export(call: Call) -> None:
 
 
 def _export_circuit(call: Call, name: str) -> None:
-    if call.changes or call.plot is not None:
-        raise pr.ParameterError("--set and --plot are for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
+    call.refuse_idle("on the circuit of a fit", CHANGES)
+    if call.plot is not None:
+        raise pr.ParameterError("--plot is for motors; a fit is drawn by `piezomotor fit FILE --plot`.")
     from pyspice_runner.export.circuit import CIRCUIT_FORMATS, CircuitExport
     from pyspice_runner.motor.circuit_file import load_circuit
 

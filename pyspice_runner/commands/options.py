@@ -20,6 +20,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
+from pyspice_runner.commands.numbers import number
 from pyspice_runner.result import Result
 from pyspice_runner.spice import Engine
 
@@ -41,11 +42,21 @@ class Option:
 
     def parameter(self, name: str) -> inspect.Parameter:
         """Return the parameter that typer reads."""
-        made = (typer.Argument if self.argument else typer.Option)(*self.flags, help=self.help, **self.more)
+        more = dict(self.more)
+        if self.kind in (float, float | None):
+            more |= {"parser": self._number, "metavar": "NUMBER"}
+        made = (typer.Argument if self.argument else typer.Option)(*self.flags, help=self.help, **more)
         default = inspect.Parameter.empty if self.default is ... else self.default
         return inspect.Parameter(
             name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, made]
         )
+
+    def _number(self, text: str | float) -> float:
+        """Return a number with its suffix, in a unit that the help names."""
+        try:
+            return number(text, units=self.help) if isinstance(text, str) else text
+        except pr.ParameterError as error:
+            raise typer.BadParameter(str(error)) from None
 
 
 def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Option:
@@ -77,7 +88,12 @@ DRIVE = "drive voltage frequency phase ratio_b voltage_1 frequency_1 voltage_2 f
 LAW = "contact sliders"
 PERIOD = f"{LAW} step timeout"
 DRIVER = "driver match part mosfet"
+CHANGES = "changes preload friction temperature"
 TARGETS = "as_json output plot"
+LOAD = ("--load", "--load-torque")  # both names of the load, of which the first is shown
+SHORTCUTS = {"preload": "contact.preload_n", "friction": "contact.friction"}  # options of one parameter
+ROOM_C = 25.0  # °C, of the parameters of a motor without a table of limits
+LEAST_C, MOST_C = -60.0, 200.0  # °C, within which linear drift is a fair description of a hard ceramic
 NO_START = "on a steady state, which has no start"  # the reason why a soft start is refused
 OPTIONS: dict[str, Option] = {
     # the motor
@@ -89,6 +105,11 @@ OPTIONS: dict[str, Option] = {
         "Change a parameter by its path in `show --json` or in the motor's TOML: contact.preload_n=8. Repeatable.",
         "--set", metavar="PATH=VALUE",
     ),
+    "preload": option(float | None, None, "Preload, N; the same as --set contact.preload_n=PRELOAD."),
+    "friction": option(float | None, None, "Friction coefficient; the same as --set contact.friction=FRICTION."),
+    "temperature": option(
+        float | None, None, "Temperature of the stator, °C, with the coefficients of drift of `export --thermal`."
+    ),
     "contact": option(
         str, PAPER_LAW.name, f"Contact law: {', '.join(LAWS)}, the path of a .lib file, or none for a free tip.",
         "--contact", metavar="LAW", autocompletion=_laws,
@@ -96,8 +117,7 @@ OPTIONS: dict[str, Option] = {
     "sliders": option(int | None, None, "Number of sliders of the brush; default: 8."),
     # the shaft
     "speed": option(float | None, None, "Speed of the held shaft, rad/s (slider: m/s); default: free."),
-    "load": option(float, 0.0, "Torque that a load draws from the free shaft, N.m (slider: N)."),
-    "load_torque": option(float, 0.0, "Torque that a load draws from the free shaft, N.m (slider: N)."),
+    "load_torque": option(float, 0.0, "Torque that a load draws from the free shaft, N.m (slider: N).", *LOAD),
     # how it is run
     "duration": option(float | None, None, "Simulated time, s."),
     "step": option(float | None, None, "Longest time step, s; default: from the fastest motion."),
@@ -226,6 +246,17 @@ def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
     return pr.Law(contact, sliders)
 
 
+def at_temperature(motor: pr.Motor, celsius: float) -> pr.Motor:
+    """Return a motor whose stator has a temperature in °C. Raise ParameterError beyond the Curie temperature."""
+    limits = motor.limits
+    ambient, most = (ROOM_C, MOST_C) if limits is None else (limits.ambient_c, limits.curie_temperature_c)
+    if not LEAST_C <= celsius <= most:
+        raise pr.ParameterError(
+            f"--temperature {celsius:g} °C is out of range: it must be from {LEAST_C:g} to {most:g} °C."
+        )
+    return pr.Thermal.of(motor).warmed(motor, celsius - ambient)
+
+
 class Call:
     """One call of a command: its options as attributes, by their keys in :data:`OPTIONS`.
 
@@ -248,8 +279,18 @@ class Call:
     @cached_property
     def loaded(self) -> pr.Motor:
         """The motor with the values of ``--set`` in place, but for those of a driver."""
+        return self.load(self.motor)
+
+    def load(self, source: str) -> pr.Motor:
+        """Return a motor with the values of ``--set``, ``--preload`` and ``--friction``, at ``--temperature``."""
         of_driver = self._of_driver
-        return common.load_changed(self.motor, [change for change in self.changes or [] if change not in of_driver])
+        changes = [change for change in self.changes or [] if change not in of_driver]
+        changes += [
+            f"{path}={self.values[key]!r}" for key, path in SHORTCUTS.items() if self.values.get(key) is not None
+        ]
+        motor = common.load_changed(source, changes)
+        celsius = self.values.get("temperature")
+        return motor if celsius is None else at_temperature(motor, celsius)
 
     @property
     def parts(self) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.measured import reader
-from pyspice_runner.commands.options import DRIVE, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import Connection
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 @command(
-    "motor", DRIVE, "duration speeds levels measured connection columns through tracker calibration timeout changes",
-    TARGETS,
+    "motor", DRIVE, "duration speeds levels measured connection columns through tracker calibration timeout",
+    CHANGES, TARGETS,
     duration=option(float, 10e-3, "Simulated time of the run from rest, s."),
     speeds=option(
         str | None, None, "Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load."
@@ -101,7 +101,7 @@ def _check_tools() -> None:
 
 
 @command(
-    "motor changes", TARGETS, output=option(Path | None, None, "The page, .html; by default MOTOR.html.", "--output")
+    "motor", CHANGES, TARGETS, output=option(Path | None, None, "The page, .html; by default MOTOR.html.", "--output")
 )
 def live(call: Call) -> None:
     """Write a page in which ngspice runs the motor in the browser: one file, without installation or network.

@@ -11,7 +11,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.waveforms import Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import in_front
-from pyspice_runner.commands.options import DRIVE, DRIVER, LAW, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, LAW, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 
 # options of a run cycle by cycle, which an averaged one does not have
@@ -20,7 +20,7 @@ _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every au
 
 @command(
     "motor", DRIVE, "duration", LAW, "speed load_torque step accuracy signals record_from record_every waveform",
-    "averaged", DRIVER, "timeout audit engine changes", TARGETS,
+    "averaged", DRIVER, "timeout audit engine", CHANGES, TARGETS,
     duration=5e-3,
     step=option(float | None, None, "Uniform time step, s; default: from the fastest motion."),
     accuracy=option(

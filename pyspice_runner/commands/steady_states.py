@@ -3,20 +3,25 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Literal
+
+import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import in_front
-from pyspice_runner.commands.options import DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.paths import LOADS, canonical
+from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.steady.working_points import ACCURACY, Objective
 
+SPEEDS = 9  # of a curve, by default
 _SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
 
 
-@command("motor", DRIVE, "speed load", PERIOD, "accuracy", DRIVER, "audit changes", TARGETS, accuracy=2e-3)
+@command("motor", DRIVE, "speed load_torque", PERIOD, "accuracy", DRIVER, "audit", CHANGES, TARGETS, accuracy=2e-3)
 def steady(call: Call) -> int:
     """Find the periodic steady state and its stability. Writes .json, .csv or .nc (one period), .cir (its deck).
 
@@ -28,7 +33,7 @@ def steady(call: Call) -> int:
     with common.busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
             motor, source(call.law), contact=call.law,
-            **call.pick("speed accuracy step timeout audit", load_torque="load"),
+            **call.pick("speed load_torque accuracy step timeout audit"),
         )  # fmt: skip
     common.caution(result)
     call.deliver(result, f"{motor.name}: {result.drive.label}")
@@ -36,7 +41,7 @@ def steady(call: Call) -> int:
 
 
 @command(
-    "motor", DRIVE, "frequencies speed load", PERIOD, "changes", TARGETS,
+    "motor", DRIVE, "frequencies speed load_torque", PERIOD, CHANGES, TARGETS,
     frequencies=option(
         str, "10,30,100,300,1000,3000", "Frequencies of the modulation, Hz: 10,100,1000 or 100:5000:8."
     ),
@@ -51,21 +56,21 @@ def small_signals(call: Call) -> None:
     with common.busy("ngspice runs periods of the drive"):
         result = pr.small_signals(
             call.loaded, call.stated, frequencies=common.grid("--frequencies", call.frequencies), contact=call.law,
-            **call.pick("speed step timeout", load_torque="load"),
+            **call.pick("speed load_torque step timeout"),
         )  # fmt: skip
     common.caution(result)
     call.deliver(result, f"{call.loaded.name}: {result.state.drive.label}")
 
 
 @command(
-    "motor", DRIVE, "over objective limit speed load", PERIOD, "accuracy changes", TARGETS,
+    "motor", DRIVE, "over objective limit speed load_torque", PERIOD, "accuracy", CHANGES, TARGETS,
     over=option(
         list[str], ..., "An axis: drive.frequency=44e3:46e3:10. Twice for a plane.", metavar="PATH=VALUES"
     ),
     objective=option(Objective, "torque", "Quantity that the best point maximises."),
     limit=option(
-        list[str] | None, None, "Maximum value allowed: current_a=0.1, temperature_c=100. Repeatable.",
-        metavar="NAME=VALUE",
+        list[str] | None, None, "A limit: current_a=:0.1 (or current_a=0.1) or torque_n_m=0.03:. Repeatable.",
+        metavar="NAME=LOW:HIGH",
     ),
     speed=option(
         float | None, None, "Speed of the held shaft, rad/s (slider: m/s); default: by the objective."
@@ -80,16 +85,18 @@ def map_points(call: Call) -> int:
     """
     call.refuse_idle(NO_START, "soft_start")
     call.check(".nc", ".csv", ".json")
-    limits, axes = _limits(call.limit), common.axes_of(call.over)
-    free = call.speed is None and not call.load and not LOADS.keys() & set(map(canonical, axes))
+    limits, axes = common.limits_of(call.limit), common.axes_of(call.over)
+    bounds = {name: high if low == -inf else (low, high) for name, (low, high) in limits.items()}
+    free = call.speed is None and not call.load_torque and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
         common.refuse_covered(call.context, axes)
     status = 0
     with common.points_progress() as progress:
         try:
             dataset = pr.working_points(
-                call.loaded, call.stated, over=axes, limits=limits, contact=call.law, progress=progress,
-                **call.pick("objective speed accuracy step timeout", load_torque="load"),
+                call.loaded, call.stated, over=axes,
+                limits=bounds, contact=call.law, progress=progress,
+                **call.pick("objective speed load_torque accuracy step timeout"),
             )  # fmt: skip
         except Interrupted as interrupt:
             dataset, status = interrupt.partial, common.INTERRUPTED
@@ -100,19 +107,12 @@ def map_points(call: Call) -> int:
     return status
 
 
-def _limits(texts: list[str] | None) -> dict[str, float]:
-    limits = common.axes_of(texts, "--limit")
-    for name, values in limits.items():
-        if len(values) != 1:
-            raise pr.ParameterError(f"--limit {name} has {len(values)} values. Give one, as current_a=0.1.")
-    return {name: value for name, (value,) in limits.items()}
-
-
 @command(
-    "motor", DRIVE, "speeds over mode follow tolerance patience", PERIOD, "audit changes", TARGETS,
+    "motor", DRIVE, "speeds over mode follow tolerance patience", PERIOD, "audit", CHANGES, TARGETS,
     speeds=option(
         str | None, None,
-        "Speeds: 0,2.5,5 or seven from -5, --speeds=-5:10:7, the default, rad/s; of a slider -0.2:0.4:7, m/s.",
+        "Speeds, rad/s (slider: m/s): 0,2.5,5, or --speeds=-5:10:7 for seven from -5 to 10 (first:last:count); "
+        "default: nine from stall to no load.",
     ),
     over=option(
         list[str] | None, None, "A further axis, as drive.voltage=40,60,80. Repeatable.", metavar="PATH=VALUES"
@@ -134,10 +134,12 @@ def speed_torque(call: Call) -> int:
     call.check(".nc", ".csv", ".json")
     motor, axes = call.loaded, common.axes_of(call.over)
     common.refuse_covered(call.context, axes)
-    speeds = common.grid("--speeds", call.speeds or ("-0.2:0.4:7" if motor.slider else "-5:10:7"))
+    speeds = common.grid_or_none("--speeds", call.speeds)
     if call.follow is not None:
         _follow(call, axes, speeds)
         return 0
+    if speeds is None and "load.speed" not in map(canonical, axes):
+        speeds = _up_to_no_load(call)
     status = 0
     with common.points_progress() as progress:
         try:
@@ -161,11 +163,22 @@ def speed_torque(call: Call) -> int:
     return status
 
 
-def _follow(call: Call, axes: dict[str, list[float]], speeds: list[float]) -> None:
+def _up_to_no_load(call: Call) -> list[float]:
+    """Return speeds from stall to no load. Raise ParameterError for a motor without a stable speed."""
+    with common.busy("The speed without load"):
+        free = no_load_state(call.loaded, call.stated, contact=call.law, **call.pick("step timeout"))
+    if free is None or not free.stable:
+        raise pr.ParameterError(
+            f"{call.loaded.name} has no stable speed without load at {call.stated.label}. Give --speeds, as 0:40:9."
+        )
+    return [float(speed) for speed in np.linspace(0.0, free.speed_rad_s, SPEEDS)]
+
+
+def _follow(call: Call, axes: dict[str, list[float]], speeds: list[float] | None) -> None:
     """Follow the branch of steady states along an axis, and deliver it."""
     of_speed = canonical(call.follow) == "load.speed"
     along = speeds if of_speed else axes.pop(call.follow, None)
-    if along is None or axes or (len(speeds) > 1 and not of_speed):
+    if along is None or axes or speeds is None or (len(speeds) > 1 and not of_speed):
         raise pr.ParameterError(
             f"--follow {call.follow} needs --over {call.follow}=VALUES alone, and one value of --speeds."
         )

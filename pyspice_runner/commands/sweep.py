@@ -16,7 +16,7 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import spec_of
-from pyspice_runner.commands.options import DRIVE, DRIVERS, LAW, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVERS, LAW, LOAD, TARGETS, Call, command, option
 from pyspice_runner.errors import did_you_mean
 from pyspice_runner.sweeps.answers import FLAGS
 from pyspice_runner.sweeps.plan import Distribution, Sampling
@@ -34,8 +34,8 @@ _IDLE = {  # options without effect on each analysis
 
 @command(
     "motor", DRIVE, "over tolerance quantity analysis driver rail limit part mosfet",
-    "distribution samples sampling seed workers scheduler store duration", LAW, "speed load_torque timeout changes",
-    TARGETS,
+    "distribution samples sampling seed workers scheduler store duration", LAW, "speed load_torque timeout",
+    CHANGES, TARGETS,
     over=option(
         list[str] | None, None, "A grid: contact.preload_n=2,5,9, or drive.voltage=20:80:7 (first:last:count).",
         metavar="PATH=VALUES",
@@ -73,7 +73,7 @@ _IDLE = {  # options without effect on each analysis
     store=option(Path | None, None, "Folder of finished points; default: in the user's cache folder."),
     duration=option(float | None, None, "Simulate: simulated time, s; default: 5e-3."),
     speed=option(float | None, None, "Hold the shaft at this speed, rad/s (slider: m/s)."),
-    load_torque=option(float | None, None, "Simulate: torque of a load, N.m (slider: N)."),
+    load_torque=option(float | None, None, "Simulate: torque of a load, N.m (slider: N).", *LOAD),
 )  # fmt: skip
 def sweep(call: Call) -> int:
     """Run a motor at many values of its parameters, the drive's (drive.voltage) and the run's (run.load_torque).
@@ -161,25 +161,14 @@ def _question(analysis: str, quantity: list[str] | None) -> dict[str, Any]:
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
 
 
-def _limits(limit: list[str] | None, known: list[str]) -> dict[str, tuple[float, float]] | None:
+def _limits(texts: list[str] | None, known: list[str]) -> dict[str, tuple[float, float]] | None:
     """Return the limits of a specification, of known quantities."""
-    found = {}
-    for name, text in common.pairs_of("--limit", limit):
-        try:
-            low, colon, high = text.partition(":")
-            if not colon:
-                raise ValueError
-            found[name] = (float(low or "-inf"), float(high or "inf"))
-        except ValueError:
-            raise pr.ParameterError(f"--limit {name}: {text!r} is not LOW:HIGH. Write 135:165, or 3e-3:.") from None
+    found = common.limits_of(texts)
+    for name in found:
         if name not in known:
             raise pr.ParameterError(
                 f"--limit {name}: there is no such quantity in this sweep. {did_you_mean(name, known, 'It has')} "
                 "Keep another one by --quantity NAME."
-            )
-        if not found[name][0] <= found[name][1]:
-            raise pr.ParameterError(
-                f"--limit {name}={text} is not valid: LOW must be at most HIGH. Write {name}=LOW:HIGH, as 135:165."
             )
     return found or None
 

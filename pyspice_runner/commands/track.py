@@ -10,8 +10,10 @@ from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import check_driver, spec_of
 from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import (
+    CHANGES,
     DRIVER,
     DRIVERS,
+    LOAD,
     NONE,
     PHASE,
     TARGETS,
@@ -29,7 +31,7 @@ START_OFFSET = 0.03  # relative to the centre
 @command(
     "motor tracker disturb voltage ratio_b phase frequency span offset target bandwidth period step_size reverse",
     "load_torque preload_change target_step drift drift_time all_drift compensate", DRIVER,
-    "contact begin duration averaged engine timeout audit changes", TARGETS,
+    "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
     tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
     disturb=option(DisturbanceKind, "start", "Disturbance of the motor."),
     voltage=VOLTAGE,
@@ -47,7 +49,7 @@ START_OFFSET = 0.03  # relative to the centre
     period=option(float, 0.8e-3, "Time between two steps of an observer, s."),
     step_size=option(float, 80.0, "Size of an observer's steps, Hz."),
     reverse=option(bool, False, "Reverse the polarity of the tracker.", "--reverse"),
-    load_torque=option(float | None, None, "Load, N.m (slider: N); default: half the stall torque."),
+    load_torque=option(float | None, None, "Load, N.m (slider: N); default: half the stall torque.", *LOAD),
     preload_change=option(float, 0.3, "Relative change of the preload."),
     target_step=option(float, 10.0, "Step of the target, degrees."),
     drift=option(float, -0.02, "Relative drift of the frequencies."),

@@ -632,7 +632,8 @@ def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
     known = ["name", *(f"{place}.{key}" for place, keys in places.items() for key in keys)]
     refuse_source(given)
     if path not in known:
-        close = difflib.get_close_matches(path, known, n=1)
+        near = difflib.get_close_matches(path, known, n=1)
+        close = near or [name for name in known if path in re.split(r"[._]", name)]
         paths = "Paths are those of `piezomotor show --json`, such as contact.preload_n."
         raise ParameterError(
             f"There is no parameter {quoted(given)}. {f'Did you mean {close[0]!r}?' if close else paths}"

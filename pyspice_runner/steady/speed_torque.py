@@ -34,7 +34,7 @@ from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.settling import PATIENCE, TOLERANCE, Progress, Settling, settle_points
-from pyspice_runner.steady.steady import steady_states
+from pyspice_runner.steady.steady import SteadyState, steady_state, steady_states
 from pyspice_runner.units import linear_name, linear_words, with_linear
 
 if TYPE_CHECKING:
@@ -323,6 +323,20 @@ def check_distinct(axes: Mapping[str, Array]) -> None:
         if counts.max() > 1:
             name = "speeds" if path == SPEED else path
             raise ParameterError(f"{name} has the value {kept[counts.argmax()]:g} more than once. Give it once.")
+
+
+def no_load_state(motor: Motor, drive: Drive, **settings: Any) -> SteadyState | None:
+    """Return the steady state without load; ``None`` if dry friction, a constant torque, stops the rotor.
+
+    The settings are those of :func:`.steady_state`.
+    """
+    path, dry, _ = motor.dry_friction
+    motor = motor.updated({path: 0.0})
+    free = steady_state(motor, drive, **settings)
+    if not dry or not free.stable:
+        return free
+    braked = steady_state(motor, drive, load_torque=float(np.copysign(dry, free.speed_rad_s)), **settings)
+    return braked if braked.speed_rad_s * free.speed_rad_s > 0.0 else None
 
 
 def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import product
-from math import prod
+from math import inf, prod
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 Objective = Literal["torque", "speed", "efficiency", "power"]
 Progress = Callable[[int, int], None]
+Limit = float | tuple[float, float]  # the maximum of an absolute value, or its minimum and maximum
 
 OBJECTIVES: dict[Objective, str] = {
     "torque": "torque_n_m", "speed": "speed_rad_s", "efficiency": "efficiency", "power": "shaft_power_w",
@@ -72,7 +73,7 @@ def working_points(
     *,
     over: Mapping[str, SkipValidation[Sequence[float] | Array]],
     objective: Objective = "torque",
-    limits: Mapping[str, float] | None = None,
+    limits: Mapping[str, Limit] | None = None,
     accuracy: float = ACCURACY,
     progress: Progress | None = None,
     **settings: Unpack[Settings],
@@ -86,9 +87,10 @@ def working_points(
             ``drive.ratio_b``, ``drive.voltage``, ``contact.preload_n``, ``load.speed``, ``load.torque``.
         objective: quantity that the best point maximises: ``"torque"``, ``"speed"``, ``"efficiency"``, or
             ``"power"`` at the shaft; not the speed or the torque if ``speed`` or ``load_torque`` fixes it.
-        limits: name of a quantity → greatest absolute value allowed, such as ``{"current_a": 0.1}``: ``voltage_v``,
-            ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as ``ceramic_stress_pa``. The
-            motor's own ``limits`` of stress, temperature, pressure and tension hold unless another value is given here.
+        limits: name of a quantity → maximum absolute value allowed, such as ``{"current_a": 0.1}``, or (minimum,
+            maximum): ``voltage_v``, ``current_a``, ``temperature_c`` or a quantity of :func:`speed_torque`, as
+            ``ceramic_stress_pa``. The motor's own ``limits`` of stress, temperature, pressure and tension hold unless
+            another value is given here.
         accuracy: error of the torque, relative to the friction torque under the preload, above which the step is
             halved, twice at most.
         progress: called with the number of finished points and of all points.
@@ -114,7 +116,7 @@ def mapped(
     over: Mapping[str, Sequence[float] | Array],
     *,
     objective: Objective = "torque",
-    limits: Mapping[str, float] | None = None,
+    limits: Mapping[str, Limit] | None = None,
     accuracy: float = ACCURACY,
     progress: Progress | None = None,
 ) -> xarray.Dataset:
@@ -157,7 +159,8 @@ def mapped(
     dataset = dataset_of(
         base, f"{objective} over {' and '.join(axes)}{held}", OUTCOME, list(rows.values()), coordinates(base, axes),
         (states[index].provenance["deck_sha256"] for index in setups if index in states),
-        objective=objective, best=best, limits=bounds,
+        objective=objective, best=best,
+        limits={name: high if low == -inf else [low, _plain(high)] for name, (low, high) in bounds.items()},
         cautions=[
             *([STUCK] if any(state.held_by_friction for state in states.values()) else []),
             *delivering(state.quantities for state in states.values()),
@@ -175,7 +178,8 @@ def mapped(
     raise Interrupted("The map was interrupted.", dataset)
 
 
-def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
+def _limits(limits: Mapping[str, Limit], motor: Motor) -> dict[str, tuple[float, float]]:
+    bounds: dict[str, tuple[float, float]] = {}
     known = [name for name in OUTCOME if name not in _FLAGS]
     known += filter(None, map(linear_name, known)) if motor.slider else ()
     missing: dict[str, str] = {}
@@ -197,8 +201,10 @@ def _limits(limits: Mapping[str, float], motor: Motor) -> dict[str, float]:
             raise ParameterError(
                 f"limits: {name} is not known of {motor.name}: the {missing[name]}. Leave the limit out."
             )
-        require(value > 0.0, f"limits: {name}", value, "a number > 0")
-    return {name: float(value) for name, value in limits.items()}
+        low, high = value if isinstance(value, tuple) else (-inf, value)
+        require(high > 0.0 and low <= high, f"limits: {name}", value, "a number > 0, or (low, high) with high > 0")
+        bounds[name] = (float(low), float(high))
+    return bounds
 
 
 def _usual_speed(base: Point, objective: Objective, accuracy: float) -> float | None:
@@ -303,7 +309,7 @@ def _plain(value: Any) -> Any:
     return bool(value) if isinstance(value, bool | np.bool_) else float(value) if np.isfinite(value) else None
 
 
-def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
+def _row(state: SteadyState, limits: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
     """Return the quantities of a point."""
     assert isinstance(state.drive, Drive)
     row: dict[str, Any] = {
@@ -318,7 +324,7 @@ def _row(state: SteadyState, limits: Mapping[str, float]) -> dict[str, Any]:
         "stable": state.stable,
     }
     row = with_linear(row) if state.motor.slider else row
-    within = all(abs(row[name]) <= limit for name, limit in limits.items())
+    within = all(low <= abs(row[name]) <= high for name, (low, high) in limits.items())
     given = {*limits, *(["temperature_c"] if "temperature_rise_k" in limits else [])}
     own = {name: most for name, most in limits_of(state.motor).items() if name not in given}
     within = within and not any(abs(row[name]) > most for name, most in own.items())

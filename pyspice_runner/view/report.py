@@ -24,8 +24,8 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.run.simulate import simulate
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.steady.settling import Progress
-from pyspice_runner.steady.speed_torque import axis, check_distinct, speed_torque
-from pyspice_runner.steady.steady import SteadyState, steady_state
+from pyspice_runner.steady.speed_torque import axis, check_distinct, no_load_state, speed_torque
+from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.view.datasheet import Report
 
@@ -119,7 +119,7 @@ def report(
         coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
         advance()
         for level, at_level in scaled.items():
-            free = _free_rotor(motor, at_level, timeout)
+            free = no_load_state(motor, at_level, timeout=timeout)
             advance()
             at = _speeds(motor, free, run) if speeds is None else speeds
             curves[level] = speed_torque(
@@ -149,17 +149,6 @@ def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
     for item in (item for items in result.resonances.values() for item in items):
         kept |= np.abs(frequency - item.fs) < _WINDOW * item.fs / item.quality_factor
     return replace(result, frequency_hz=frequency[kept], matrix_s=result.matrix_s[kept])
-
-
-def _free_rotor(motor: Motor, drive: Drive, timeout: float | None) -> SteadyState | None:
-    """Return the steady state without load; ``None`` if dry friction, a constant torque, stops the rotor."""
-    path, dry, _ = motor.dry_friction
-    motor = motor.updated({path: 0.0})
-    free = steady_state(motor, drive, timeout=timeout)
-    if not dry or not free.stable:
-        return free
-    braked = steady_state(motor, drive, load_torque=float(np.copysign(dry, free.speed_rad_s)), timeout=timeout)
-    return braked if braked.speed_rad_s * free.speed_rad_s > 0.0 else None
 
 
 def _speeds(motor: Motor, free: SteadyState | None, run: Waveforms) -> Array:

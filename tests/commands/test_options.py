@@ -86,7 +86,7 @@ VOLTS = ["--over", "drive.voltage=50"]
 COVERED = [
     # words, axis, what is given twice, and by which option
     ("sweep --speed 3", "load.speed=4,5", "load.speed", "--speed"),
-    ("sweep --load-torque 1", "run.load_torque=4", "load.torque", "--load-torque"),
+    ("sweep --load-torque 1", "run.load_torque=4", "load.torque", "--load"),
     ("sweep --voltage 60", "drive.voltage=50", "drive.voltage", "--voltage"),
     ("sweep --drive two-tone --frequency-1 4e4 --frequency-2 8e4", "drive.frequency_1=3e4", "drive.frequency_1",
      "--frequency-1"),

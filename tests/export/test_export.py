@@ -226,7 +226,7 @@ def test_the_command_exports_a_fit(tmp_path: Path, capsys: pytest.CaptureFixture
     assert run(["export", str(fit), "--output", str(tmp_path / "stator.kicad_sym")]) == 0
     assert capsys.readouterr().err == ""
     assert run(["export", str(fit), "--set", "contact.preload_n=3"]) == 2
-    assert "are for motors" in capsys.readouterr().err
+    assert "--set has no effect on the circuit of a fit" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("averaged", [False, True])

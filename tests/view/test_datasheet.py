@@ -28,10 +28,10 @@ from pyspice_runner.calibration.record import (
 )
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.motor.motor import Provenance
+from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
-from pyspice_runner.view.report import _free_rotor
 from tests.motors import motor as motor_without_a_beam
 from tests.view.pages import PHONE, opened
 from validation.fuzz.nasty import ATTEMPTS
@@ -415,8 +415,8 @@ def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_
     motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
     rough = motor.updated({"rotor.bearing_friction_n_m": 1e-3})
-    free = _free_rotor(rough, drive, None)
+    free = no_load_state(rough, drive)
     assert free is not None
     held = pr.speed_torque(rough, drive, speeds=[free.speed_rad_s])
     assert abs(held["load_torque_n_m"].item()) < 0.02e-3  # of the 1 mN·m; the error of the torque is 0.01 mN·m
-    assert _free_rotor(motor.updated({"rotor.bearing_friction_n_m": 0.05}), drive, None) is None
+    assert no_load_state(motor.updated({"rotor.bearing_friction_n_m": 0.05}), drive) is None
