@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/bimodal40.md: the motor with the modes that the set leaves out."""
+"""docs/motors.md: bimodal40 with the modes that the set leaves out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROWS: list[dict[str, Any]] = json.loads(SCRIPT["FILE"].read_text())
 
 
 def test_the_page_has_the_table_of_the_record() -> None:
-    assert SCRIPT["table"](ROWS) in (DOCS / "bimodal40.md").read_text()
+    assert SCRIPT["table"](ROWS) in (DOCS / "motors.md").read_text()
 
 
 @pytest.mark.parametrize("row", [ROWS[0], *(pytest.param(row, marks=pytest.mark.soak) for row in ROWS[1:])])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What docs/paper.md says of figure 6 on the sprung mount follows from the record, and the package confirms it."""
+"""What docs/motors.md says of figure 6 on the sprung mount follows from the record, and the package confirms it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 import pyspice_runner as pr
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE = re.sub(r"\s+", " ", (DOCS / "paper.md").read_text(encoding="utf-8"))
+PAGE = re.sub(r"\s+", " ", (DOCS / "motors.md").read_text(encoding="utf-8"))
 RECORD = json.loads((DOCS / "figure_6_search.json").read_text(encoding="utf-8"))
 SEARCH = runpy.run_path(str(DOCS / "figure_6_search.py"))
 BOX, CURVES, DRAWN, VOLTAGE, changes = (SEARCH[name] for name in ("BOX", "CURVES", "DRAWN", "VOLTAGE", "changes"))
