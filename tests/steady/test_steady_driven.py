@@ -84,7 +84,7 @@ def test_a_run_begins_between_the_edges_of_a_bridge(kind: str, phase_deg: float,
 
 
 def both(kind: str, network: str, motor: pr.Motor) -> tuple[pr.SteadyState, dict[str, Any]]:
-    """The steady state behind a driver, and what a run settles to; ``python -m docs.steady_driven`` prints them."""
+    """The steady state behind a driver, and what a run settles to."""
     ours = pr.steady_state(motor, driver(kind, network), speed=6.0)
     return ours, held_point(motor, driver(kind, network), speed=6.0, mode="settle", tolerance=2e-4)
 
