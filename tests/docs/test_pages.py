@@ -50,7 +50,7 @@ def snippets(page: Path) -> list[str]:
 
 
 # pages whose commands or Python take 4 to 12 s
-LONG = {"averaged", "drive", "impedance", "other_tools", "steady_state", "sweeps", "tracking"}
+LONG = {"averaged", "drive", "impedance", "other_tools", "speed_torque", "steady_state", "sweeps", "tracking"}
 LONG |= {
     "tutorial_control_tool",
     "tutorial_driver",
