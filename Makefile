@@ -58,7 +58,7 @@ kicad: setup ## open, check and run the KiCad example in KiCad 9, unpacked into 
 
 ngspice46: setup ## run decks and engine in ngspice 46, unpacked into .tools beside the system's
 	@sh scripts/backports.sh ngspice
-	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/spice tests/steady/test_steady.py tests/control/test_simulate.py tests/spice/test_library.py tests/circuit/test_decks.py tests/circuit/test_parameters.py tests/docs/test_convergence_page.py tests/tools/ngspice46.py
+	PATH="$$PWD/.tools/ngspice/bin:$$PATH" $(PY) -m pytest -n $(JOBS) tests/spice tests/steady/test_steady.py tests/control/test_simulate.py tests/spice/test_library.py tests/circuit/test_decks.py tests/circuit/test_parameters.py tests/docs/test_limits_page.py tests/tools/ngspice46.py
 
 verilog-a: ## compile the Verilog-A motor and run it in ngspice 46 and VACASK, beside the subcircuits (100 MB)
 	@sh scripts/setup.sh test dev compiled

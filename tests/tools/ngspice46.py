@@ -43,20 +43,6 @@ def test_a_deck_gives_the_same_in_both_versions(deck: Path, tmp_path: Path) -> N
         assert new[name] == pytest.approx(value, rel=tolerance, abs=1e-9 * scale), name
 
 
-@pytest.mark.parametrize(("picofarad", "runs"), [(1, True), (10, False)])
-def test_cshunt_helps_the_bridge_of_the_page_on_convergence_at_another_value(
-    picofarad: int, runs: bool, tmp_path: Path
-) -> None:
-    page = (ROOT / "docs" / "convergence.md").read_text(encoding="utf-8")
-    assert "(in ngspice 46, 1 pF does and 10 pF does not)" in page
-    leg = next(deck for deck in re.findall(r"^```spice\n([^`]*)^```", page, re.M) if "Shigh" in deck)
-    options = f".options reltol=1e-6 vntol=1e-9 abstol=1e-9 cshunt={picofarad}p\n.end"
-    (tmp_path / "leg.cir").write_text(leg.replace(".end", options), encoding="ascii")
-    done = subprocess.run([NEWER, "-b", "leg.cir"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode == 0) == runs
-    assert ("Timestep too small" in done.stdout + done.stderr) != runs
-
-
 def test_its_threads_do_not_slow_a_deck_down(tmp_path: Path) -> None:
     """Its start file sets num_threads=8. Only compact transistor models and OSDI use them; no deck has either."""
     text = (ROOT / "netlists" / "impact.cir").read_text(encoding="ascii")
