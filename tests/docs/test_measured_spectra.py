@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import re
-from functools import cache
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,11 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.impedance.spectrum import Spectrum
 from tests.impedance.readers.test_measured import MEASURED
 
 PAGE = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
 DATA = Path(__file__).parents[1] / "data" / "measured"
 TRANSDUCERS = MEASURED / "transducers" / "transducers.json"
-NOISE, POINTS, SEED = 1e-3, 400, 1  # of a good analyser; of the spectra that are made of the published circuits
 
 
 def printed(name: str) -> list[float]:
@@ -55,45 +52,11 @@ def test_a_sweep_about_the_resonance_predicts_the_wide_one_as_the_page_says(name
     assert printed(f"`{name}`")[-2:] == pytest.approx(losses, rel=0.02)
 
 
-@cache
-def transducers() -> dict[str, dict[str, float]]:
-    """Return the published circuits by the names that the page has."""
-    found: dict[str, dict[str, float]] = json.loads(TRANSDUCERS.read_text(encoding="utf-8"))
-    return found
-
-
-def test_the_circuits_of_eight_transducers_are_found_in_noise_as_the_page_says() -> None:
-    if not TRANSDUCERS.is_file():
-        pytest.skip("the measured circuits are not here")
-    rng = np.random.default_rng(SEED)
-    assert len(transducers()) == 8
-    for name, device in transducers().items():
-        resistance, inductance, capacitance, clamped = (device[key] for key in ("rs", "ls", "cs", "c0"))
-        series = 1.0 / (2 * pi * sqrt(inductance * capacitance))
-        parallel = series * sqrt(1.0 + capacitance / clamped)
-        frequency = np.linspace(0.9 * series, 1.1 * parallel, POINTS)
-        omega = 2 * pi * frequency
-        admittance = 1j * omega * clamped + 1.0 / (resistance + 1j * (omega * inductance - 1.0 / (omega * capacitance)))
-        noise = NOISE * (rng.normal(size=POINTS) + 1j * rng.normal(size=POINTS))
-        fit = pr.fit_spectrum(Spectrum.from_admittance(frequency, admittance * (1.0 + noise)))
-        assert len(fit.arms) == 1
-        arm, shunt = fit.main_arm, fit.to_dict()["clamped_capacitance_f"]
-        errors = [
-            arm.resistance_ohm / resistance - 1.0, arm.inductance_h / inductance - 1.0,
-            arm.capacitance_f / capacitance - 1.0, shunt / clamped - 1.0,
-        ]  # fmt: skip
-        found = [
-            1e-3 * series, 1e-3 * parallel, 2 * pi * series * inductance / resistance,
-            sqrt(1.0 - (series / parallel) ** 2), 100 * max(map(abs, errors)),
-        ]  # fmt: skip
-        # the last printed digits
-        assert printed(name) == pytest.approx(found, rel=1.5e-3, abs=0.0011), found
-
-
 def test_two_specimens_of_a_type_differ_by_what_the_page_says() -> None:
     if not TRANSDUCERS.is_file():
         pytest.skip("the measured circuits are not here")
-    first, second = (transducers()[f"SMBLTD45F40H_{number}"] for number in (1, 2))
+    circuits = json.loads(TRANSDUCERS.read_text(encoding="utf-8"))
+    first, second = (circuits[f"SMBLTD45F40H_{number}"] for number in (1, 2))
     ratio = {key: second[key] / first[key] for key in ("rs", "ls", "cs", "c0")}
     found = [1 / sqrt(ratio["ls"] * ratio["cs"]), ratio["ls"], ratio["rs"], ratio["c0"]]
     said = re.search(r"the second differs by (\S+) % in f_s, (\S+) % in L₁, (\S+) % in R₁ and (\S+) % in C₀", PAGE)
