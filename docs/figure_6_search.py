@@ -5,7 +5,7 @@ The experiment had high torque and low speed at 44.5 kHz, and low torque and hig
 conjecture is a mode near 45 kHz that moves the tip towards the rotor. This script draws such modes at random (a Sobol
 sequence), with carriers of several masses, and then maps the surroundings of the best one. It writes
 ``docs/figure_6_search.json`` after every point and continues where it was stopped. It takes about ten minutes of one
-core. ``figures/figure_6_region.py`` plots the result.
+core.
 """
 
 from __future__ import annotations

@@ -16,9 +16,9 @@ from pyspice_runner.impedance.admittance import Admittance
 
 COLOURS = {"free": BLUE, "preloaded": VERMILION}
 MARKS = {
-    "fs": ("o", "fs, greatest conductance"),
-    "fm": ("^", "fm, greatest |Y|"),
-    "fn": ("v", "fn, least |Y|"),
+    "fs": ("o", "fs, maximum conductance"),
+    "fm": ("^", "fm, maximum |Y|"),
+    "fn": ("v", "fn, minimum |Y|"),
 }
 CONNECTIONS = {
     "A+B": (38.5e3, 44e3, "A+B drives the longitudinal mode"),
@@ -47,7 +47,7 @@ def draw(folder: Path) -> list[str]:
         phase.set(
             xlabel="frequency / kHz", xlim=(start / 1e3, stop / 1e3), xticks=np.arange(start, stop + 1, 1e3) / 1e3
         )
-        phase.set(ylabel="phase of Y / °", ylim=(-50, 100), yticks=range(-45, 91, 45))
+        phase.set(ylabel="phase of Y / °", ylim=(-95, 100), yticks=range(-90, 91, 45))
         circle.set(xlabel="conductance G / mS", ylabel="susceptance B / mS", aspect="equal", adjustable="datalim")
         free, pressed = found["free"], found["preloaded"]
         lines.append(

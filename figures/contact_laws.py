@@ -43,7 +43,7 @@ def draw(folder: Path) -> list[str]:
             torque.plot(speeds, 1e3 * curves[law]["torque_n_m"], style, color=colour, marker="o", ms=3, label=law)
         torque.axhline(0.0, color=GREY, lw=0.8)
         torque.axvline(0.0, color=GREY, lw=0.8)
-        torque.set(title=title, xlabel="speed / rad/s", ylabel="torque / mN·m")
+        torque.set(title=title, xlabel="speed / (rad/s)", ylabel="torque / (mN·m)")
         torque.legend()
         at_stall = {law: curve.sel(speed_rad_s=0.0) for law, curve in curves.items()}
         bottom = np.zeros(len(LAWS))

@@ -82,7 +82,7 @@ def draw(folder: Path) -> list[str]:
     mean, peak = contact.preload_n / (pi * a**2), patch.peak_pressure_pa
     return [
         f"radius {1e6 * a:.1f} µm, pressure {1e-9 * mean:.2f} GPa on average, {1e-9 * peak:.2f} GPa in the middle",
-        f"at half of the greatest friction a circle of {100 * (0.5 ** (1 / 3)):.0f} % of the radius still sticks",
+        f"at half of the maximum friction a circle of {100 * (0.5 ** (1 / 3)):.0f} % of the radius still sticks",
     ]
 
 

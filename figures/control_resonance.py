@@ -12,7 +12,7 @@ import pyspice_runner as pr
 
 
 def draw(folder: Path) -> list[str]:
-    defined, averaged, full = controller("resonance")
+    defined, averaged, full = controller("resonance", 20e-3)
     motor, drive = defined["MOTOR"], defined["DRIVE"]
     constant = pr.simulate_controlled(
         motor, drive, lambda _: {}, duration=averaged.time_s[-1], sample_time=defined["SAMPLE_TIME"],
@@ -22,25 +22,30 @@ def draw(folder: Path) -> list[str]:
     samples(axes[0], averaged, full, "frequency_hz", 1e-3, "frequency / kHz")
     for run in (averaged, full):
         before = np.concatenate(([drive.frequency], run.frequency_hz[:-1]))
-        current = run.current_amplitude_a * np.exp(1j * np.radians(run.current_phase_deg))
-        clamped = 2j * np.pi * before * motor.piezo.capacitance_a_f * drive.voltage
-        run.samples["motional_phase_deg"] = np.degrees(np.angle(current - clamped))
-    samples(axes[1], averaged, full, "motional_phase_deg", 1.0, "motional phase / °")
+        samples_of = zip(*(run.samples[name] for name in pr.Sample.__dataclass_fields__), before, strict=True)
+        phases = [defined["motional_phase"](pr.Sample(*each[:-1]), each[-1]) for each in samples_of]
+        run.samples["motional_phase_deg"] = np.array(phases)
+    samples(axes[1], averaged, full, "motional_phase_deg", 1.0, "motional phase of B / °")
     axes[1].axhline(defined["TARGET"], color=BLACK, lw=0.9, ls="--", label="target")
-    samples(axes[2], averaged, full, "speed_rad_s", 1.0, "speed / rad/s")
+    samples(axes[2], averaged, full, "speed_rad_s", 1.0, "speed / (rad/s)")
     axes[2].plot(1e3 * constant.time_s, constant.speed_rad_s, color=GREY, label="averaged motor, not tracked")
     axes[2].set_xlabel("time / ms")
     axes[1].legend(loc="upper right")
-    axes[2].legend(loc="upper left")
+    axes[2].legend(loc="lower right")
     caption = (
-        f"{motor_words(motor)} Drive at the start: {drive_words(drive)}, 1.7 % above the recommended frequency. Load "
+        f"{motor_words(motor)} Drive at the start: {drive_words(drive)}, 1.2 % above the recommended frequency. Load "
         f"{1e3 * defined['LOAD_TORQUE']:g} mN·m. A PI controller, sampled every {1e3 * defined['SAMPLE_TIME']:g} ms, "
-        f"holds the phase of the motional current at {defined['TARGET']:g}°".replace("-", "−")
+        f"holds the phase of the motional current of group B at {defined['TARGET']:g}°".replace("-", "−")
         + " by the frequency. "
-        f"Speeds of the two motors differ by {farthest(averaged, full, 'speed_rad_s'):.2g} % of the greatest at most. "
+        f"Speeds of the two motors differ by at most {farthest(averaged, full, 'speed_rad_s'):.2g} % of the maximum. "
         "examples/controllers/resonance.py."
     )
-    write(figure, folder / "control_resonance.png", "A controller tracks the resonance by the phase", caption)
+    write(
+        figure,
+        folder / "control_resonance.png",
+        "A controller finds its frequency by the phase of the current",
+        caption,
+    )
     return [
         f"tracked: {averaged.speed_rad_s[-1]:.3g} rad/s at {1e-3 * averaged.frequency_hz[-1]:.4g} kHz",
         f"not tracked: {constant.speed_rad_s[-1]:.3g} rad/s at {1e-3 * drive.frequency:.4g} kHz",

@@ -10,12 +10,12 @@ from style import BLACK, GREY, canvas, controller, drive_words, farthest, main, 
 
 
 def draw(folder: Path) -> list[str]:
-    defined, averaged, full = controller("speed")
+    defined, averaged, full = controller("speed", 40e-3)
     drive, speed, reversal = defined["DRIVE"], defined["SPEED"], defined["REVERSAL"]
     figure, axes = canvas(3, 1, 6.2, sharex=True)
     time = averaged.time_s
     axes[0].plot(1e3 * time, np.where(time < reversal, speed, -speed), color=BLACK, lw=0.9, ls="--", label="set point")
-    samples(axes[0], averaged, full, "speed_rad_s", 1.0, "speed / rad/s")
+    samples(axes[0], averaged, full, "speed_rad_s", 1.0, "speed / (rad/s)")
     samples(axes[1], averaged, full, "voltage_a_v", 1.0, "amplitude / V")
     axes[1].axhline(defined["DEAD_BAND"], color=GREY, lw=0.9, ls="--", label="dead band")
     samples(axes[2], averaged, full, "phase_deg", 1.0, "phase of group B / °")
@@ -27,8 +27,8 @@ def draw(folder: Path) -> list[str]:
     caption = (
         f"{motor_words(defined['MOTOR'])} Drive at the start: {drive_words(drive)}. A PI controller, sampled every "
         f"{1e3 * defined['SAMPLE_TIME']:g} ms, sets the amplitude above the dead band of {defined['DEAD_BAND']:g} V, "
-        f"and the phase by its sign. Speed, position, current and amplitude differ by {worst:.2g} % of the greatest at "
-        "most. examples/controllers/speed.py and speed.c."
+        f"and the phase by its sign. Speed, position, current and amplitude differ by at most {worst:.2g} % of "
+        "their maximum. examples/controllers/speed.py and speed.c."
     )
     write(figure, folder / "control_speed.png", "Speed control with dead-band compensation", caption)
     return [f"{name}: {farthest(averaged, full, name):.2g} %" for name in names]

@@ -31,7 +31,7 @@ SEED = 7
 def measured(
     motor: pr.Motor, rows: list[dict[str, float]], names: list[str], error: float, seed: int
 ) -> dict[str, Any]:
-    """Return measured points: conditions by rows, quantities with an error relative to the greatest."""
+    """Return measured points: conditions by rows, quantities with an error relative to the maximum."""
     drive, rng = pr.default_drive(motor), np.random.default_rng(seed)
     states = steady_states([
         Point.of(motor, drive.updated({"voltage": row["voltage"]}), speed=row.get("speed_rad_s"),
@@ -110,7 +110,7 @@ def draw(folder: Path) -> list[str]:
         f"{'; with '.join(decided)}."
     )
     path = folder / "decided.png"
-    write(figure, path, "What the measurements decide", words)
+    write(figure, path, "Parameters that the measurements identify", words)
     return [str(path), words]
 
 

@@ -34,10 +34,10 @@ class Name(NamedTuple):
 
 
 class Sheet:
-    """A diagram of page width and a height in units, over a caption of some lines; (0, 0) is its lower left corner."""
+    """A diagram of page width and a height in units; (0, 0) is its lower left corner."""
 
-    def __init__(self, height: float, lines: int = 2) -> None:
-        self.figure, self.axes = canvas(1, 1, height * UNIT + 0.62 + 0.135 * lines)
+    def __init__(self, height: float) -> None:
+        self.figure, self.axes = canvas(1, 1, height * UNIT + 0.48)
         self.axes.set(xlim=(0.0, COLUMNS), ylim=(0.0, height), aspect="equal")
         self.axes.set_axis_off()
         self.drawing = schemdraw.Drawing(canvas=self.axes, show=False)

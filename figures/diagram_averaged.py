@@ -95,7 +95,7 @@ def contact(sheet: Sheet) -> None:
 
 def sheet() -> Sheet:
     """Return the diagram."""
-    drawn = Sheet(9.6, lines=3)
+    drawn = Sheet(9.6)
     resonator(drawn)
     harmonics(drawn)
     contact(drawn)

@@ -167,7 +167,7 @@ def mount(sheet: Sheet, bottom: float) -> None:
 
 def sheet() -> Sheet:
     """Return the diagram."""
-    drawn = Sheet(14.0, lines=3)
+    drawn = Sheet(14.0)
     machine(drawn)
     circuit(drawn)
     return drawn

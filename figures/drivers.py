@@ -45,7 +45,7 @@ def draw(folder: Path) -> list[str]:
         amplitudes = [1e3 * item.current_a for item in harmonics]
         axes[1, 0].bar([item.order + shift for item in harmonics], amplitudes, 0.6, color=colour, label=name)
     axes[1, 0].set(
-        title="(c) current into group A", xlabel="harmonic", ylabel="amplitude in mA", yscale="log", ylim=(1e-2, 1e3),
+        title="(c) current into group A", xlabel="harmonic", ylabel="amplitude / mA", yscale="log", ylim=(1e-2, 1e3),
         xticks=range(1, 21, 2),
     )  # fmt: skip
     axes[1, 0].legend(loc="upper right")
@@ -56,7 +56,7 @@ def draw(folder: Path) -> list[str]:
         values = np.array([_share(report, part) for report in reports.values()])
         axes[1, 1].barh(places, values, left=left, color=colour, label=part, height=0.6)
         left += values
-    axes[1, 1].set(title="(d) where the power of the supply goes", xlabel="power in W", xlim=(0.0, 9.0))
+    axes[1, 1].set(title="(d) where the power of the supply goes", xlabel="power / W", xlim=(0.0, 12.5))
     axes[1, 1].set_yticks(places, list(reports))
     axes[1, 1].invert_yaxis()
     axes[1, 1].legend(loc="lower right")

@@ -18,7 +18,6 @@ NOISE, SEED = 0.01, 2002
 LEAD_OHM = 15.0
 START, STOP, POINTS = 8e3, 70e3, 1601
 NAMES = {"series_resonance_hz": "f", "quality_factor": "Q", "resistance_ohm": "R", "inductance_h": "L"}
-MAGNIFIED = 100.0  # the frequencies' deviations and intervals, which are much smaller than the others
 
 
 def draw(folder: Path) -> list[str]:
@@ -42,7 +41,9 @@ def draw(folder: Path) -> list[str]:
     for letter, panel, arm in zip("bd", (circle, near), fit.arms[::-1], strict=True):
         _draw_circle(panel, fit, arm, y, fine)
         panel.set(title=f"({letter}) G–B circle at {arm.series_resonance_hz / 1e3:.3g} kHz")
-    inside = _draw_values(values, fit, motor)
+    values.remove()
+    split = values.get_subplotspec().subgridspec(1, 2, width_ratios=(1.0, 2.6))
+    inside = _draw_values([figure.add_subplot(part) for part in split], fit, motor)
 
     handles = [
         Line2D([], [], ls="", marker=".", color=GREY, label="measured"),
@@ -54,9 +55,9 @@ def draw(folder: Path) -> list[str]:
     ]
     caption = (
         f"Admittance of group A of motor {motor.name}, tip free, by ngspice, behind leads of {LEAD_OHM:g} Ω "
-        f"that the fit is told, with 1 % of noise (seed {SEED}). The number of arms is found, and no initial "
-        "value is given. (f) Fitted value over the "
-        f"motor's own less one; the frequencies' deviations are drawn {MAGNIFIED:g} times as large."
+        f"that the fit knows, with 1 % of noise (seed {SEED}). The fit finds the number of arms and needs no "
+        f"initial values. (f) Deviation of the fitted values from the motor's; {inside[0]} of {inside[1]} lie within "
+        "their 95 % intervals."
     )
     write(figure, folder / "fit.png", "From a spectrum to an equivalent circuit", caption, handles)
     arms = "; ".join(
@@ -77,10 +78,10 @@ def _draw_circle(panel: Any, fit: SpectrumFit, arm: FittedArm, y: np.ndarray, fi
     curve = fit.admittance(fine[np.abs(fine - arm.series_resonance_hz) < half])
     panel.plot(1e3 * y[near].real, 1e3 * y[near].imag, ".", color=GREY, ms=3)
     panel.plot(1e3 * curve.real, 1e3 * curve.imag, color=BLUE, lw=1.0)
-    panel.set(xlabel="conductance G in mS", ylabel="susceptance B in mS", aspect="equal", adjustable="datalim")
+    panel.set(xlabel="conductance G / mS", ylabel="susceptance B / mS", aspect="equal", adjustable="datalim")
 
 
-def _draw_values(panel: Any, fit: SpectrumFit, motor: pr.Motor) -> tuple[int, int]:
+def _draw_values(panels: list[Any], fit: SpectrumFit, motor: pr.Motor) -> tuple[int, int]:
     """Draw fitted over true values; return how many intervals hold the true value, and of how many."""
     rows = []
     for number, (arm, mode) in enumerate(zip(fit.arms, motor.modes, strict=True), start=1):
@@ -98,15 +99,18 @@ def _draw_values(panel: Any, fit: SpectrumFit, motor: pr.Motor) -> tuple[int, in
     truth_c = dielectric_admittance(motor, "a", centre).imag / (2.0 * np.pi * centre)
     rows.append(("C0", fit.circuit.clamped_capacitance_f, errors["clamped_capacitance_f"], truth_c))
     inside = 0
-    for place, (label, value, error, truth) in enumerate(rows):
-        scale = 100.0 * (MAGNIFIED if label.startswith("f") else 1.0) / truth
-        panel.errorbar(
-            place, scale * (value - truth), yerr=scale * 1.96 * error, fmt="o", ms=3.5, color=VERMILION, capsize=2
-        )
-        inside += abs(value - truth) <= 1.96 * error
-    panel.axhline(0.0, color=BLACK, lw=0.6)
-    panel.set_xticks(range(len(rows)), [row[0] for row in rows])
-    panel.set(title="(f) fitted over the motor's own values", ylabel="deviation in %")
+    others = [row for row in rows if not row[0].startswith("f")]
+    parts = ([row for row in rows if row not in others], 1e6, "deviation / ppm"), (others, 100.0, "deviation / %")
+    for panel, (shown, unit, words) in zip(panels, parts, strict=True):
+        for place, (_, value, error, truth) in enumerate(shown):
+            scale = unit / truth
+            bar = {"fmt": "o", "ms": 3.5, "color": VERMILION, "capsize": 2}
+            panel.errorbar(place, scale * (value - truth), yerr=scale * 1.96 * error, **bar)
+            inside += abs(value - truth) <= 1.96 * error
+        panel.axhline(0.0, color=BLACK, lw=0.6)
+        panel.set_xticks(range(len(shown)), [row[0] for row in shown])
+        panel.set(ylabel=words, xlim=(-0.6, len(shown) - 0.4))
+    panels[0].set_title("(f) fitted against the motor's values")
     return inside, len(rows)
 
 

@@ -56,7 +56,7 @@ def draw(folder: Path) -> list[str]:
     first = dict(zip(reversed(labels), reversed(handles), strict=True))
     axes.legend([first[section] for section in sections], sections, loc="lower left")
     caption = "Shaded: within 10 %. Sources, assumptions and the reasons of the errors: docs/measured.md."
-    write(figure, folder / "measured.png", "Predicted over measured", caption)
+    write(figure, folder / "measured.png", "Predicted versus measured", caption)
     everything = np.concatenate([np.asarray(ratios) for ratios in rows.values()])
     near, double = np.abs(everything - 1.0) <= 0.1, np.abs(np.log2(everything)) <= 1.0
     return [f"{len(everything)} predictions: {near.mean():.0%} within 10 %, {double.mean():.0%} within a factor of 2"]

@@ -64,7 +64,7 @@ def draw(folder: Path) -> list[str]:
         f"{1e-3 * beat:.1f} kHz at {low:g} N, grows, and a transient has another mean torque (crosses). μ F₀ R is the "
         f"friction torque at the preload. ngspice {points.attrs['ngspice_version']}."
     )
-    write(figure, folder / "preload.png", "Speed and stall torque over preload", caption)
+    write(figure, folder / "preload.png", "Speed and stall torque versus preload", caption)
     strongest = int(np.argmax(stall))
     stories.append(f"most stall torque, {1e3 * stall[strongest]:.1f} mN·m, at {PRELOADS[strongest]:g} N")
     for preload, periodic, mean in zip(preloads[unstable], stall[unstable], settled, strict=True):

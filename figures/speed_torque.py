@@ -68,7 +68,9 @@ def draw(folder: Path) -> list[str]:
         f"electrical real power, without the losses of an amplifier that supplies the reactive current of (d). "
         f"ngspice {family.attrs['ngspice_version']}."
     )
-    write(figure, folder / "speed_torque.png", "Speed–torque curves over voltage, with power and current", caption)
+    write(
+        figure, folder / "speed_torque.png", "Speed–torque curves at several voltages, with power and current", caption
+    )
     return stories
 
 

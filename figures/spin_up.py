@@ -3,7 +3,7 @@
 
 Eq. (2), the common tone near the contact resonance (17.9 kHz), so that the tip hits the rotor, the opposed tone at
 three times its frequency, near the second mode under preload (55.5 kHz), so that the tip moves along the rotor. With
-this phase the normal force is greatest during the forward motion.
+this phase the normal force is at its maximum during the forward motion.
 """
 
 from __future__ import annotations

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from runpy import run_path
 from typing import Any
@@ -18,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
@@ -32,7 +35,8 @@ __all__ = ["BLACK", "BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "STATES", "VERM
 
 HERE = Path(__file__).resolve().parent
 WIDTH = 7.5  # inches: text width of a page
-CAPTION_COLUMNS = 128
+NUMBERS = 9  # of each line are recorded
+LARGEST_SVG = 300_000  # bytes
 
 TOUCH_DOWN = {"marker": "o", "ls": "", "ms": 4.5, "mfc": "white", "mec": BLACK, "mew": 0.9}
 
@@ -102,27 +106,73 @@ def drive_words(drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> str:
     )
 
 
+def recorded(figure: Figure) -> dict[str, list[float]]:
+    """Return the numbers that a figure draws, by axes and artist: nine points of each line, nine values of the rest.
+
+    A curve with increasing abscissae is interpolated at nine of them, so that its number of points does not matter.
+    """
+    numbers: dict[str, Any] = {}
+    for place, axes in enumerate(one for one in figure.axes if one.axison):  # a diagram draws no numbers
+        for line in axes.lines:
+            x, y = (np.asarray(values, dtype=float) for values in line.get_data(orig=False))
+            if x.size > NUMBERS and (np.diff(x) > 0.0).all():
+                at = np.linspace(x[0], x[-1], NUMBERS)
+                x, y = at, np.interp(at, x, y)
+            numbers[f"{place} {line.get_label()}"] = np.concatenate([_nine(x), _nine(y)])
+        for artist in (*axes.collections, *axes.images):
+            drawn = artist.get_array() if artist.get_array() is not None else artist.get_datalim(axes.transData)
+            numbers[f"{place} {artist.get_label()}"] = _nine(np.ma.filled(np.ma.asarray(drawn, dtype=float), np.nan))
+        for bar in axes.containers:
+            sizes = np.array([[one.get_width(), one.get_height()] for one in bar if isinstance(one, Rectangle)])
+            numbers[f"{place} {bar.get_label()}"] = _nine(sizes)
+    return {name: [float(f"{value:.4g}") for value in values] for name, values in numbers.items() if values.size}
+
+
+def _nine(values: np.ndarray) -> np.ndarray:
+    """Return nine values, or all if they are fewer; those that are not numbers are left out."""
+    flat = np.ravel(values)
+    flat = flat[np.isfinite(flat)]
+    return flat[np.unique(np.linspace(0, max(flat.size - 1, 0), NUMBERS).astype(int))] if flat.size else flat
+
+
 def write(figure: Figure, path: Path, title: str, caption: str, legend: Sequence[Line2D] = ()) -> None:
-    """Put title, legend and caption around a figure's axes and write it.
+    """Put title and legend around a figure's axes and write it; the caption goes into its metadata, and is printed.
+
+    The metadata (text chunks of the PNG) are ``Title``, ``Description``, which is the caption, and ``Numbers``, see
+    :func:`recorded`, as JSON. A vector graphic of at most 300 kB is written beside the PNG.
 
     Raises:
         pyspice_runner.ParameterError: if the file cannot be written.
     """
     height = figure.get_figheight()
-    lines = textwrap.wrap(caption, CAPTION_COLUMNS)
     top = 1.0 - (0.62 if legend else 0.36) / height
-    bottom = (0.14 + 0.135 * len(lines)) / height
     layout = figure.get_layout_engine()
     assert isinstance(layout, ConstrainedLayoutEngine)
-    layout.set(rect=(0.0, bottom, 1.0, top - bottom))
-    left = 0.1 / WIDTH
-    figure.text(left, 1.0 - 0.1 / height, title, va="top", fontsize=11, fontweight="bold")
-    figure.text(left, 0.08 / height, "\n".join(lines), va="bottom", fontsize=7, color="#444444", linespacing=1.35)
+    layout.set(rect=(0.0, 0.0, 1.0, top))
+    figure.text(0.1 / WIDTH, 1.0 - 0.1 / height, title, va="top", fontsize=11, fontweight="bold")
     if legend:
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 1.0 - 0.33 / height)}
         figure.legend(handles=legend, ncols=len(legend), columnspacing=1.4, **place).set_in_layout(False)
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        axis.set_label_text(_quantity_and_unit(axis.get_label_text()))
+    numbers = json.dumps(recorded(figure), ensure_ascii=False)
+    metadata = {"Software": None, "Title": title, "Description": caption, "Numbers": numbers}
+    vector = BytesIO()
+    with mpl.rc_context({"svg.hashsalt": path.stem}):
+        figure.savefig(vector, format="svg", metadata={"Date": None, "Creator": None, "Title": title})
     with _writing(path):
-        figure.savefig(path, metadata={"Software": None})
+        figure.savefig(path, metadata=metadata)
+        path.with_suffix(".svg").unlink(missing_ok=True)
+        if vector.tell() <= LARGEST_SVG:
+            path.with_suffix(".svg").write_bytes(vector.getvalue())
+    print(textwrap.fill(caption, 120))
+
+
+def _quantity_and_unit(label: str) -> str:
+    """Return the label of an axis as quantity / unit, also of the package's panels, which have quantity in unit."""
+    quantity, found, unit = label.rpartition(" in ")
+    unit = "°" if unit == "degrees" else f"({unit})" if any(sign in unit for sign in "/· ") else unit
+    return f"{quantity} / {unit}" if found else label
 
 
 @contextmanager
@@ -134,10 +184,10 @@ def _writing(path: Path) -> Iterator[None]:
         raise pr.ParameterError(f"Cannot write {path}: {error.strerror or error}. Choose another place.") from error
 
 
-def controller(name: str) -> tuple[dict[str, Any], ControlledRun, ControlledRun]:
-    """Return what a controller of ``examples/`` defines, and 50 ms of it with the averaged and with the full motor."""
+def controller(name: str, duration: float) -> tuple[dict[str, Any], ControlledRun, ControlledRun]:
+    """Return what a controller of ``examples/`` defines, and its runs with the averaged and with the full motor."""
     defined = run_path(str(HERE.parent / "examples" / "controllers" / f"{name}.py"))
-    averaged, full = (defined["run"](3e-3 if draft() else 50e-3, averaged=averaged) for averaged in (True, False))
+    averaged, full = (defined["run"](3e-3 if draft() else duration, averaged=averaged) for averaged in (True, False))
     return defined, averaged, full
 
 
@@ -149,7 +199,7 @@ def samples(axes: Axes, averaged: ControlledRun, full: ControlledRun, name: str,
 
 
 def farthest(averaged: ControlledRun, full: ControlledRun, name: str) -> float:
-    """Return by how much the samples differ at most, in per cent of the greatest."""
+    """Return by how much the samples differ at most, in per cent of the maximum."""
     ours, theirs = averaged.samples[name], full.samples[name]
     return float(100.0 * np.abs(ours - theirs).max() / np.abs(theirs).max())
 

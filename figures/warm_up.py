@@ -12,7 +12,7 @@ from style import BLACK, BLUE, GREEN, VERMILION, canvas, draft, main, motor_word
 import pyspice_runner as pr
 from pyspice_runner.trackers.tracker import running_resonance
 
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR)
 FIRST, WHOLE = (2.4e-3, 600.0) if draft() else (10e-3, 600.0)
 OFFSET, TARGET = 0.02, -20.0
@@ -35,7 +35,7 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(3, 2, 6.6, sharex="col")
     for row, (name, scale, what) in enumerate(
         (("frequency_hz", 1e-3, "frequency / kHz"), ("phase_deg", 1.0, "phase of the mode / °"),
-         ("rotor_speed_rad_s", 1.0, "speed / rad/s"))
+         ("rotor_speed_rad_s", 1.0, "speed / (rad/s)"))
     ):  # fmt: skip
         left, right = axes[row]
         left.plot(
@@ -66,7 +66,7 @@ def draw(folder: Path) -> list[str]:
     caption = (
         f"{motor_words(MOTOR)} Drive: {DRIVE.voltage:g} V, φ = {DRIVE.phase_deg:g}°. The loop starts "
         f"{100.0 * OFFSET:g} % above resonance and holds the motional current at −{-TARGET:g}°. Speeds in (a) "
-        f"differ by {error:.1f} % RMS of the greatest. (b): {WHOLE:g} s of motor time in {took:.1f} s; phase margin at "
+        f"differ by {error:.1f} % RMS of the maximum. (b): {WHOLE:g} s of motor time in {took:.1f} s; phase margin at "
         f"the end {whole.loop.phase_margin_deg:.0f}° at {whole.loop.crossover_hz:.0f} Hz. The copies of the clamped "
         "capacitances do not warm up, so that the phase drifts. Thermal model: that of the set, Thermal.of(motor)."
     )

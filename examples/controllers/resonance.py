@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Resonance tracking by phase: a PI controller sets the frequency so that the motional current keeps its phase.
 
-The current into group A is that of the clamped capacitance plus the motional current, which follows the velocity of the
-modes. The controller subtracts the first and compares the phase of the second with a target. Above resonance the phase
-is too low, and the frequency falls.
+The current into group B is the sum of the current of its clamped capacitance and the motional current, which follows
+the velocity of the modes. The controller subtracts the first and compares the phase of the second with a target: its
+value at the recommended frequency. Above that frequency the phase is too low, and the frequency falls.
 
     python examples/controllers/resonance.py
 """
@@ -16,15 +16,15 @@ from math import degrees, pi, radians
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
 
-MOTOR = pr.load_motor("beam40")
-DRIVE = pr.default_drive(MOTOR).model_copy(update={"frequency": 40.8e3})  # 1.7 % above the recommended frequency
-LOAD_TORQUE = 8e-3  # N·m
+MOTOR = pr.load_motor("bimodal40")
+DRIVE = pr.default_drive(MOTOR).model_copy(update={"frequency": 41.2e3})  # 1.2 % above the recommended frequency
+LOAD_TORQUE = 20e-3  # N·m
 SAMPLE_TIME = 0.5e-3  # s
 
-TARGET = -20.0  # deg, phase of the motional current ahead of the voltage of group A
-PROPORTIONAL = 5.0  # Hz/deg
-INTEGRAL = 5.0  # Hz/deg for each sample
-LOWEST, HIGHEST = 39.5e3, 42e3  # Hz
+TARGET = -68.0  # deg, phase of the motional current of group B ahead of its voltage
+PROPORTIONAL = 1.5  # Hz/deg
+INTEGRAL = 1.5  # Hz/deg for each sample
+LOWEST, HIGHEST = 40.6e3, 42e3  # Hz
 
 
 class Controller:
@@ -43,8 +43,8 @@ class Controller:
 
 def motional_phase(sample: pr.Sample, frequency: float) -> float:
     """Return the phase of the motional current in degrees: the current less that of the clamped capacitance."""
-    current = cmath.rect(sample.current_amplitude_a, radians(sample.current_phase_deg))
-    return degrees(cmath.phase(current - 2j * pi * frequency * MOTOR.piezo.capacitance_a_f * DRIVE.voltage))
+    current = cmath.rect(sample.current_b_amplitude_a, radians(sample.current_b_phase_deg - DRIVE.phase_deg))
+    return degrees(cmath.phase(current - 2j * pi * frequency * MOTOR.piezo.capacitance_b_f * DRIVE.voltage_b))
 
 
 def limited(frequency: float) -> float:

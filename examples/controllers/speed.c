@@ -10,11 +10,11 @@
  */
 #include <math.h>
 
-static const double dead_band = 45.0, highest = 110.0; /* V */
-static const double phase = 120.0;                     /* deg */
-static const double speed = 8.0, reversal = 25e-3;     /* rad/s, s */
-static const double proportional = 15.0;               /* V s/rad */
-static const double integral = 1.5;                    /* V s/rad for each sample */
+static const double dead_band = 27.0, highest = 150.0; /* V */
+static const double phase = 62.0;                      /* deg */
+static const double speed = 10.0, reversal = 25e-3;    /* rad/s, s */
+static const double proportional = 2.0;                /* V s/rad */
+static const double integral = 0.4;                    /* V s/rad for each sample */
 
 static double sum;
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Speed control with dead-band compensation: a PI controller sets the amplitude, and the phase for the direction.
 
-Below some 45 V the motor does not turn. The controller adds this voltage to the magnitude of its output, so that a
+Below about 27 V the motor does not turn. The controller adds this voltage to the magnitude of its output, so that a
 small output has an effect. The sign of the output selects the direction: group B ahead of group A, or behind it. The
 set point reverses at 25 ms. ``speed.c`` is the same controller as firmware.
 
@@ -15,15 +15,15 @@ from math import copysign
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
 
-MOTOR = pr.load_motor("beam40")
-DEAD_BAND, HIGHEST = 45.0, 110.0  # V
-PHASE = 120.0  # deg, of the recommended drive
+MOTOR = pr.load_motor("bimodal40")
+DEAD_BAND, HIGHEST = 27.0, 150.0  # V
+PHASE = 62.0  # deg, of the recommended drive
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": DEAD_BAND})
 SAMPLE_TIME = 0.5e-3  # s
 
-SPEED, REVERSAL = 8.0, 25e-3  # rad/s, s
-PROPORTIONAL = 15.0  # V s/rad
-INTEGRAL = 1.5  # V s/rad for each sample
+SPEED, REVERSAL = 10.0, 25e-3  # rad/s, s
+PROPORTIONAL = 2.0  # V s/rad
+INTEGRAL = 0.4  # V s/rad for each sample
 
 
 class Controller:
