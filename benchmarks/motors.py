@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves, maps, transients and small times of the motors that people use: the tables of ``docs/speed.md``.
+"""Curves, maps, transients and small times of the motors that people use.
 
 .venv/bin/python -m benchmarks.motors                  # all but the last two, on an idle machine: some twenty minutes
 .venv/bin/python -m benchmarks.motors curves settled   # some of its parts

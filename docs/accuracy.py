@@ -1,88 +1,95 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Write ``docs/accuracy.md``, the SPICE model against the independent integrator: ``python -m docs.accuracy``."""
+"""Tables of ``docs/accuracy.md``: campaigns from their records, and the model against the independent integrator.
+
+``python -m docs.accuracy`` measures the latter again, ``python -m docs.accuracy records`` reads the records only.
+"""
 
 from __future__ import annotations
 
-import textwrap
+import json
+import sys
 from pathlib import Path
+from typing import Any
 
-from tests.run.test_reference import (
-    GAIN_POINT,
-    GAIN_STEPS,
-    POINTS,
-    gain,
-    ours,
-    reference,
-    speed_error,
-    state_error,
-    trajectory_error,
-)
+from docs.tables import put
 
-PAGE = Path(__file__).with_name("accuracy.md")
-INTRODUCTION = """
-`simulate` with its default step (128 points a period of the fastest motion) against the independent, event-driven
-integrator of `tests/reference`, which is converged to 1e-8 and shares no code with the package. 4 ms from rest under
-preload; the motor is `andersen2002`, except for "another motor". In the rows "sprung", "stiff mount" and "rigid mount"
-the stator stands on a mount from 10 kN/m to 100 GN/m; in the others it is held at a fixed distance. Trajectory: RMS
-distance of the tip from the reference's, over the RMS of the tip's motion. States: largest deviation of a state's share
-of time, in percentage points. Speed: deviation of the mean rotor speed over the last whole periods, of the peak speed.
-Energy: residual of the balance over the energy put in. Required are 0.5 %, 1, 1 % and 0.1 %.
-"""
-DISCRETISATION = f"""
-The trapezoidal rule shows a resonance ω at (2/h) atan(ωh/2). `simulate` writes the modes' mass and stiffness so that it
-resonates at ω all the same ([physics](physics.md)). Trajectory error at “{GAIN_POINT}”, by step:
-"""
-CLOSING = """
-Both are of second order: halving the step quarters the error. The adapted values cost nothing; they belong to a run
-with a uniform step, never to an exported library.
-"""
+RECORDS = Path(__file__).resolve().parents[1] / "validation" / "records"
+CAMPAIGNS = "| what is drawn at random | checked against | cases | result | record |"
+POINTS_HEAD = "| operating point | trajectory, % | states | speed, % | energy |"
+SHOWN = (
+    "stick only", "mostly slip", "strong drive", "half stick, half slip", "opens, contact resonance",
+    "hammers, hardly pressed", "60 kHz", "two tones, hammering", "another motor", "sprung, opens",
+)  # fmt: skip
 
 
-def wrap(text: str) -> list[str]:
-    """Return a paragraph's lines."""
-    return textwrap.wrap(" ".join(text.split()), 110)
+def _lines(name: str) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (RECORDS / f"{name}.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def page() -> str:
-    """Return the page, freshly measured."""
-    lines = [
-        "<!-- Written by `python -m docs.accuracy`; a test holds the numbers against a new measurement. -->",
-        "# Accuracy",
-        "",
-        *wrap(INTRODUCTION),
-        "",
-        "| operating point | drive, preload | trajectory % | states | speed % | energy | separated / stick / slip |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for name, point in POINTS.items():
+def _summary(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((RECORDS / f"{name}.json").read_text(encoding="utf-8"))
+    return found
+
+
+def campaigns() -> list[str]:
+    """Return the rows of the campaigns, from their records."""
+    soak, pairs, held = _summary("soak"), _summary("contradictions"), _summary("held_points")
+    runs = [run for line in _lines("runs") for run in line["runs"]]
+    kept = sum(run["kind"] in ("kept", "within 1 %") for run in runs)
+    states = [line["verdict"] for line in _lines("steady_states") if "verdict" in line]
+    agreeing, unstable = states.count("agrees") + states.count("stays"), states.count("unstable")
+    lifting = [line["verdict"] for line in _lines("lift_off") if line["counts"]]
+    trusted, others = (
+        [abs(row["steady_error"]) for row in _lines("averaged") if row["steady_error"] and row["trusted"] == trust]
+        for trust in (True, False)
+    )
+    fits = _summary("fits").values()
+    stay = lifting.count("stays")
+    trials = sum(row["trials"] for row in fits)
+    by_motor = held["by_motor"].values()
+    agree, by_friction, differ = (sum(row[kind] for row in by_motor) for kind in ("agrees", "held", "differs"))
+    missed, extra = (sum(row[kind] for row in fits) for kind in ("missed", "extra"))
+    rows = (
+        ("all analyses, all parameters over their ranges", "physical audit", soak["cases"],
+         f"{soak['results']} results, {soak['kinds']['simulation error']} errors with their cause", "soak"),
+        ("one motor through two analyses", "each other", pairs["comparisons"],
+         f"{pairs['kinds']['contradiction']} contradictions", "contradictions"),
+        ("transients, all contact laws", "independent integrators", len(runs), f"{kept} accurate", "runs"),
+        ("steady states", "settling", len(states),
+         f"{agreeing} agree, {unstable} unstable, {len(states) - agreeing - unstable} refused", "steady_states"),
+        ("steady states with lift-off", "long runs", len(lifting),
+         f"{stay} stay, {lifting.count('said to be unstable')} unstable, {lifting.count('')} not found", "lift_off"),
+        ("held shafts", "settling", held["cases"],
+         f"{agree} agree, {by_friction} held by friction, {differ} differ", "held_points"),
+        ("fits of noisy spectra", "known circuit", trials, f"{missed} arms missed, {extra} extra", "fits"),
+        ("averaged torque, check passes", "full motor", len(trusted), f"within {max(trusted):.2g} μF₀R", "averaged"),
+        ("averaged torque, check fails", "full motor", len(others), f"within {max(others):.2g} μF₀R", "averaged"),
+    )  # fmt: skip
+    return [f"| {' | '.join(map(str, row[:4]))} | `{row[4]}` |" for row in rows]
+
+
+def row(name: str, errors: tuple[float, ...]) -> str:
+    """Return a line of the table of points."""
+    return f"| {name} | {errors[0]:.3f} | {errors[1]:.2f} | {errors[2]:.3f} | {errors[3]:.0e} |"
+
+
+def measure() -> None:
+    """Run all points against the integrator and write their tables."""
+    from tests.run.test_reference import POINTS, ours, speed_error, state_error, trajectory_error
+
+    rows, every = [], []
+    for name in POINTS:
         run = ours(name)
-        shares = " / ".join(f"{100 * share:.1f}" for share in reference(name).state_fractions.values())
-        lines.append(
-            f"| {name} | {point.drive.label}; {point.preload:g} N | {100 * trajectory_error(name, run):.3f} "
-            f"| {100 * state_error(name, run):.2f} | {100 * speed_error(name, run):.3f} "
-            f"| {run.energy_residual:.0e} | {shares} |"
-        )
-    lines += [
-        "",
-        "None of these motions is chaotic: two reference runs whose starts lie 1 pm apart stay within 1 nm.",
-        "",
-        "## What the discretisation gains",
-        "",
-        *wrap(DISCRETISATION),
-        "",
-        "| step µs | plain % | exact at resonance % | gain |",
-        "|---|---|---|---|",
-    ]
-    for step in GAIN_STEPS:
-        plain, exact = gain(step)
-        lines.append(f"| {1e6 * step:g} | {100 * plain:.3f} | {100 * exact:.4f} | {plain / exact:.0f} |")
-    lines += [
-        "",
-        *wrap(CLOSING),
-        "",
-    ]
-    return "\n".join(lines)
+        errors = (trajectory_error(name, run), state_error(name, run), speed_error(name, run))
+        trajectory, states, speed = (100.0 * error for error in errors)
+        every.append((trajectory, states, speed, run.energy_residual))
+        if name in SHOWN:
+            rows.append(row(name, every[-1]))
+    rows.append(row(f"maximum of {len(every)}", tuple(map(max, zip(*every, strict=True)))))
+    put(POINTS_HEAD, rows)
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8", newline="\n")
+    put(CAMPAIGNS, campaigns())
+    if "records" not in sys.argv:
+        measure()

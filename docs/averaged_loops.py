@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Loops with the averaged and the full motor, tables of ``docs/averaged.md``: ``python -m docs.averaged_loops``.
+"""Loops with the averaged and the full motor, tables of ``docs/accuracy.md``: ``python -m docs.averaged_loops``.
 
 What is measured is kept in ``averaged_loops.json``, row by row, so that an interrupted run can be resumed; a row that
 is taken out of it is measured anew. All rows take 6 minutes of CPU time, nearly all of it for the full motor.
@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import re
 import sys
-import time
 from collections.abc import Callable, Mapping
 from math import copysign
 from pathlib import Path
@@ -20,11 +19,10 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from benchmarks.steady_state import cpu_seconds
 from pyspice_runner.control.loop import ControlLoop, LoopController
 from pyspice_runner.control.run import ControlledRun
 
-PAGE = Path(__file__).with_name("averaged.md")
+PAGE = Path(__file__).with_name("accuracy.md")
 RECORD = Path(__file__).with_suffix(".json")
 CONTROLLERS = PAGE.parents[1] / "examples" / "controllers"
 MOTOR = pr.load_motor("beam40")
@@ -191,60 +189,12 @@ def margins(name: str) -> dict[str, float]:
     return {"crossover_hz": wanted["crossover"] * (1.0 + crossover), "margin_deg": wanted["margin"] + margin}
 
 
-# --- bursts ---
-
-PERIODS = (20, 40, 80, 160)
-RINGS = 8  # lengths of a burst, at most, after which the rotor stands
-STANDS = 80  # periods, after which it does in any case
-
-
-def bursts(name: str) -> dict[str, float]:
-    """Return by how much more a burst of each number of periods turns the full motor than the averaged one."""
-    drive = DRIVE.model_copy(update={"voltage": float(name.split()[0])})
-    found = {}
-    for periods in PERIODS:
-        length = periods / drive.frequency
-        duration = length * max(2, min(RINGS, 1 + STANDS // periods))
-        averaged, full = (
-            pr.simulate_controlled(
-                MOTOR, drive, lambda _: {"voltage": 0.0}, duration, sample_time=length, averaged=averaged
-            ).position_rad[-1]
-            for averaged in (True, False)
-        )  # fmt: skip
-        found[str(periods)] = float(full / averaged - 1.0)
-    return found
-
-
-# --- time ---
-
-RATES = ("1 kHz", "4 kHz", "10 kHz")
-ENGINES: dict[str, tuple[float, dict[str, Any]]] = {  # motor time in s that is measured, and how
-    "compiled": (1.0, {"engine": "compiled"}),
-    "spice": (50e-3, {"engine": "spice"}),
-    "full": (5e-3, {"averaged": False}),
-}
-
-
-def times(name: str) -> dict[str, float]:
-    """Return CPU and wall time in s for a second of a speed loop, from rest, scaled."""
-    found = {}
-    for engine, (duration, how) in ENGINES.items():
-        begun, used = time.perf_counter(), cpu_seconds()
-        loop = SpeedLoop(lambda _: 8.0, 15.0, 1.5, 45.0)
-        pr.simulate_controlled(MOTOR, DRIVE, loop, duration, sample_time=1e-3 / float(name.split()[0]), **how)
-        found[f"{engine}_cpu_s"] = (cpu_seconds() - used) / duration
-        found[f"{engine}_wall_s"] = (time.perf_counter() - begun) / duration
-    return found
-
-
 # --- record and page ---
 
 Row = Mapping[str, Any]
 TABLES: dict[str, tuple[Callable[[str], Row], tuple[str, ...]]] = {
     "samples": (compared, tuple(LOOPS)),
     "margins": (margins, tuple(DESIGNS)),
-    "bursts": (bursts, ("70 V", "110 V")),
-    "times": (times, RATES),
 }
 
 
@@ -268,29 +218,14 @@ def _margins_row(name: str, row: Row) -> str:
     )
 
 
-def _bursts_row(name: str, row: Row) -> str:
-    errors = (f"{100.0 * row[str(periods)]:+.1f} %".replace("-", "−") for periods in PERIODS)
-    return f"| {name} | {' | '.join(errors)} |"
-
-
-def _times_row(name: str, row: Row) -> str:
-    seconds = (row[f"{one}_{of}_s"] for one in ENGINES for of in ("cpu", "wall"))
-    return f"| {name} | {' | '.join(f'{one:.2g}' if one < 10.0 else f'{one:.0f}' for one in seconds)} |"
-
-
 def tables() -> dict[str, str]:
     """Return the tables of the page, of what was measured."""
     known = read()
     heads = {
-        "samples": "| loop | error RMS of the range: speed | position | amplitude | trusted |\n|---|---|---|---|---|",
+        "samples": "| loop | error, RMS of the range: speed | position | amplitude | trusted |\n|---|---|---|---|---|",
         "margins": "| loop | designed | measured in the full motor |\n|---|---|---|",
-        "bursts": f"| periods | {' | '.join(map(str, PERIODS))} |\n|---{'|---' * len(PERIODS)}|",
-        "times": (
-            "| sampling | C code: CPU | wall | averaged, ngspice: CPU | wall | full motor: CPU | wall |\n"
-            f"|---{'|---' * 2 * len(ENGINES)}|"
-        ),
     }
-    rows = {"samples": _samples_row, "margins": _margins_row, "bursts": _bursts_row, "times": _times_row}
+    rows = {"samples": _samples_row, "margins": _margins_row}
     found = {}
     for table, head in heads.items():
         names = [name for name in TABLES[table][1] if name in known[table]]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure the margins of five trackers and write a table of ``docs/tracking.md``: ``python -m docs.tracker_margins``.
+"""Measure the margins of five trackers and write a table of ``docs/accuracy.md``: ``python -m docs.tracker_margins``.
 
 The printed margin is that of ``track``. The measured one is the ratio of returned to injected voltage of a small sine
 in front of the oscillator, in a run of its own. It takes some minutes of one core.
@@ -20,8 +20,8 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, running_resonance
 
-PAGE = Path(__file__).with_name("tracking.md")
-BEGIN, END = "<!-- margins by python -m docs.tracker_margins -->", "<!-- end of the margins -->"
+PAGE = Path(__file__).with_name("accuracy.md")
+BEGIN, END = "<!-- trackers by python -m docs.tracker_margins -->", "<!-- end of the trackers -->"
 HEAD = """\
 | loop | printed | measured | resonator alone |
 |---|---|---|---|"""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Faults around the command, as a user meets them: real processes, real files, real limits.
 
-docs/robustness.md lists the faults and names the test of each. ``make test`` has one case of each class of fault,
+docs/accuracy.md counts the faults. ``make test`` has one case of each class of fault,
 ``make soak`` has every command.
 """
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-NOTEBOOKS = {"firmware_loop.ipynb": "tutorial_firmware.md"}  # in examples/ → in docs/
+NOTEBOOKS = {"control_loops.ipynb": "tutorial_tracking.md"}  # in examples/ → in docs/
 _BLOCK = re.compile(r"^```python\n(.*?)^```\n", re.M | re.S)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``.op`` and ``.ac`` of the averaged decks at random operating points: ``python -m validation.starts --count 200``.
 
-At each point both run by themselves, and with the start by a transient that docs/averaged.md gives.
+At each point both run by themselves, and with the start by a transient that docs/tracking.md gives.
 """
 
 from __future__ import annotations

@@ -50,13 +50,10 @@ def snippets(page: Path) -> list[str]:
 
 
 # pages whose commands or Python take 4 to 12 s
-LONG = {"averaged", "drive", "impedance", "other_tools", "speed_torque", "steady_state", "sweeps", "tracking"}
+LONG = {"drive", "impedance", "other_tools", "speed_torque", "steady_state", "sweeps", "tracking"}
 LONG |= {
-    "tutorial_control_tool",
     "tutorial_driver",
-    "tutorial_firmware",
     "tutorial_impedance",
-    "tutorial_speed_loop",
     "tutorial_tracking",
 }
 
