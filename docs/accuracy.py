@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
-from docs.tables import put
-
+put = run_path(str(Path(__file__).with_name("tables.py")))["put"]
 RECORDS = Path(__file__).resolve().parents[1] / "validation" / "records"
 CAMPAIGNS = "| what is drawn at random | checked against | cases | result | record |"
 POINTS_HEAD = "| operating point | trajectory, % | states | speed, % | energy |"

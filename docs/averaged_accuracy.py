@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from runpy import run_path
 
 import numpy as np
 
 import pyspice_runner as pr
-from docs.tables import put
 from pyspice_runner.averaged.run import TRUSTED_CHECK, TRUSTED_OPEN
 from pyspice_runner.circuit.law import law_of
 from pyspice_runner.circuit.source import DriveSource
@@ -18,6 +19,7 @@ from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
+put = run_path(str(Path(__file__).with_name("tables.py")))["put"]
 ALLOWED = 0.02  # of the friction torque: error of a point whose check passes
 OWN: dict[str, float] = {}  # changes nothing of the set's mount
 SETTLED = 60e-3  # s: five decay times of the mount, twenty of the modes
