@@ -15,8 +15,8 @@ DRIVE = {"voltage": 40.0, "phase_deg": pr.default_drive(MOTOR).phase_deg}
 NAMES = {"pll": "phase-locked loop", "observe-current": "perturb and observe", "none": "not tracked"}
 COLOURS = {"pll": BLUE, "observe-current": ORANGE, "none": VERMILION}
 START, OFFSET = 40.65e3, 0.01
-DRIFT, BEGIN, DRIFT_TIME, END = -0.005, 2e-3, 5e-3, 9e-3
-DURATIONS = {"pll": 6e-3, "observe-current": 8e-3, "none": 4e-3}
+DRIFT, BEGIN, DRIFT_TIME, END = -0.005, 1.5e-3, 4e-3, 6.5e-3
+DURATIONS = {"pll": 5e-3, "observe-current": 6e-3, "none": 3e-3}
 if draft():
     BEGIN, DRIFT_TIME, END = 1.1e-3, 0.3e-3, 2.5e-3
     DURATIONS = dict.fromkeys(NAMES, 2.3e-3)
