@@ -13,9 +13,9 @@ import pyspice_runner as pr
 from pyspice_runner.trackers.tracker import running_resonance
 
 MOTOR = pr.load_motor("bimodal40")
-DRIVE = pr.default_drive(MOTOR)
-FIRST, WHOLE = (2.4e-3, 600.0) if draft() else (10e-3, 600.0)
-OFFSET, TARGET = 0.02, -20.0
+DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 40.0})
+FIRST, WHOLE = (2.4e-3, 600.0) if draft() else (8e-3, 600.0)
+OFFSET, TARGET = 0.01, -20.0
 
 
 def draw(folder: Path) -> list[str]:
@@ -34,7 +34,7 @@ def draw(folder: Path) -> list[str]:
 
     figure, axes = canvas(3, 2, 6.6, sharex="col")
     for row, (name, scale, what) in enumerate(
-        (("frequency_hz", 1e-3, "frequency / kHz"), ("phase_deg", 1.0, "phase of the mode / °"),
+        (("frequency_hz", 1e-3, "frequency / kHz"), ("phase_deg", 1.0, "phase of mode 4 / °"),
          ("rotor_speed_rad_s", 1.0, "speed / (rad/s)"))
     ):  # fmt: skip
         left, right = axes[row]
