@@ -23,8 +23,8 @@ from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, runni
 PAGE = Path(__file__).with_name("accuracy.md")
 BEGIN, END = "<!-- trackers by python -m docs.tracker_margins -->", "<!-- end of the trackers -->"
 HEAD = """\
-| loop | printed | measured | resonator alone |
-|---|---|---|---|"""
+| loop | printed | measured |
+|---|---|---|"""
 SWING_HZ = 0.15  # amplitude of the injected sine, over the half bandwidth of the mode
 FINER = 2.0  # the usual step over that of the measurement, whose edges are seen at the end of a step
 CYCLES = 6
@@ -72,7 +72,6 @@ CASES = {
 class Margins:
     """Crossover in Hz and phase margin in degrees of one loop."""
 
-    designed: tuple[float, float]
     printed: tuple[float, float]
     measured: tuple[float, float]
 
@@ -132,17 +131,12 @@ def measured(case: Case) -> Margins:
     shift = -np.log(abs(gain)) / slope
     crossover = loop.crossover_hz * float(np.exp(shift))
     margin = 180.0 + float(np.degrees(np.angle(gain)) + turning * shift)
-    alone = pr.control_loop(motor, tracker)
-    return Margins(
-        (alone.crossover_hz, alone.phase_margin_deg), (loop.crossover_hz, loop.phase_margin_deg), (crossover, margin)
-    )
+    return Margins((loop.crossover_hz, loop.phase_margin_deg), (crossover, margin))
 
 
 def row(name: str, found: Margins) -> str:
     """Return a line of the table."""
-    shown = [
-        f"{margin:.1f}° at {crossover:.0f} Hz" for crossover, margin in (found.printed, found.measured, found.designed)
-    ]
+    shown = [f"{margin:.1f}° at {crossover:.0f} Hz" for crossover, margin in (found.printed, found.measured)]
     return f"| {name} | {' | '.join(shown)} |"
 
 

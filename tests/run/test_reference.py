@@ -231,7 +231,10 @@ def told() -> dict[str, list[str]]:
     return {row[0]: row[1:] for row in rows}
 
 
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [name for name in POINTS if name in told()], ALWAYS))
+SHOWN = [name for name in POINTS if name in told()]
+
+
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, SHOWN, [name for name in ALWAYS if name in SHOWN]))
 def test_the_accuracy_page_tells_what_is_measured(name: str) -> None:
     """Numbers may move with ngspice's version and the compiler by their last digit, not more."""
     run = ours(name)
