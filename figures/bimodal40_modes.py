@@ -61,7 +61,7 @@ def draw(folder: Path) -> list[str]:
     stator = stator_of(solid)
     nodes = 1e3 * stator.nodes_m
     faces = outer_faces(nodes, stator.cells)
-    figure, axes = canvas(2, 2, 3.9)
+    figure, axes = canvas(2, 2, 4.2)
     lines = []
     for index, (panel, name) in enumerate(zip(axes.flat, NAMES, strict=True)):
         mode, shape = motor.modes[index], stator.shapes[..., index]

@@ -15,8 +15,8 @@ MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 60.0})
 SAMPLE_TIME = 0.5e-3  # s; the loop delays by it: half by the mean over the last interval, half by the next
 CROSSOVER, MARGIN = 15.0, 92.0  # Hz, deg
-BEGIN, END = (1.5e-3, 3e-3) if draft() else (3e-3, 33e-3)  # s: of the step, of the run
-STEP = 2.0  # rad/s
+BEGIN, END = (1.5e-3, 3e-3) if draft() else (16e-3, 32e-3)  # s: of the step, of the run
+STEP = 3.0  # rad/s
 
 
 def draw(folder: Path) -> list[str]:
@@ -27,7 +27,7 @@ def draw(folder: Path) -> list[str]:
     averaged, full = (
         pr.simulate_controlled(
             MOTOR, DRIVE, LoopController(loop, lambda time: before + STEP * (time > BEGIN)), duration=END,
-            sample_time=SAMPLE_TIME, averaged=averaged, start="steady",
+            sample_time=SAMPLE_TIME, averaged=averaged,
         )
         for averaged in (True, False)
     )  # fmt: skip

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Resonance trackers: they start off resonance, and then the resonance drifts."""
+"""A phase-locked loop against no tracking: they start off resonance, and then the resonance drifts."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from style import BLACK, BLUE, GREY, ORANGE, VERMILION, canvas, draft, main, write
+from style import BLACK, BLUE, GREY, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
 from pyspice_runner.trackers.track import Tracking
 
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = {"voltage": 40.0, "phase_deg": pr.default_drive(MOTOR).phase_deg}
-NAMES = {"pll": "phase-locked loop", "observe-current": "perturb and observe", "none": "not tracked"}
-COLOURS = {"pll": BLUE, "observe-current": ORANGE, "none": VERMILION}
+NAMES = {"pll": "phase-locked loop", "none": "not tracked"}
+COLOURS = {"pll": BLUE, "none": VERMILION}
 START, OFFSET = 40.65e3, 0.01
 DRIFT, BEGIN, DRIFT_TIME, END = -0.005, 1.5e-3, 4e-3, 6.5e-3
-DURATIONS = {"pll": 5e-3, "observe-current": 6e-3, "none": 3e-3}
+DURATIONS = {"pll": 5e-3, "none": 4e-3}
 if draft():
     BEGIN, DRIFT_TIME, END = 1.1e-3, 0.3e-3, 2.5e-3
     DURATIONS = dict.fromkeys(NAMES, 2.3e-3)
@@ -51,9 +51,10 @@ def draw(folder: Path) -> list[str]:
     figure, axes = canvas(3, 2, 7.2, sharex="col", sharey="row")
     for column, results in zip(axes.T, (starts, drifts), strict=True):
         for axis, panel in zip(column, ("frequency", "phase", "speed"), strict=True):
-            axis.set_prop_cycle(color=list(COLOURS.values()))
-            for found in results.values():
+            for kind, found in results.items():
+                drawn = len(axis.lines)
                 found.plot(ax=axis, panel=panel)
+                axis.lines[drawn].set_color(COLOURS[kind])
             axis.label_outer()
         column[1].axhline(0.0, color=GREY, lw=0.8)
     tracked = list(axes[0, 0].lines)
@@ -70,13 +71,13 @@ def draw(folder: Path) -> list[str]:
         f"Drive: {DRIVE['voltage']:g} V, φ = {DRIVE['phase_deg']:g}°. Phase: velocity of mode 4 against the force of "
         "both groups. The trackers do not see it; they sense the motional current. Dashed: the frequency at which "
         f"the running averaged motor has the phase 0, {1e-3 * cold:.2f} kHz, and {1e-3 * warm:.2f} kHz after the "
-        "drift. Loop: bandwidth 500 Hz. Perturb and observe: 80 Hz every 0.8 ms. "
+        "drift. Loop: bandwidth 500 Hz. "
         f"ngspice {starts['pll'].ngspice_version}."
     )
     write(
         figure,
         folder / "tracking.png",
-        "A phase-locked loop and perturb and observe seek the resonance as it drifts",
+        "A phase-locked loop follows the resonance as it drifts",
         caption,
     )
     story = [f"{name}: {_lock(starts[kind])}" for kind, name in NAMES.items()]
