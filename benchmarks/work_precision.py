@@ -2,7 +2,7 @@
 """Work and precision: error of a motor run over its wall time, with scipy's solvers and a compiled integrator.
 
 Every solver has the same law. scipy's solvers use scalar arithmetic and no dense output; the comparison is at their
-steps. All times are medians of interleaved runs within one process. ``figures/work_precision.py`` plots the result,
+steps. All times are medians of interleaved runs within one process. The results are in
 ``work_precision.json``.
 """
 
