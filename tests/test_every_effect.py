@@ -69,7 +69,7 @@ def test_a_run_balances_its_energy_and_opens_sticks_and_slips() -> None:
     assert not run.audit.findings
 
 
-@pytest.mark.parametrize("reference", ["events", "losses"])
+@pytest.mark.parametrize("reference", mostly(pytest.mark.soak, ["events", "losses"], ["events"]))
 def test_a_run_is_that_of_an_independent_integrator(reference: str) -> None:
     """One has the worn tip, the other damping and both compliances; both have recoil, mount and dry bearing."""
     duration, step = 6e-4, 5e-8
@@ -97,6 +97,7 @@ def test_the_contact_is_separated_while_its_normal_force_is_zero(law: str) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", mostly(pytest.mark.soak, LAWS, ["spring-slider"]))
+@pytest.mark.soak
 def test_a_steady_state_is_what_a_run_settles_to(law: str) -> None:
     state = steady(law)
     assert state.stable
@@ -194,6 +195,7 @@ def test_the_averaged_motor_settles_to_the_steady_state() -> None:
     assert found.torque_n_m[-1] == pytest.approx(full.torque_n_m, abs=0.02 * LIMIT)
 
 
+@pytest.mark.soak
 def test_a_loop_designed_on_the_linear_plant_has_its_crossover() -> None:
     system = pr.state_space(NEW, DRIVE)
     gain = system.transfer("speed", "amplitude", np.array([1e-3]))[0].real

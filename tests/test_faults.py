@@ -177,6 +177,7 @@ def test_lack_of_memory_for_ngspice_is_reported(
     assert temporary(folder) == []
 
 
+@pytest.mark.soak
 def test_lack_of_memory_for_the_command_is_reported(folder: Path) -> None:
     """The same command twice in one process; the second time, when all is loaded, memory is limited."""
     script = """
@@ -216,6 +217,7 @@ def test_the_finished_one_of_two_drivers_is_delivered(
     assert json.loads((folder / "drivers.json").read_text(encoding="utf-8"))["drivers"] == [driver]
 
 
+@pytest.mark.soak
 def test_a_curve_keeps_its_finished_points(
     folder: Path, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -231,6 +233,7 @@ def test_a_curve_keeps_its_finished_points(
     assert json.loads(output)["torque_n_m"][1] is None
 
 
+@pytest.mark.soak
 def test_a_report_keeps_its_finished_parts(
     folder: Path, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -282,6 +285,7 @@ def may_mount() -> bool:
     return os.geteuid() == 0 and effective is not None and bool(int(effective[1], 16) >> 21 & 1)
 
 
+@pytest.mark.soak
 def test_a_full_disk_loses_no_result(folder: Path) -> None:
     """Neither the new result, nor an older file of that name, nor the points of a sweep."""
     disk, full = on_a_disk_of(16, folder)
@@ -634,6 +638,7 @@ def test_a_locale_with_decimal_commas_changes_no_file(folder: Path) -> None:
     assert [(folder / name).read_bytes() for name in files] == found
 
 
+@pytest.mark.soak
 def test_paths_may_hold_spaces_and_any_characters(tmp_path: Path) -> None:
     """The paths of the folder, the files, the temporary files and ngspice; one name is not valid text."""
     place = tmp_path / "Größe µ – 電機 'α' $HOME"
@@ -660,6 +665,7 @@ def test_paths_may_hold_spaces_and_any_characters(tmp_path: Path) -> None:
     assert list((place / "tmp dir").iterdir()) == []
 
 
+@pytest.mark.soak
 def test_a_matplotlibrc_with_tex_in_the_working_folder_changes_no_plot(folder: Path) -> None:
     words = ["-m", "pyspice_runner", "show", "andersen2002", "--plot"]
     assert command(sys.executable, *words, "plain.png", cwd=folder, shell=True)[0] == 0

@@ -57,6 +57,7 @@ def results() -> dict[str, Result]:
 
 
 @pytest.mark.parametrize("name", mostly(pytest.mark.soak, NAMES, ["run", "curves"]))
+@pytest.mark.soak
 def test_a_result_is_one_line_and_in_a_notebook_a_table_with_a_picture(results: dict[str, Result], name: str) -> None:
     line = repr(results[name])
     assert "\n" not in line
@@ -164,6 +165,7 @@ def test_points_that_did_not_settle_are_marked_and_named() -> None:
         assert "not settled" in [text.get_text() for text in legend.get_texts()]
 
 
+@pytest.mark.soak
 def test_a_dataset_is_saved_plotted_and_tabled_like_a_result(tmp_path: Path) -> None:
     plain = curves(settled=False)
     data = Dataset(plain.data_vars, plain.coords, plain.attrs)

@@ -125,6 +125,7 @@ def test_ngspice_turns_the_rotor_as_the_compiled_motor_does(
     assert (abs(compiled) < 0.5e-6) == (name == "beam40")
 
 
+@pytest.mark.soak
 def test_without_a_compiler_ngspice_runs_the_motor(motor: pr.Motor, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pyspice_runner.spice.compiler.COMPILERS", ("no-compiler",))
     run = simulate_averaged(motor, FAST, 1e-3)

@@ -286,6 +286,7 @@ def test_first_resonance_hammers(tmp_path: Path) -> None:
     assert abs(result["rotor_speed_mean_rad_s"]) < 1e-6  # both groups in phase: nothing turns
 
 
+@pytest.mark.soak
 def test_dynamometer_deck_integrates_what_the_waveforms_of_simulate_hold(tmp_path: Path) -> None:
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
@@ -378,6 +379,7 @@ def test_a_small_signal_is_the_slope_of_the_operating_point(tmp_path: Path) -> N
     assert slow["slow_speed_in_phase"] == pytest.approx(high - low, rel=0.04)
 
 
+@pytest.mark.soak
 def test_the_averaged_speed_loop_reaches_its_targets(tmp_path: Path) -> None:
     loop = measured("averaged_speed_loop", tmp_path)
     assert loop["first_speed_rad_s"] == pytest.approx(20.0, rel=1e-3)

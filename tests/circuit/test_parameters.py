@@ -104,6 +104,7 @@ def test_the_header_states_every_parameter_with_default_and_range() -> None:
         check_parameters(library.name, library.parameters, {"friction": 9.0})
 
 
+@pytest.mark.soak
 def test_the_coarsest_step_of_the_header_is_right_and_a_coarse_one_is_not() -> None:
     """As a user would run it, with the slider_time of the header and ngspice's default tolerances."""
     library = motor_library(symmetric())

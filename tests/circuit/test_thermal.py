@@ -132,6 +132,7 @@ def test_heat_is_what_a_free_stator_takes_up(between: float, frequency: float) -
     assert v["v(temperature)"][-1] < 1e-6  # a very great heat capacity
 
 
+@pytest.mark.soak
 def test_losses_heat_the_stator_until_it_has_drifted_away_from_its_drive(tmp_path: Path) -> None:
     """The deck: T = P R once warm, and the current that the closed form has at that temperature."""
     found = measured("thermal_drift", tmp_path)

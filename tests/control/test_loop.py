@@ -111,6 +111,7 @@ def test_the_full_motor_stands_in_the_dead_band_and_turns_above(motor: pr.Motor,
         assert abs(late) < 2e-6 or turns
 
 
+@pytest.mark.soak
 def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
     """By a sine in the running loop with the gains of the design; 3 % and 1.5°, as it is not infinitely small."""
     wanted = DESIGNS["slow speed"]

@@ -176,6 +176,7 @@ M1 d g 0 {part.lower()}
         [(2e-6, 1e-7)],
     ),
 )
+@pytest.mark.soak
 def test_dead_time_and_edges_of_the_gates_are_those_of_the_settings(
     dead_time: float, edge: float, tmp_path: Path
 ) -> None:

@@ -105,6 +105,7 @@ Ilift 0 out PWL(0 -1m 11u -1m 11.001u -20u 13u -20u 13.001u 40m)
     assert found["lifted_s"] == pytest.approx(charge / 40e-3, rel=0.01)
 
 
+@pytest.mark.soak
 def test_a_dead_time_that_moves_the_charge_leaves_no_voltage_and_a_shorter_one_does() -> None:
     short, long = bridge(60e-9), bridge(400e-9)
     for before, after in zip(short.switching, long.switching, strict=True):

@@ -129,6 +129,7 @@ def test_the_output_of_a_generator_drops_by_its_resistance() -> None:
     assert "The driver has no supply pins: powers and efficiencies count from its output." in found.cautions
 
 
+@pytest.mark.soak
 def test_the_deck_of_a_report_needs_no_other_file(tmp_path: Path) -> None:
     deck = report(driver("half-bridge", network="inductor", mosfet=f"{EXAMPLE}:sturdy200")).deck
     harmless(deck.replace(".tran", ".title").replace(".save", ".title"))

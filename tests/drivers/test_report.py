@@ -153,6 +153,7 @@ def test_the_slew_rate_asked_for_is_that_of_the_sine() -> None:
     assert found.outputs["b"].slew_rate_v_per_s == pytest.approx(2.0 * pi * FREQUENCY * 50.0, rel=1e-3)
 
 
+@pytest.mark.soak
 def test_half_bridge_gives_a_square_wave() -> None:
     found = half_bridge()
     for group in ("a", "b"):
@@ -167,6 +168,7 @@ def test_half_bridge_gives_a_square_wave() -> None:
     assert found.gate_power_w > 0.0
 
 
+@pytest.mark.soak
 def test_a_push_pull_stage_gives_the_fundamental_of_its_supply_and_its_transistors_bear_twice_that() -> None:
     """4/π of the supply times the ratio behind the leakage, which is in series with the load that is measured.
 
@@ -364,6 +366,7 @@ def test_errors_name_the_value(settings: dict[str, Any], sentence: str) -> None:
     assert sentence in str(caught.value)
 
 
+@pytest.mark.soak
 def test_a_report_is_written_by_the_ending_of_its_file(tmp_path: Path) -> None:
     found = half_bridge()
     for ending in ("json", "csv", "cir"):
@@ -377,6 +380,7 @@ def test_a_report_is_written_by_the_ending_of_its_file(tmp_path: Path) -> None:
     assert (tmp_path / "report.png").stat().st_size > 20_000
 
 
+@pytest.mark.soak
 def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["drive", "andersen2002", "--duration", "5e-4", "--speed", "0.3"]
     assert run([*words, "--json", "--output", str(tmp_path / "one.csv")]) == 0

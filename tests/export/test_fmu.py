@@ -171,6 +171,7 @@ def test_without_a_compiler_the_export_says_what_to_install(
 
 
 @pytest.mark.parametrize("duration", [0.01, pytest.param(1.0, marks=pytest.mark.soak)])
+@pytest.mark.soak
 def test_spin_up_with_a_speed_controller_is_that_of_simulate_averaged(
     unit: Unit, motor: pr.Motor, duration: float
 ) -> None:
@@ -230,6 +231,7 @@ ON_CARRIERS: dict[str, dict[str, float]] = {
 @pytest.mark.parametrize(
     "name", mostly(pytest.mark.soak, ON_CARRIERS, ["along the rotor, and capacitance between the groups"])
 )
+@pytest.mark.soak
 def test_a_motor_that_shakes_its_carrier_is_that_of_simulate_averaged(
     name: str, motor: pr.Motor, tmp_path: Path
 ) -> None:

@@ -39,6 +39,7 @@ def expected() -> Any:
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+@pytest.mark.soak
 def test_both_interfaces_of_both_versions_give_the_speed_of_simulate_averaged(
     version: int, kind: str, units: dict[int, Path], expected: Any
 ) -> None:

@@ -56,6 +56,7 @@ def test_every_script_has_its_picture_beside_it() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.soak
 def test_the_demo_draws_every_figure_and_says_what_the_motor_did(tmp_path: Path) -> None:
     done = run_script("demo.py", "--draft", "--output", tmp_path / "pictures")
     assert done.returncode == 0, done.stderr

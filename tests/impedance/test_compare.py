@@ -92,6 +92,7 @@ def test_a_strong_mode_that_moved_past_a_weak_one_is_still_itself() -> None:
     assert [mode.deviations["frequency"] for mode in modes] == pytest.approx([26.4 / 25.0 - 1.0, 0.0], abs=1e-6)
 
 
+@pytest.mark.soak
 def test_a_motor_is_held_against_its_own_spectrum() -> None:
     motor = pr.load_motor("andersen2002")
     softer = motor.updated({"modes.1.frequency_hz": 51.0e3})
@@ -126,6 +127,7 @@ def test_spectra_at_several_temperatures_give_the_drifts() -> None:
     assert trend.to_dict()["drifts"] == trend.drifts()
 
 
+@pytest.mark.soak
 def test_many_make_a_table_and_a_trend(tmp_path: Path) -> None:
     spectra = [
         measured(f"at {at} C", noise=0.002, seed=at, frequencies=[20e3 * (1.0 - 1e-4 * at), 33e3])

@@ -368,6 +368,7 @@ def test_a_fit_of_a_long_spectrum_finds_narrow_arms_and_is_quick() -> None:
     assert "searched with 3509 of 220000 points" in caution
 
 
+@pytest.mark.soak
 def test_a_long_spectrum_without_a_resonance_is_found_out_in_seconds() -> None:
     frequency = np.linspace(8e3, 70e3, 200_000)
     steps = np.round(1e-3 * frequency) / 1e3  # of a display with few digits, which arms follow

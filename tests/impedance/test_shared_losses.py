@@ -61,6 +61,7 @@ def test_the_library_has_the_admittance_of_the_fit() -> None:
     assert document["leads"] is None
 
 
+@pytest.mark.soak
 def test_an_arm_of_a_stated_number_may_lie_far_from_the_band() -> None:
     """The fourth arm is at 190 kHz, the band ends at 118 kHz; the error was 0.07 % with arms of up to 120.5 kHz."""
     beyond = MotionalArm(9e3, 0.1, 1.0 / (0.1 * (2 * np.pi * 190e3) ** 2))

@@ -577,6 +577,7 @@ print(*(fingerprint(pr.load_motor(name).to_dict()) for name in pr.available_moto
 """
 
 
+@pytest.mark.soak
 def test_the_number_of_threads_does_not_change_a_motor() -> None:
     """Two threads of BLAS add in another order; a stored point would have another address."""
     said = [

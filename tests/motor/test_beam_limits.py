@@ -27,6 +27,7 @@ SHORT = PatchedBeam(0.0122, 3.6e-3, 1.2e-3, 0.0005, 0.0039)
 
 
 @pytest.mark.parametrize("case", [MEDIUM, SHORT], ids=["medium", "short"])
+@pytest.mark.soak
 def test_the_estimates_are_those_of_finite_elements(case: PatchedBeam) -> None:
     frequencies, forces = case.solid(0.7e-3)
     for theory in ("timoshenko", "bernoulli-euler"):

@@ -328,6 +328,7 @@ def test_held_shaft_drags_the_tip_with_the_friction_of_coulomb(speed: float) -> 
 
 
 @pytest.mark.parametrize("name", ["mostly slip", pytest.param("opening", marks=pytest.mark.soak)])
+@pytest.mark.soak
 def test_a_cut_off_instead_of_events_comes_to_the_same(name: str) -> None:
     run = _operate(name, duration=1e-3, output_step=1e-6)
     tones = OPERATING_POINTS[name]["tones"]

@@ -102,6 +102,7 @@ SEPARATE = "hammers, hardly pressed"  # where the contact opens, the whole dista
 @pytest.mark.parametrize(
     "name", mostly(pytest.mark.soak, ["mostly slip", SEPARATE, "two tones, hammering"], [SEPARATE])
 )
+@pytest.mark.soak
 def test_a_default_run_states_its_error_within_a_factor_of_three(name: str) -> None:
     point = POINTS[name]
     run = pr.simulate(point.motor, point.drive, duration=DURATION, **point.load)
@@ -113,6 +114,7 @@ def test_a_default_run_states_its_error_within_a_factor_of_three(name: str) -> N
     assert run.torque_error_n_m is not None
 
 
+@pytest.mark.soak
 def test_a_default_run_whose_estimated_error_exceeds_one_per_cent_says_so() -> None:
     """17 kHz and 100 V, the tip hammers: its motion is accurate, but the estimate is 3 % of the small mean speed."""
     motor = pr.load_motor("andersen2002").updated({"mount": None})

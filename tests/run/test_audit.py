@@ -258,6 +258,7 @@ def test_a_driver_whose_powers_do_not_balance_is_withheld_or_marked(monkeypatch:
     assert (told["passed"], told["findings"][0][:15]) == (False, "The powers miss")
 
 
+@pytest.mark.soak
 def test_a_tracked_motor_whose_contact_pulls_is_withheld_or_marked(monkeypatch: pytest.MonkeyPatch) -> None:
     tracker = pr.Tracker(kind="none", voltage=50.0, frequency=55.4e3)
     settings: dict[str, Any] = {"duration": 1.7e-3, "begin": 1.7e-3, "step": 1.8e-7}

@@ -75,6 +75,7 @@ def off_resonance(voltage: float) -> pr.TwoToneDrive:
 
 
 @pytest.mark.parametrize("voltage", mostly(pytest.mark.soak, [2.0, 50.0, 200.0], [2.0]))
+@pytest.mark.soak
 def test_at_f1_the_tip_moves_less_towards_the_rotor_in_contact(voltage: float) -> None:
     """Finding (e): on resonance D = iωc is small, and s = 43 |D|."""
     found, expected = ratio(at_f1(voltage), "tip_y_m"), small_ratio(FIRST, F_1, NORMAL)
@@ -104,6 +105,7 @@ def test_the_contact_resonance_is_the_preloaded_resonance_of_a_plus_b() -> None:
 
 
 @pytest.mark.parametrize("voltage", mostly(pytest.mark.soak, [20.0, 200.0], [200.0]))
+@pytest.mark.soak
 def test_off_resonance_eq_2_is_almost_unaffected(voltage: float) -> None:
     """Finding (c, d): far above both resonances |D| is some ten times the contact's s, which therefore counts a tenth.
 
@@ -122,6 +124,7 @@ def test_off_resonance_eq_2_is_almost_unaffected(voltage: float) -> None:
 @pytest.mark.parametrize(
     "drive", mostly(pytest.mark.soak, [at_f1, at_contact_resonance, between, off_resonance], [off_resonance])
 )
+@pytest.mark.soak
 def test_stick_dominates_at_small_amplitude(drive: Callable[[float], pr.TwoPhaseDrive | pr.TwoToneDrive]) -> None:
     _, small = free_and_held(drive(0.2 if drive is at_contact_resonance else 2.0))
     _, large = free_and_held(drive(200.0))

@@ -8,44 +8,37 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.run import kernel
 
 
-def collapsing(monkeypatch: pytest.MonkeyPatch, runs: int) -> list[float]:
-    """Let the first runs end as ngspice ends one whose steps collapsed; return the list of the steps of all runs."""
+def steps_of(monkeypatch: pytest.MonkeyPatch, log: str, failures: int, *, uniform: bool) -> list[float]:
+    """Return the steps of the runs of one transient, of which the first ones end as ngspice ends them with a log."""
     steps: list[float] = []
-    run = kernel.run_bench
 
-    def failing(bench: Any, vectors: Any, timeout: Any, analysis: str, timing: Any, **how: Any) -> kernel.Outcome:
+    def run(*positional: Any, **_: Any) -> None:
+        timing = positional[4]
         steps.append(timing["max_time"])
-        if len(steps) <= runs:
-            raise pr.SimulationError("It failed.", log="doAnalyses: TRAN:  Timestep too small; time = 1e-05")
-        return run(bench, vectors, timeout, analysis, timing, **how)
+        if len(steps) <= failures:
+            raise pr.SimulationError("It failed.", log=log)
 
-    monkeypatch.setattr(kernel, "run_bench", failing)
+    monkeypatch.setattr(kernel, "run_bench", run)
+    try:
+        kernel.transient(Bench(None, {}), [], step=1e-7, duration=1e-3, uniform=uniform)  # type: ignore[arg-type]
+    except pr.SimulationError:
+        steps.append(float("inf"))
     return steps
 
 
-STAGE = {"kind": "full-bridge", "voltage": 60.0, "frequency": 40.7e3, "phase_deg": 62.0}
+COLLAPSED = "doAnalyses: TRAN:  Timestep too small; time = 1e-05, timestep = 1e-20"
 
 
-def test_a_run_with_switching_edges_is_repeated_with_half_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = collapsing(monkeypatch, runs=1)
-    report = pr.drive_report(pr.load_motor("bimodal40"), pr.Driver(**STAGE), duration=3e-4)
-    assert steps[1] == steps[0] / 2.0
-    assert abs(report.balance_residual) < 0.01
+def test_a_run_with_switching_edges_is_repeated_once_with_half_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert steps_of(monkeypatch, COLLAPSED, 0, uniform=False) == [1e-7]
+    assert steps_of(monkeypatch, COLLAPSED, 1, uniform=False) == [1e-7, 5e-8]
+    assert steps_of(monkeypatch, COLLAPSED, 2, uniform=False) == [1e-7, 5e-8, float("inf")]
 
 
-def test_a_run_with_switching_edges_is_repeated_only_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = collapsing(monkeypatch, runs=2)
-    with pytest.raises(pr.SimulationError):
-        pr.drive_report(pr.load_motor("bimodal40"), pr.Driver(**STAGE), duration=3e-4)
-    assert len(steps) == 2
-
-
-def test_a_run_with_uniform_steps_is_not_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps = collapsing(monkeypatch, runs=100)
-    motor = pr.load_motor("bimodal40")
-    with pytest.raises(pr.SimulationError):
-        pr.simulate(motor, pr.default_drive(motor), duration=1e-4, step=1e-7)
-    assert min(steps) == 1e-7  # the others are the coarser runs of the error estimate
+def test_another_failure_and_a_run_with_uniform_steps_are_not_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert steps_of(monkeypatch, "singular matrix", 1, uniform=False) == [1e-7, float("inf")]
+    assert steps_of(monkeypatch, COLLAPSED, 1, uniform=True) == [1e-7, float("inf")]

@@ -60,6 +60,7 @@ def test_plate_theory_gives_the_modes_of_three_dimensions() -> None:
         assert ours.coupling_a_n_per_v == pytest.approx(theirs.coupling_a_n_per_v, rel=0.03)  # gaps of 0.5 mm
 
 
+@pytest.mark.soak
 def test_elements_of_twice_the_size_hardly_change_the_modes_that_move_the_tip() -> None:
     stated = stated_solid(SETS / "bimodal40.toml")
     assert stated is not None

@@ -96,6 +96,7 @@ def test_the_folds_are_where_sweeps_up_and_down_jump() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.soak
 def test_the_branch_of_a_free_stator_that_softens_is_duffings_curve_through_both_folds() -> None:
     motor = pr.load_motor("beam40").updated(SOFTENING)
     mode, voltage = motor.modes[1], 30.0

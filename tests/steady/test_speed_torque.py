@@ -92,6 +92,7 @@ def test_power_balances_at_every_point(frequency: float) -> None:
 
 
 @pytest.mark.parametrize("law", ["spring-slider", pytest.param("brush", marks=pytest.mark.soak)])
+@pytest.mark.soak
 def test_a_block_goes_on_from_the_one_before_as_if_they_were_one_run(law: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     stored = []
 
@@ -124,6 +125,7 @@ def test_a_block_goes_on_from_the_one_before_as_if_they_were_one_run(law: Any, m
     assert block.peaks["a"] == pytest.approx(np.abs(whole.current_a_a[last]).max(), rel=1e-3)
 
 
+@pytest.mark.soak
 def test_the_brake_loads_a_free_shaft_with_a_torque() -> None:
     excitation, load = drive(46e3), float(curve(46e3)["load_torque_n_m"].sel(speed_rad_s=18.0))
     bench = dynamometer(excitation)

@@ -223,6 +223,7 @@ def test_the_command_prints_the_state_and_writes_its_period(tmp_path: Path, caps
     assert ".tran" in (tmp_path / "period.cir").read_text(encoding="utf-8")
 
 
+@pytest.mark.soak
 def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_result_says_so() -> None:
     motor = pr.load_motor("andersen2002")
     weak = pr.default_drive(motor).updated({"voltage": 2.0})
@@ -275,6 +276,7 @@ def test_the_torques_that_friction_holds_end_within_those_of_a_shaft_that_creeps
     assert share * ends[1] < state.torque_max_n_m < ends[1]
 
 
+@pytest.mark.soak
 def test_a_shaft_that_turns_slowly_has_no_steady_state_that_sticks() -> None:
     """In a period the shaft turns by 2 nrad, but it does not stop until the contact slips."""
     motor = pr.load_motor("andersen2002")

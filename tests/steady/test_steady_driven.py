@@ -52,6 +52,7 @@ def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | Non
     assert abs(ours.balance_residual) < 1e-3
 
 
+@pytest.mark.soak
 def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
     """The charges of the plates fade within the start of a run, all but a few ten-thousandths: they count as well."""
     motor = pr.load_motor("beam40")

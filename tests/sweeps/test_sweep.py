@@ -317,6 +317,7 @@ def test_a_worker_with_other_versions_refuses_to_work(threads: Executor) -> None
         threads.submit(task).result()
 
 
+@pytest.mark.soak
 def test_a_killed_worker_loses_no_point(quick: dict[str, Any], tmp_path: Path) -> None:
     how = quick | {"analysis": points.kills_one_worker, "executor": None, "workers": 2}
     mark = tmp_path / "killed"
@@ -420,6 +421,7 @@ def wait_for(condition: Any, seconds: float = 60.0) -> bool:
     return False
 
 
+@pytest.mark.soak
 def test_ctrl_c_ends_all_processes_and_says_how_to_resume(tmp_path: Path) -> None:
     words = ["--over", "drive.voltage=1:50:2000", "--store", "points", "--output", "sweep.nc"]
     sweeping = start(tmp_path, *words)

@@ -79,6 +79,7 @@ def beam40_tracked(engine: Engine, **settings: Any) -> pr.Tracking:
 
 
 @pytest.mark.parametrize("name", [pytest.param("warm-up"), pytest.param("held", marks=pytest.mark.soak)])
+@pytest.mark.soak
 def test_the_compiled_motor_ends_where_ngspice_does(name: str) -> None:
     """Speed, temperature and frequency within 0.1 %, which the 50 long steps of ngspice leave; the loop likewise."""
     ours, theirs = (beam40_tracked(engine, **DISTURBED[name]) for engine in ENGINES)

@@ -89,6 +89,7 @@ def test_an_untracked_drive_that_is_off_stays_off() -> None:
         pytest.param("observe-power", {"polarity": -1, "offset": -0.01}, "a sign error", marks=pytest.mark.soak),
     ],
 )
+@pytest.mark.soak
 def test_a_tracker_that_cannot_lock_is_reported_as_not_locked(kind: str, values: dict[str, Any], what: str) -> None:
     chosen = tracker(kind, **{"contact": False, **({} if kind == "pll" else FAST), **values})
     duration = 4e-3 if kind == "pll" else 10e-3  # a loop that can lock does so within 3 ms
@@ -124,6 +125,7 @@ def test_the_phase_locked_loop_keeps_lock(disturb: Any, values: dict[str, Any]) 
         assert 0.3 * found.speed_before_rad_s < found.speed_lost_rad_s < 0.7 * found.speed_before_rad_s
 
 
+@pytest.mark.soak
 def test_a_drive_that_is_not_tracked_loses_the_resonance_as_it_drifts() -> None:
     chosen = tracker("none", contact=False)
     found = pr.track(

@@ -23,7 +23,7 @@ from tests.reference.row import throw as exact_throw
 from tests.selection import mostly
 from validation.impact import Impact, Throw, impact, main
 
-pytestmark = pytest.mark.xdist_group("impact")
+pytestmark = [pytest.mark.soak, pytest.mark.xdist_group("impact")]
 
 GROSS = 2.0 - 1e-9  # all of a brush slips: a sum of its cells, to rounding
 ROUNDING = 1e-9  # of the state: ngspice adds 1e-12 S to its node

@@ -398,6 +398,7 @@ def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) 
     assert 100.0 * figures["best_efficiency"] > 0.85 * (high - low)
 
 
+@pytest.mark.soak
 def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
     free = report.free
     assert free is not None

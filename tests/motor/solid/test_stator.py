@@ -85,6 +85,7 @@ def test_modes_and_residuals_add_up_to_the_answer_of_the_whole_solid() -> None:
         assert few[index] == pytest.approx(many[index], abs=0.03 * np.abs(many[index]).max())
 
 
+@pytest.mark.soak
 def test_the_plate_in_its_plane_and_in_three_dimensions_agree() -> None:
     flat = solve_stator(plate())
     gap = 0.25e-3
