@@ -73,23 +73,26 @@ def json_ready(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def grouped(points: Sequence[Iterable[str]]) -> list[str]:
+def grouped(points: Sequence[Iterable[str]], names: Sequence[str] = ()) -> list[str]:
     """Return the cautions of several points once each, with the number of points and the worst of their values.
 
-    The worst value is the largest, or the shortest time after which something happens.
+    The worst value is the largest, or the shortest time after which something happens. With the names of the points,
+    those that have a caution stand before it instead of their number.
     """
     kinds: dict[str, dict[str, list[float]]] = {}
-    counts: dict[str, int] = {}
-    for point in points:
+    counts: dict[str, list[int]] = {}
+    for number, point in enumerate(points):
         for sentence in dict.fromkeys(point):
             values = [float(number) * _PREFIX.get(prefix.strip(), 1.0) for number, prefix in _NUMBER.findall(sentence)]
             kind = _NUMBER.sub(lambda found: "#" + (found[2] or "")[:1], sentence)
             kinds.setdefault(kind, {})[sentence] = values
-            counts[kind] = counts.get(kind, 0) + 1
+            counts.setdefault(kind, []).append(number)
     found = []
     for kind, several in kinds.items():
         worst = (min if "after #" in kind else max)(several, key=lambda sentence: several[sentence])
-        found.append(worst if counts[kind] == len(points) else f"{counts[kind]} of {len(points)} points: {worst}")
+        having = counts[kind]
+        place = ", ".join(names[number] for number in having if names) or f"{len(having)} of {len(points)} points"
+        found.append(worst if len(having) == len(points) else f"{place}: {worst}")
     return found
 
 

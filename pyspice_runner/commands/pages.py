@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @command(
     "motor", DRIVE, "duration speeds levels measured connection columns through tracker calibration timeout",
     CHANGES, TARGETS,
-    duration=option(float, 10e-3, "Simulated time of the run from rest, s."),
+    duration=option(float | None, None, "Simulated time of the run from rest, s; default: until it has settled."),
     speeds=option(
         str | None, None, "Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load."
     ),

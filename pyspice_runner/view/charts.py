@@ -10,10 +10,11 @@ checked, which takes longer than the rest of the page.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import plotly.graph_objects as go
@@ -21,6 +22,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
 from plotly.subplots import make_subplots
+from scipy.spatial import cKDTree
 
 from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
@@ -28,11 +30,25 @@ from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
 from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.motor import Motor, Structure
+from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
+from pyspice_runner.motor.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.trackers.loop import LoopDesign
 from pyspice_runner.view import plot_calibration, plot_curves, plot_runs, plot_spectra
 from pyspice_runner.view.draw import DASHES, Panel, last_periods
-from pyspice_runner.view.style import BLUE, CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, VERMILION, label_of, time_label
+from pyspice_runner.view.style import (
+    BLUE,
+    CYCLE,
+    GREEN,
+    GREY,
+    LABELS,
+    LEAST_COUPLING,
+    PURPLE,
+    STATES,
+    VERMILION,
+    label_of,
+    time_label,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -44,7 +60,7 @@ _STATES: dict[State, str] = {"free": "tip free", "preloaded": "tip pressed on"}
 MODE_STEPS = 12  # frames from the middle to the largest deflection
 TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
 PATH_FRAMES = 120  # of one drive period
-_SWING = 0.07  # of the beam's length: the largest deflection as it is drawn
+_SWING = 0.07  # of the length of beam or solid: the largest deflection as it is drawn
 _MOST_SHAPES = 6
 _MOST_POINTS = 3000  # of a curve over time
 
@@ -67,48 +83,97 @@ def theme(ink: str, grid: str) -> go.layout.Template:
     )
 
 
+Lines = list[tuple[Array, Array]]  # positions in m along the two axes of a chart, of each part that it draws
+
+
+class _Shapes(NamedTuple):
+    """The parts of a stator, at rest and moved by a mode."""
+
+    parts: list[tuple[str, str]]  # name and colour
+    moved: Callable[[int, float], Lines]  # by a mode at a share of its largest deflection
+    along: str  # the axis to the right
+
+
 def mode_shapes(motor: Motor) -> go.Figure | None:
-    """Return the animated modes of the beam, with patches and tip; ``None`` for a motor without a beam."""
-    structure = motor.structure
-    if structure is None:
+    """Return the animated modes of a beam or a solid, with its electrodes; ``None`` for a motor with neither."""
+    if motor.solid is None and motor.structure is None:
         return None
+    shapes = _solid_shapes(motor.solid) if motor.solid else _beam_shapes(cast("Structure", motor.structure), motor)
     modes = motor.modes[:_MOST_SHAPES]
-    resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
     titles = [f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz" for mode in modes]
     figure = make_subplots(rows=len(modes), cols=1, subplot_titles=titles, shared_xaxes=True, vertical_spacing=0.12)
+    for row in range(len(modes)):
+        for (x, y), (name, colour) in zip(shapes.moved(row, 0.0), shapes.parts, strict=True):
+            figure.add_scatter(
+                x=_short(1e3 * x), y=_short(1e3 * y), name=name, legendgroup=name, showlegend=row == 0, mode="lines",
+                line={"color": colour, "width": 3}, hoverinfo="skip", row=row + 1, col=1,
+            )  # fmt: skip
+    frames = []
+    for step in range(-MODE_STEPS, MODE_STEPS + 1):
+        deflection = np.sin(0.5 * pi * step / MODE_STEPS)
+        moved = [line for row in range(len(modes)) for line in shapes.moved(row, deflection)]
+        data = [{"x": _short(1e3 * x), "y": _short(1e3 * y)} for x, y in moved]
+        frames.append({"name": str(step), "data": data, "traces": list(range(len(data)))})
+    order = [*range(MODE_STEPS), *range(MODE_STEPS, -MODE_STEPS, -1), *range(-MODE_STEPS, 0)]
+    furthest = [line for row in range(len(modes)) for share in (-1.0, 1.0) for line in shapes.moved(row, share)]
+    for axis, update in enumerate((figure.update_xaxes, figure.update_yaxes)):
+        values = 1e3 * np.concatenate([line[axis] for line in furthest])
+        room = 0.05 * (np.nanmax(values) - np.nanmin(values))
+        update(range=[float(np.nanmin(values) - room), float(np.nanmax(values) + room)])
+    figure.update_yaxes(title_text="mm")
+    figure.update_xaxes(title_text=f"{shapes.along} in mm", row=len(modes), col=1)
+    figure.update_layout(
+        height=110 + TOOL_BAR + 160 * len(modes), meta={"frames": frames, "order": [str(step) for step in order]}
+    )
+    return figure
+
+
+def _beam_shapes(structure: Structure, motor: Motor) -> _Shapes:
+    """Return a beam with patches and tip, moved by the deflection and, away from the neutral axis, by its slope."""
+    resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
     parts = _parts(structure)
 
-    def lines(mode: int, deflection: float) -> list[tuple[Array, Array]]:
-        """Return the parts moved by a deflection and, away from the neutral axis, by its slope."""
+    def moved(mode: int, deflection: float) -> Lines:
         swing = deflection * _SWING * structure.beam.length_m
         return [
             (x - z * swing * resonator.slope(x)[:, mode], z + swing * resonator.deflection(x)[:, mode])
             for x, z, *_ in parts
         ]
 
-    for row in range(len(modes)):
-        for (x, y), (*_, name, colour) in zip(lines(row, 0.0), parts, strict=True):
-            figure.add_scatter(
-                x=_short(1e3 * x), y=_short(1e3 * y), name=name, legendgroup=name, showlegend=row == 0, mode="lines",
-                line={"color": colour, "width": 4}, hoverinfo="skip", row=row + 1, col=1,
-            )  # fmt: skip
-    frames = []
-    for step in range(-MODE_STEPS, MODE_STEPS + 1):
-        deflection = np.sin(0.5 * pi * step / MODE_STEPS)
-        moved = [line for row in range(len(modes)) for line in lines(row, deflection)]
-        data = [{"x": _short(1e3 * x), "y": _short(1e3 * y)} for x, y in moved]
-        frames.append({"name": str(step), "data": data, "traces": list(range(len(data)))})
-    order = [*range(MODE_STEPS), *range(MODE_STEPS, -MODE_STEPS, -1), *range(-MODE_STEPS, 0)]
-    length = structure.beam.length_m
-    low = 0.5 * structure.beam.thickness_m + max(patch.thickness_m for patch in structure.patches)
-    reach = [-1.1e3 * (low + _SWING * length), 1.1e3 * (max(low, structure.tip.length_m) + _SWING * length)]
-    figure.update_yaxes(range=reach, title_text="mm")
-    figure.update_xaxes(range=[-60.0 * length, 1060.0 * length])
-    figure.update_xaxes(title_text="position along the beam in mm", row=len(modes), col=1)
-    figure.update_layout(
-        height=110 + TOOL_BAR + 210 * len(modes), meta={"frames": frames, "order": [str(step) for step in order]}
-    )
-    return figure
+    return _Shapes([(name, colour) for *_, name, colour in parts], moved, "position along the beam")
+
+
+def _solid_shapes(solid: Solid) -> _Shapes:
+    """Return the outlines of boxes and electrodes in the plane of the contact, moved with the nearest nodes."""
+    stator = stator_of(solid)
+    plane = sorted("xyz".index(sense[1]) for sense in (solid.contact.normal, solid.contact.tangent))
+    nodes = cKDTree(stator.nodes_m[plane].T)
+    outlines: dict[tuple[str, str], list[Array]] = {}
+    colours = {"A": BLUE, "B": VERMILION}
+    for box in solid.boxes:
+        outlines.setdefault(("solid", GREY), []).append(_outline(box, plane))
+    for electrode in solid.electrodes:
+        if electrode.group in colours:
+            key = (f"electrodes of group {electrode.group}", colours[electrode.group])
+            outlines.setdefault(key, []).append(_outline(electrode, plane))
+    lines = [np.concatenate(several, axis=1) for several in outlines.values()]
+    nearest = [nodes.query(np.nan_to_num(line).T)[1] for line in lines]
+    swing = _SWING * float(np.ptp(stator.nodes_m, axis=1).max())
+
+    def moved(mode: int, deflection: float) -> Lines:
+        shape = deflection * swing * stator.shapes[plane, :, mode]
+        places = [line + shape[:, near] for line, near in zip(lines, nearest, strict=True)]
+        return [(place[0], place[1]) for place in places]
+
+    return _Shapes(list(outlines), moved, "xyz"[plane[0]])
+
+
+def _outline(item: Box | Electrode, plane: list[int]) -> Array:
+    """Return points around a box in m, (2, n), that end with a gap."""
+    low, high = (np.array(corner)[plane] for corner in (item.from_m, item.to_m))
+    corners = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
+    points = np.concatenate([np.linspace(*side, 20, endpoint=False) for side in pairwise(corners)])
+    return np.vstack([points, low, np.full(2, np.nan)]).T
 
 
 def _parts(structure: Structure) -> list[tuple[Array, Array, str, str]]:
@@ -190,7 +255,8 @@ def admittance(
         connections += [connection] * (len(traces) - len(connections))
     panels = plot_spectra.spectrum_panels(traces)
     bode = _stacked([panels["magnitude"], panels["phase"]], 560, meta={"groups": connections * 2})
-    bode.update_yaxes(dtick="D2", row=1, col=1)
+    bode.update_yaxes(dtick=1, minor={"dtick": "D1", "showgrid": True}, row=1, col=1)
+    bode.update_xaxes(range=_resonances_khz(spectra))
     circle = _stacked([panels["circle"]], 460, meta={"groups": connections})
     circle.update_yaxes(scaleanchor="x")
     for figure in (bode, circle):
@@ -198,6 +264,13 @@ def admittance(
             trace.update(visible=connection == "A", customdata=over.x)
     circle.update_traces(hovertemplate=f"%{{customdata:.5g}} kHz<br>{circle.data[0].hovertemplate}")
     return bode, circle
+
+
+def _resonances_khz(spectra: Mapping[State, Admittance]) -> list[float]:
+    """Return the range in kHz about the resonances and antiresonances with a coupling of use to a driver."""
+    items = [item for spectrum in spectra.values() for several in spectrum.resonances.values() for item in several]
+    coupled = [item for item in items if item.coupling_factor >= LEAST_COUPLING] or items
+    return [0.93e-3 * min(item.fs for item in coupled), 1.07e-3 * max(item.fp for item in coupled)]
 
 
 def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:

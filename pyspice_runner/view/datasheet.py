@@ -10,7 +10,7 @@ import base64
 import json
 import platform
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -24,17 +24,18 @@ from pyspice_runner.calibration.record import Record
 from pyspice_runner.datasets import Curves
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
-from pyspice_runner.impedance.admittance import Admittance
+from pyspice_runner.impedance.admittance import Admittance, Resonance
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor, Provenance
 from pyspice_runner.motor.refusal import unit_of
-from pyspice_runner.result import Audit, Result, json_ready
+from pyspice_runner.result import Audit, Result, grouped, json_ready
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
+from pyspice_runner.view.style import LEAST_COUPLING
 
 if TYPE_CHECKING:
     import xarray
@@ -55,6 +56,14 @@ class Row(NamedTuple):
     meaning: str
     kind: str
     note: str
+
+
+class Arm(NamedTuple):
+    """A resonance as an arm of the equivalent circuit of some groups."""
+
+    state: State
+    connection: str
+    item: Resonance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,13 +181,15 @@ class Report(Result):
         return self.run.audit
 
     def _limits(self) -> Iterator[str]:
-        """Yield the cautions of another motor's calibration, of the run, of the free rotor, and of the curves."""
+        """Yield the cautions of another motor's calibration, and once each those of run, free rotor and curves."""
         if self.calibration and (others := self.calibration.differing(self.motor, self.drive)):
             yield f"The calibration is of a motor with other values of {', '.join(others)}."
-        yield from self.run.cautions
-        yield from ("Dry friction of the bearing stops the rotor.",) if self.free is None else self.free.cautions
-        for curve in self.curves.values():
-            yield from Curves(curve).cautions
+        if self.free is None:
+            yield "Dry friction of the bearing stops the rotor."
+        states: dict[str, Sequence[str]] = {"From rest": self.run.cautions}
+        states |= {} if self.free is None else {"without load": self.free.cautions}
+        states |= {f"curve at {100.0 * level:g} %": Curves(curve).cautions for level, curve in self.curves.items()}
+        yield from grouped(list(states.values()), list(states))
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
@@ -234,6 +245,7 @@ def datasheet(report: Report) -> str:
         themes={name: charts.theme(INK[name], GRID[name]).to_plotly_json() for name in INK},
         connections=list(COUPLING),
         parameters=list(parameter_rows(report.motor)),
+        circuits=_circuits(report.spectra),
         downloads=downloads(report),
         error=report.discretisation_error,
         settled=all(bool(curve["settled"].all()) for curve in report.curves.values()),
@@ -249,6 +261,24 @@ def datasheet(report: Report) -> str:
         script=script,
         style=style,
     )
+
+
+def _circuits(spectra: Mapping[State, Admittance]) -> dict[bool, list[Arm]]:
+    """Return tip, connection and equivalent circuit of every resonance, the best coupled first, by whether it matters.
+
+    Groups that give the same circuit, as A and B of a symmetric stator, have one row.
+    """
+    rows: dict[tuple[Any, ...], Arm] = {}
+    for state, spectrum in spectra.items():
+        for connection, items in spectrum.resonances.items():
+            for item in items:
+                key = (state, item.mode, f"{item.fs:.5g} {item.coupling_factor:.2g} {item.resistance_ohm:.3g}")
+                rows.setdefault(key, Arm(state, connection, item))
+    ranked = sorted(rows.values(), key=lambda row: -row.item.coupling_factor)
+    return {
+        matters: [row for row in ranked if (row.item.coupling_factor >= LEAST_COUPLING) is matters]
+        for matters in (True, False)
+    }
 
 
 def downloads(report: Report) -> dict[str, str]:
@@ -299,6 +329,6 @@ def parameter_rows(motor: Motor) -> Iterator[Row]:
                 shared = f"ceramic.{name}" if section == "patches" else ""  # by all patches
                 origin = motor.provenance.get(path) or motor.provenance.get(shared) or Provenance("derived", "")
                 value, unit = getattr(entry, name), unit_of(type(entry), name)
-                shown = f"{value:.6g}" if isinstance(value, float) else str(value)
+                shown = "–" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
                 unit = "" if unit == "1" else unit
                 yield Row(path, shown, unit, known.description or "", origin.kind, origin.note)

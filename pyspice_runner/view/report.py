@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     import xarray
 
 LEVELS = (0.5, 1.0)
-SPEEDS = 8  # of a curve, by default
+SPEEDS = 11  # of a curve, by default: ten up to no load, and one beyond
 OVERSPEED = 1.1  # end of a curve over the speed without load
+DURATION = 10e-3  # s of the run from rest, at first
+MOST_DOUBLED = 7.9  # of this duration: no run is longer than eight times as long
 PATIENCE = 16  # blocks; a point that has not settled by then is marked
 _POINTS_PER_BANDWIDTH = 10
 _FEWEST_POINTS, _MOST_POINTS = 600, 20_000
@@ -46,7 +48,7 @@ _RUNS = 4  # two spectra, the run, and the run at twice the step
 def report(
     motor: Motor,
     drive: Drive,
-    duration: float = 10e-3,
+    duration: float | None = None,
     *,
     speeds: SkipValidation[ArrayLike | None] = None,
     levels: Sequence[float] = LEVELS,
@@ -64,7 +66,7 @@ def report(
     Args:
         motor: the motor.
         drive: the voltages of both groups.
-        duration: of the run from rest, s.
+        duration: of the run from rest, s; by default 10 ms, doubled until the run has settled, three times at most.
         speeds: of the speed–torque curves, rad/s; by default from standstill to slightly beyond no load, at each level
             that of its own free rotor.
         levels: shares of the drive's voltage at which a curve is measured.
@@ -111,12 +113,14 @@ def report(
             spectra[state] = _spectrum(motor, state, timeout)
             finished[f"admittance_{state}.csv"] = spectra[state].save
             advance()
-        run = simulate(motor, drive, duration=duration, timeout=timeout)
+        run = simulate(motor, drive, duration=duration or DURATION, timeout=timeout)
+        while duration is None and not run.settled and run.time_s[-1] < MOST_DOUBLED * DURATION:
+            run = simulate(motor, drive, duration=2.0 * float(run.time_s[-1]), timeout=timeout)
         finished["run.nc"] = run.save
         advance()
         step = run.provenance["run"]["step_s"]
         # only for the estimate of the error: the audit of the finer run counts
-        coarse = simulate(motor, drive, duration=duration, step=2.0 * step, timeout=timeout, audit=False)
+        coarse = simulate(motor, drive, duration=float(run.time_s[-1]), step=2.0 * step, timeout=timeout, audit=False)
         advance()
         for level, at_level in scaled.items():
             free = no_load_state(motor, at_level, timeout=timeout)
