@@ -22,7 +22,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
 from plotly.subplots import make_subplots
-from scipy.spatial import cKDTree
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay
 
 from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
@@ -42,7 +43,6 @@ from pyspice_runner.view.style import (
     GREEN,
     GREY,
     LABELS,
-    LEAST_COUPLING,
     PURPLE,
     STATES,
     VERMILION,
@@ -61,6 +61,8 @@ MODE_STEPS = 12  # frames from the middle to the largest deflection
 TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
 PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the length of beam or solid: the largest deflection as it is drawn
+_INSIDE = 1.0 - 1e-6
+_WEAK = 0.2  # of the best coupling; weaker resonances lie outside the range that a spectrum shows at first
 _MOST_SHAPES = 6
 _MOST_POINTS = 3000  # of a curve over time
 
@@ -144,10 +146,13 @@ def _beam_shapes(structure: Structure, motor: Motor) -> _Shapes:
 
 
 def _solid_shapes(solid: Solid) -> _Shapes:
-    """Return the outlines of boxes and electrodes in the plane of the contact, moved with the nearest nodes."""
+    """Return the outlines of boxes and electrodes in the plane of the contact, moved as the face towards the viewer."""
     stator = stator_of(solid)
     plane = sorted("xyz".index(sense[1]) for sense in (solid.contact.normal, solid.contact.tangent))
-    nodes = cKDTree(stator.nodes_m[plane].T)
+    depths = stator.nodes_m[3 - sum(plane)] if len(stator.nodes_m) == 3 else np.zeros(stator.nodes_m.shape[1])
+    face = depths >= depths.max() - 1e-9
+    nodes = stator.nodes_m[plane][:, face].T
+    middle = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
     outlines: dict[tuple[str, str], list[Array]] = {}
     colours = {"A": BLUE, "B": VERMILION}
     for box in solid.boxes:
@@ -157,12 +162,13 @@ def _solid_shapes(solid: Solid) -> _Shapes:
             key = (f"electrodes of group {electrode.group}", colours[electrode.group])
             outlines.setdefault(key, []).append(_outline(electrode, plane))
     lines = [np.concatenate(several, axis=1) for several in outlines.values()]
-    nearest = [nodes.query(np.nan_to_num(line).T)[1] for line in lines]
+    within = Delaunay(nodes)
+    inside = [middle + _INSIDE * (line.T - middle) for line in lines]  # rounding may put a corner beyond the hull
     swing = _SWING * float(np.ptp(stator.nodes_m, axis=1).max())
 
     def moved(mode: int, deflection: float) -> Lines:
-        shape = deflection * swing * stator.shapes[plane, :, mode]
-        places = [line + shape[:, near] for line, near in zip(lines, nearest, strict=True)]
+        shape = LinearNDInterpolator(within, deflection * swing * stator.shapes[plane, :, mode][:, face].T)
+        places = [line + shape(points).T for line, points in zip(lines, inside, strict=True)]
         return [(place[0], place[1]) for place in places]
 
     return _Shapes(list(outlines), moved, "xyz"[plane[0]])
@@ -267,9 +273,10 @@ def admittance(
 
 
 def _resonances_khz(spectra: Mapping[State, Admittance]) -> list[float]:
-    """Return the range in kHz about the resonances and antiresonances with a coupling of use to a driver."""
+    """Return the range in kHz about the resonances and antiresonances that couple well."""
     items = [item for spectrum in spectra.values() for several in spectrum.resonances.values() for item in several]
-    coupled = [item for item in items if item.coupling_factor >= LEAST_COUPLING] or items
+    best = max(item.coupling_factor for item in items)
+    coupled = [item for item in items if item.coupling_factor >= _WEAK * best]
     return [0.93e-3 * min(item.fs for item in coupled), 1.07e-3 * max(item.fp for item in coupled)]
 
 
