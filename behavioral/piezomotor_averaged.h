@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The averaged motor in C: the equations of netlists/piezomotor_averaged.lib, in SI units; docs/averaged.md derives them.
+ * The averaged motor in C: the equations of netlists/piezomotor_averaged.lib, in SI units; docs/tracking.md derives them.
  *
  *   struct motor motor;
  *   motor_default(&motor);                       parameters and inputs of the motor for which the file was exported
@@ -15,7 +15,7 @@
  * sets the frequency; with DRIVEN a network is between the inputs' amplitudes and each group. The package uses both in its
  * own process only.
  *
- * SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md
+ * SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/tracking.md
  * OMITS  motion of the contact between two phases, partial slip before gross slip, roughness, wear, adhesion; the current
  *        C dU/dt of a changing amplitude, because inputs are constant between two calls
  */

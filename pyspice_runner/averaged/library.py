@@ -4,7 +4,7 @@ r"""The averaged motor: complex amplitudes at the drive's frequency instead of w
 A quantity is written :math:`q(t) = q_0 + \mathrm{Re}\sum_{h=1}^{H} Q_h e^{jh\theta}` with :math:`\dot\theta = 2\pi f`;
 mean and amplitudes vary slowly. The modes are linear in them (``piezomotor_averaged_mode``). The contact is evaluated
 at N phases of the period, and sums over the phases give the mean and the harmonics of its forces
-(:func:`averaged_contact`). ``docs/averaged.md`` has the derivation.
+(:func:`averaged_contact`). ``docs/tracking.md`` has the derivation.
 """
 
 from __future__ import annotations
@@ -448,7 +448,7 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
         "* NODES inside, to plot: normal friction (N), open slip (share of the period), check (accurate below 0.02,",
         "*        1 or more for a parameter out of its range)",
         "*",
-        "* SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/averaged.md",
+        "* SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/tracking.md",
         f"* OMITS  {'' if thermal else 'temperature, '}{read_library(_PHASE).omits}",
         f"* REVISION {REVISION}",
         f"* TESTED WITH {read_library(_PHASE).tested_with}",

@@ -26,7 +26,7 @@ SMALL_RISE_K = 1.0  # added to a temperature rise to which its change is taken
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
 MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
 # a burst of 20 periods turns beam40 by 10 % less than the averaged motor at 70 V and by 4 % less at 110 V, one of 40 by
-# 9 % more and 1 % less, one of 80 by 1 % more and 0.3 % less (docs/averaged.md)
+# 9 % more and 1 % less, one of 80 by 1 % more and 0.3 % less (docs/tracking.md)
 FEWEST_PERIODS = 60
 # an approach and a correction end with a stop each; a loop that stops more often with its drive on is in a limit cycle
 MOST_STOPS = 2

@@ -59,7 +59,7 @@ def simulate_averaged(
 ) -> AveragedRun:
     """Run the averaged motor from preloaded rest: seconds of motor time in some milliseconds.
 
-    Amplitudes and means replace the waveforms; ``docs/averaged.md`` says what that leaves out. The result says by
+    Amplitudes and means replace the waveforms; ``docs/tracking.md`` says what that leaves out. The result says by
     :attr:`AveragedRun.trusted` whether the model's own check passes.
 
     Args:

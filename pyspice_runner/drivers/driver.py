@@ -50,7 +50,7 @@ _OWN = "driver"  # label of the user's own stage
 # At switching edges ngspice chooses the steps. With its default tolerances they fall to a picosecond and less where the
 # reverse current of a body diode breaks off, and the run ends with "Timestep too small". An error of 3e-15 C (reltol
 # times chgtol) is nothing against the nanocoulombs of a gate. 0.3 µA (trtol times abstol) in a capacitance are 30 µW at
-# 100 V; with 7 µA some losses were 8 % off. docs/convergence.md has measurements.
+# 100 V; with 7 µA some losses were 8 % off. docs/limits.md has measurements.
 SWITCHED_POINTS = 250  # steps in a period of the fastest motion, at least; ngspice takes more at the edges
 SWITCHED_OPTIONS = {
     "reltol": "1e-4", "vntol": "1e-5", "abstol": "1e-7", "chgtol": "3e-11", "trtol": "3", "method": "trap"

@@ -15,7 +15,7 @@ over the length l of the patch is a share of what the laminate has:
     N/N_∞ = 1 − tanh(X)/X,   X = l/2λ
 
 The estimate of the errors compares with a Timoshenko beam whose patches are shortened to that share in stiffness and
-piezoelectric moment, and have their mass over the whole length. docs/beam.md compares it with finite elements.
+piezoelectric moment, and have their mass over the whole length. docs/physics.md compares it with finite elements.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ A cap of effective radius R* that is worn to a flat of radius b has, with β = b
 by the method of dimensionality reduction. β = 0 is Hertz's contact; a small penetration gives F_N = 2 E* b δ. The
 second law holds for any axisymmetric profile (Ciavarella; Jäger) and is the paper's spring for β = 0.
 
-Sources: Andersen, Helbo and Blanke (2002), eqs. (4), (13)–(18), corrected as ``docs/corrections.md`` shows;
+Sources: Andersen, Helbo and Blanke (2002), eqs. (4), (13)–(18), corrected as ``docs/physics.md`` shows;
 K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2; V. L. Popov, M. Heß, E. Willert, *Handbook of Contact
 Mechanics*, Springer 2019, §2.5 and §4.3.
 """

@@ -18,7 +18,7 @@ motor, and :attr:`.Motor.stator` makes these arrays of them.
 has a cross term; the mass :math:`m_c` of the carrier contains that of the stator. A single mode has the equivalent
 without recoil :math:`m' = m - \Gamma^2/m_c`, :math:`Y' = Y - \Gamma/m_c`, exact for soft springs: its other coordinate
 is the centre of mass, :math:`z + \Gamma r/m_c`. A carrier that moves along the rotor has the same term with
-:math:`\Gamma_x` there. ``docs/mount.md`` derives it.
+:math:`\Gamma_x` there. ``docs/physics.md`` derives it.
 """
 
 from __future__ import annotations

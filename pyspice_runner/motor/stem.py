@@ -19,7 +19,7 @@ rectangle of ν = 0.3 has, and one of 0.2 to 0.35 within 6 per cent:
 The foot turns by φ = 16.67 M/(π E_b b f²): a cantilever on a half-plane in plane stress (W. J. O'Donnell, "The
 Additional Deflection of a Cantilever Due to the Elasticity of the Support", J. Appl. Mech. 27 (1960) 461). The beam
 strains the root of the stem, too, which stiffens the beam: it acts as a layer of 0.1 f on its face. This factor is that
-of finite elements of slender beams with feet of half and of all of the beam's height (docs/beam.md).
+of finite elements of slender beams with feet of half and of all of the beam's height (docs/physics.md).
 """
 
 from __future__ import annotations

@@ -392,7 +392,7 @@ def track(
 ) -> Tracking:
     """Track a mode of a motor from rest, under a disturbance.
 
-    The averaged motor takes milliseconds for minutes of motor time, with a ``"pll"`` or no tracker; docs/averaged.md.
+    The averaged motor takes milliseconds for minutes of motor time, with a ``"pll"`` or no tracker; docs/tracking.md.
 
     Args:
         motor: the motor.

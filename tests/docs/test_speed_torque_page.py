@@ -16,7 +16,7 @@ MOTOR = pr.load_motor("bimodal40")
 
 def rows(header: str) -> list[list[float]]:
     """Return the numbers of the table below a header that begins with these words."""
-    (table,) = re.findall(rf"^\| {header}.*\n\|[-|]+\|\n((?:\|.*\n)+)", PAGE, re.M)
+    (table,) = re.findall(rf"^\| ?{header}.*\n\|[-|]+\|\n((?:\|.*\n)+)", PAGE, re.M)
     lines = table.replace("−", "-").splitlines()
     return [[float(re.findall(r"-?[\d.]+", cell)[0]) for cell in line.strip("|").split("|")] for line in lines]
 

@@ -28,8 +28,8 @@ PART = {
 
 def row(name: str) -> list[float]:
     """Return the numbers in the cells of a row."""
-    (line,) = re.findall(rf"^\| {name} \|(.+)\|$", TEXT, re.M)
-    return [float(number) for number in re.findall(r"(?<![\w:])\d+\.?\d*(?=[ |])", line.replace("1 :", ""))]
+    (line,) = re.findall(rf"^\|{name}\|(.+)\|$", TEXT, re.M)
+    return [float(number) for number in re.findall(r"(?<![\w:])\d+\.?\d*(?=[ |]|$)", line.replace("1 :", ""))]
 
 
 @pytest.mark.parametrize(("name", "speed"), [("stall", 0.0), ("20 rad/s", 20.0), ("no load", None)])
@@ -68,6 +68,6 @@ def test_the_tutorial_leads_to_a_deck_parts_and_a_margin(
         assert row(title) == pytest.approx([*values, volts, unit * amps], rel=0.04), title
     for name, point in zip(("stall", "20 rad/s", "no load"), design["unmatched"], strict=False):
         found = [1e-3 * point[group][f"{part}_ohm"] for group in "ab" for part in ("resistance", "reactance")]
-        assert "| {} | {:.2f} + {:.2f}j | {:.2f} + {:.2f}j |".format(name, *found) in GUIDE
+        assert "|{}|{:.2f} + {:.2f}j|{:.2f} + {:.2f}j|".format(name, *found) in GUIDE
     assert margin["yield"]["good"] == margin["yield"]["points"] == 8
     assert f"at least {1e3 * min(map(min, margin['quantities']['torque_n_m'])):.0f} mN·m" in TEXT
