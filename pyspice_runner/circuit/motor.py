@@ -272,10 +272,14 @@ class MotorSubCircuit(Assembly):
                 base = "base_x"
             if along_y or along_x:
                 values["recoil"] = along_y or along_x
-            ends = [f"xmode{index}.{node}" for node in ("force", "damped", "elastic")]
-            self._put(f"mode{index}", part, ("a", "b", self._common, *ends, base, *warm), values | more)
-            tip |= {name: values[name] for name in ("damping", "stiffness")}
-            self._put(f"tip{index}", "piezomotor_tip", (*ends, "fx", "fy", "x", "y", "vx", "vy"), tip)
+            force, damped, velocity, elastic = (
+                f"xmode{index}.{node}" for node in ("force", "damped", "velocity", "elastic")
+            )
+            ends = (force, damped, velocity, elastic, base, *warm)
+            self._put(f"mode{index}", part, ("a", "b", self._common, *ends), values | more)
+            tip["stiffness"] = values["stiffness"]
+            ends = (force, velocity, elastic, "fx", "fy", "x", "y", "vx", "vy")
+            self._put(f"tip{index}", "piezomotor_tip", ends, tip)
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:

@@ -262,10 +262,10 @@ def ring(subject: Mode, step: float, periods: int, exact: bool) -> tuple[Array, 
     mass, stiffness = written(subject, Discretisation(step, exact_resonance=exact))
     circuit = Circuit("one free mode")
     circuit.raw_spice = definitions(read_library("piezomotor_mode"), read_library("piezomotor_tip")) + "\n"
-    spring = {"stiffness": stiffness, "damping": subject.damping_n_s_per_m}
-    ends = ("force", "damped", "elastic")
-    circuit.X("mode", "piezomotor_mode", 0, 0, 0, *ends, 0, mass=mass, preload=1e-6 * stiffness, **spring)
-    circuit.X("tip", "piezomotor_tip", *ends, 0, 0, "x", "y", "vx", "vy", **spring)
+    ends = ("force", "damped", "velocity", "elastic")
+    spring = {"stiffness": stiffness, "damping": subject.damping_n_s_per_m, "preload": 1e-6 * stiffness}
+    circuit.X("mode", "piezomotor_mode", 0, 0, 0, *ends, 0, mass=mass, **spring)
+    circuit.X("tip", "piezomotor_tip", "force", "velocity", "elastic", 0, 0, "x", "y", "vx", "vy", stiffness=stiffness)
     for node in ("x", "y", "vx", "vy"):
         circuit.R(node, node, circuit.gnd, 1)
     waves = transient(circuit, periods / subject.frequency_hz, "v(y)", step=step)

@@ -18,8 +18,8 @@ SCRIPTS = sorted((ROOT / "figures").glob("diagram_*.py"))
 NOT_DRAWN = {
     "piezomotor_group": {"p", "n", "slow1", "slow2", "slow3", "slow4", "slow5"},
     "piezomotor_averaged": {"shaft"},  # that of its rotor
-    "piezomotor_mode": {"force", "damped"},  # inside the loop, between the mode and its tip
-    "piezomotor_tip": {"force", "damped", "elastic"},
+    "piezomotor_mode": {"force", "damped", "velocity"},  # inside the loop, between the mode and its tip
+    "piezomotor_tip": {"force", "velocity", "elastic"},
 }
 
 
