@@ -65,8 +65,8 @@ class Variable:
 
     name: str  # name, such as ``speed`` or ``mode[1].mass``
     unit: str  # unit; ``1`` for none
-    least: str  # least value, empty for an output
-    greatest: str  # greatest value
+    least: str  # smallest value, empty for an output
+    greatest: str  # largest value
     meaning: str  # one line
     causality: str  # ``input``, ``output``, ``parameter``, or ``tunable`` for a parameter that may change
     reference: int  # place in the C structure
@@ -75,7 +75,7 @@ class Variable:
 
 @cache
 def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
-    """Return the lines of the header: group → name, unit, least and greatest value, meaning."""
+    """Return the lines of the header: group → name, unit, smallest and largest value, meaning."""
     text = (data_path("behavioral") / HEADER).read_text(encoding="utf-8")
     found = {}
     for group in _GROUPS:

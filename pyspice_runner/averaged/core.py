@@ -261,7 +261,7 @@ class AveragedMotor:
         return LinearMotor(by_state, by_input, {name: place for place, name in enumerate(self._states)})
 
     def mode_amplitudes(self) -> list[float]:
-        """Return for each mode the greatest displacement of its coordinate by all harmonics in phase, m."""
+        """Return for each mode the largest displacement of its coordinate by all harmonics in phase, m."""
         return [float(self._c.session_amplitude(self._memory, index)) for index in range(self._modes)]
 
     def _unsolved(self) -> SimulationError:

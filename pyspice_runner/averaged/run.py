@@ -239,7 +239,7 @@ class AveragedRun(RunOverTime):
 
 
 def damping_factor(motor: Mapping[str, Any], frequency_hz: Array, tip_y_amplitude_m: Array) -> float:
-    """Return the greatest factor by which damping multiplies the normal force of a motor, as of ``to_dict``."""
+    """Return the largest factor by which damping multiplies the normal force of a motor, as of ``to_dict``."""
     damping = contact_law.normal_damping(Contact(**motor["contact"]))
     return 1.0 + damping * float(np.max(2.0 * np.pi * frequency_hz * tip_y_amplitude_m))
 

@@ -35,7 +35,7 @@ from pyspice_runner.spice.compiler import find_compiler
 from pyspice_runner.steady.steady import stability_cautions
 
 FEWEST_PERIODS = 10
-LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of a run; linear in between
+LONGEST_STEPS = {"spice": 50, "compiled": 200}  # smallest number of steps of a run; linear in between
 BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
 
 

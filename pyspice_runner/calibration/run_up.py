@@ -38,7 +38,7 @@ FEWEST = 3  # points: two are a line, which any time constant explains
 MOST = 100_000  # rows of a table
 COMPARED = 200  # points of a run-up that are compared, as of a spectrum
 RUN_UP_ERROR = 0.01  # of the maximum speed: an encoder over a short window; above the error of the model
-HELD = 9  # speeds at which the torque of steady states is computed, from rest to beyond the greatest by a share of it:
+HELD = 9  # speeds at which the torque of steady states is computed, from rest to beyond the largest by a share of it:
 BEYOND = 0.1  # the full motor may be faster than the averaged one, and the slope of the torque limits by how much
 HELD_DECAYS = 10.0  # decay times after which the averaged motor at a held speed is settled
 

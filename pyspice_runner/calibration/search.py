@@ -45,7 +45,7 @@ TOLERANCES = Tolerances()
 
 
 class Search:
-    """The search for the least sum of squares; every prediction is computed once.
+    """The search for the smallest sum of squares; every prediction is computed once.
 
     Args:
         predictor: the model; that of the result has the difference to ngspice at the solution.
@@ -68,7 +68,7 @@ class Search:
         self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
 
     def solved(self, starts: int = 1) -> Array:
-        """Return the coordinates of the least sum of squares.
+        """Return the coordinates of the smallest sum of squares.
 
         Raises:
             SimulationError: if there is no steady state at the start.

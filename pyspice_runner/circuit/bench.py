@@ -139,7 +139,7 @@ def contact_bench(
     """Return a bench of the contact alone, the instance ``Xcontact``.
 
     Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name. ``lines`` are elements that
-    move the tip, at the nodes ``y``, ``vx`` and ``vy``. The radius of the rotor and the greatest penetration ``span``
+    move the tip, at the nodes ``y``, ``vx`` and ``vy``. The radius of the rotor and the largest penetration ``span``
     are in m. The time constant of a slider is half of the step in s.
     """
     circuit = Circuit(title)

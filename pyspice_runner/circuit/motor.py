@@ -73,7 +73,7 @@ MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if t
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
-_POINTS = 100  # least number of steps in a period of the fastest motion for an exported motor
+_POINTS = 100  # smallest number of steps in a period of the fastest motion for an exported motor
 # parameters of the motor's X line → the parameters of the contact that they set
 _OF_CONTACT = {
     "preload": "preload",

@@ -62,11 +62,11 @@ class Waveform(UniformSource):
         if time[0] != 0.0 or (np.diff(time) <= 0.0).any():
             at = 0 if time[0] else int(np.argmax(np.diff(time) <= 0.0)) + 1
             raise ParameterError(f"time_s[{at}] = {time[at]:g} s: the times of a waveform must rise from 0 s.")
-        _ = self.drive  # it checks frequency and greatest voltage
+        _ = self.drive  # it checks frequency and largest voltage
 
     @property
     def drive(self) -> TwoPhaseDrive:  # type: ignore[override]
-        """A drive of the same frequency and greatest voltage, for the checks."""
+        """A drive of the same frequency and largest voltage, for the checks."""
         greatest = float(max(np.abs(self.voltage_a_v).max(), np.abs(self.voltage_b_v).max()))
         return TwoPhaseDrive(voltage=greatest, frequency=self.frequency)
 

@@ -161,7 +161,7 @@ def pairs_of(
 ) -> Iterator[tuple[str, str]]:
     """Yield path and value of the texts of an option.
 
-    Raise ParameterError, with what is told, for a text without "=", and for a path that is given twice.
+    Raise ParameterError, with what is shown, for a text without "=", and for a path that is given twice.
     """
     paths: set[str] = set()
     for text in texts or ():

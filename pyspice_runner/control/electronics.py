@@ -29,15 +29,15 @@ class Electronics(Stated):
     encoder_lines: int = quantity("lines of the encoder in a turn, of a slider in 1 m", "1", default=0, ge=0, le=10**7)
     encoder_jitter_rad: float = quantity("jitter of an edge", "rad", default=0.0, ge=0.0, le=1.0)
     current_bits: int = quantity("bits of the converter of the currents", "1", default=0, ge=0, le=32)
-    current_range_a: float = quantity("greatest amplitude that it converts", "A", default=1.0, ge=1e-6, le=1e3)
+    current_range_a: float = quantity("maximum amplitude that it converts", "A", default=1.0, ge=1e-6, le=1e3)
     current_noise_a: float = quantity("its noise", "A", default=0.0, ge=0.0, le=1e3)
     voltage_bits: int = quantity("bits of the converter of the voltages", "1", default=0, ge=0, le=32)
-    voltage_range_v: float = quantity("greatest amplitude that it converts", "V", default=1e3, ge=1e-3, le=1e5)
+    voltage_range_v: float = quantity("maximum amplitude that it converts", "V", default=1e3, ge=1e-3, le=1e5)
     voltage_noise_v: float = quantity("its noise", "V", default=0.0, ge=0.0, le=1e3)
     amplitude_bits: int = quantity(
         "bits of the converter or pulse-width modulator that sets the amplitudes", "1", default=0, ge=0, le=32
     )
-    amplitude_range_v: float = quantity("greatest amplitude that it sets", "V", default=1e3, ge=1e-3, le=1e5)
+    amplitude_range_v: float = quantity("maximum amplitude that it sets", "V", default=1e3, ge=1e-3, le=1e5)
     timer_hz: float = quantity("clock that counts period and phase of the drive", "Hz", default=0.0, ge=0.0, le=1e12)
     delay_s: float = quantity("time from a sample to its commands", "s", default=0.0, ge=0.0, le=1.0)
     seed: int = quantity("seed of the noise", "1", default=0, ge=0, le=2**31)

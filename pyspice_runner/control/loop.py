@@ -40,10 +40,10 @@ Quantity = Literal["speed", "position", "phase"]
 
 POINTS = 600  # of the loop gain over frequency
 LOWEST = 1e-3  # of the crossover, at which the loop gain begins
-NYQUIST = 0.8  # greatest crossover, of half of the sampling rate
+NYQUIST = 0.8  # largest crossover, of half of the sampling rate
 LEAST_MARGIN, MOST_MARGIN = 5.0, 120.0  # deg
 STEPPED = 5  # samples before the step
-CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its least number of samples
+CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its smallest number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
 SMALL_DEG = 0.2  # step of the phase
 _RUN = 50e-3  # s from rest, after which the friction has stopped the rotor, or it turns

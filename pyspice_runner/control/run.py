@@ -50,7 +50,7 @@ CHECKS = ("check", "separated", "tip_y_amplitude_m")
 OF_AVERAGED = ("heat_w", *CHECKS)
 # sample of each quantity that a controller may control, by the attribute ``quantity`` of the controller
 CONTROLLED = {"speed": "speed_rad_s", "position": "position_rad", "phase": "current_phase_deg"}
-SMALL = 0.02  # share of the greatest value, added to the mean that a change is relative to
+SMALL = 0.02  # share of the largest value, added to the mean that a change is relative to
 
 RECORDS = (
     "time_s", "speed_rad_s", "position_rad", "current_amplitude_a", "current_b_amplitude_a", "temperature_k",
@@ -106,7 +106,7 @@ class ControlledRun(RunOverTime):
         """Relative further change of means of up to 20 samples if the run went on; by extrapolation.
 
         Given for the controlled quantity, or the speed; the electrical power; and the temperature of a stator that
-        heats up. Each is relative to its mean plus a fiftieth of its greatest value. ``None``: the run is too short.
+        heats up. Each is relative to its mean plus a fiftieth of its largest value. ``None``: the run is too short.
         """
         found = {}
         for name in self._watched.values():

@@ -43,7 +43,7 @@ OF_STATES = {
     "speed": "rad/s", "position": "rad", "load_speed": "rad/s", "load_position": "rad", "temperature": "K",
     "carrier_velocity": "m/s", "carrier_x_velocity": "m/s", "bearing": "1",
 }  # fmt: skip
-ROUNDING = 1e-15  # of the greatest entry of a row of A, below which an entry is none
+ROUNDING = 1e-15  # of the largest entry of a row of A, below which an entry is none
 LENGTH = "m"  # unit of the other states
 RAISED, MOST_RAISED = 1.25, 4.0  # factors of the amplitude in the search for a speed
 AT_SPEED = 1e-3  # of the speed: where no amplitude comes closer, the speed jumps

@@ -427,7 +427,7 @@ _FILTER = 0.6
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
-_SMALLEST = {"inductor": SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, least series coil: those of the libraries
+_SMALLEST = {"inductor": SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil: those of the libraries
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
@@ -616,7 +616,7 @@ class _Search:
         return at_stage(driver, group, self.pins[group], self.pins[group] / self.middle.group(group).impedance_ohm)
 
     def _mosfet(self, driver: Driver) -> str:
-        """Return the MOSFET with the least loss at the operating point."""
+        """Return the MOSFET with the smallest loss at the operating point."""
         volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
         stages = {group: self._wanted(driver, group)[1] for group in GROUPS}
         current = max(driver.ratio(group) * abs(through) / sqrt(2.0) for group, through in stages.items())

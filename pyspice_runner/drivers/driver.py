@@ -309,7 +309,7 @@ class Driver(Stated, Source):
         return rail, -rail
 
     def swing(self, group: str) -> float:
-        """Return the voltage in V that a transistor of a bridge bears while it is off."""
+        """Return the voltage in V that a transistor of a bridge withstands while it is off."""
         high, low = self.rails(group)
         return (high - low) * (2.0 if self.kind == "push-pull" else 1.0)
 

@@ -59,8 +59,8 @@ class PartLoad:
     name: str  # with its group
     value: float  # in its unit
     unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
-    peak_voltage_v: float | None  # greatest voltage across it
-    peak_current_a: float | None  # greatest current through it
+    peak_voltage_v: float | None  # largest voltage across it
+    peak_current_a: float | None  # largest current through it
 
     def words(self) -> str:
         """Return value and maxima for a summary."""
@@ -156,7 +156,7 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[
             found.append(PartLoad(name, driver.ratio(group), "1", line_v, current_a))
             found += _winding(driver.parts(group)[0], group, line_v)
             current_a *= driver.ratio(group)
-        # beside the current of the output, a transistor bears the reverse current of the diode that it commutates
+        # beside the current of the output, a transistor withstands the reverse current of the diode that it commutates
         currents, voltages = ([_peak(samples[name]) for name in names if name in samples] for names in
                               _drains(driver, group))  # fmt: skip
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
@@ -207,7 +207,7 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
 
     ``exceeded`` has a sentence for each limit of a part that is exceeded.
 
-    The field of a group is its greatest voltage over the distance of its electrodes; ``None`` where that is not known.
+    The field of a group is its largest voltage over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
     for group in GROUPS:

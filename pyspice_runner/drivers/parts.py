@@ -66,10 +66,10 @@ MOSFETS = tuple(_LIBRARIES)  # by their breakdown voltage
 class Ratings:
     """A MOSFET with the ratings of its data sheet."""
 
-    library: Library  # its subcircuit bears the name of the part of the bridges that it is
-    breakdown_v: float  # least
-    on_resistance_ohm: float  # greatest, with 10 V at the gate
-    gate_charge_nc: float  # greatest, to 10 V
+    library: Library  # its subcircuit withstands the name of the part of the bridges that it is
+    breakdown_v: float  # smallest
+    on_resistance_ohm: float  # largest, with 10 V at the gate
+    gate_charge_nc: float  # largest, to 10 V
 
     @property
     def highest_v(self) -> float:
@@ -115,7 +115,7 @@ def ratings(name: str) -> Ratings:
 
 
 def suited(volts: float, swing: float, rms_a: float, frequency: float) -> str | None:
-    """Return the MOSFET with the least loss of those that take a voltage in V; ``None`` if none does.
+    """Return the MOSFET with the smallest loss of those that take a voltage in V; ``None`` if none does.
 
     The loss is that of a transistor that conducts for half of the time and discharges its swing in V when it turns on.
     """

@@ -70,9 +70,9 @@ class Harmonic:
 class Port:
     """Voltage, current and power at one place: the output of a power stage, or the pins of a group."""
 
-    voltage_peak_v: float  # greatest absolute value
+    voltage_peak_v: float  # largest absolute value
     voltage_rms_v: float  # RMS value
-    current_peak_a: float  # greatest absolute value
+    current_peak_a: float  # largest absolute value
     current_rms_a: float  # RMS value
     real_power_w: float  # mean of voltage times current
     reactive_power_var: float  # of the fundamental; positive where the current lags
@@ -81,7 +81,7 @@ class Port:
     displacement_factor: float  # cosine of the angle between the fundamentals
     voltage_thd: float  # RMS of the harmonics from the second on, over the fundamental
     current_thd: float  # the same of the current
-    slew_rate_v_per_s: float  # greatest rate of the voltage
+    slew_rate_v_per_s: float  # largest rate of the voltage
     resistance_ohm: float  # real part of the impedance at the fundamental
     reactance_ohm: float  # imaginary part of that impedance
     harmonics: tuple[Harmonic, ...] = field(repr=False)  # fundamental and harmonics

@@ -88,7 +88,7 @@ from pyspice_runner.motor.stem import STRAINED, Stem, footprint, require_room
 Array = NDArray[np.float64]
 
 GROUPS = ("A", "B")
-SHAPES = 160  # within 0.2 % of the limit for the motors here, in some 5 ms
+SHAPES = 160  # within 0.2 % of the limit for the motors here, in about 5 ms
 SIDES = {"both": (1, -1), "top": (1,), "bottom": (-1,)}  # s of each face that carries ceramic
 
 _LENGTH_TOLERANCE = 1e-9  # of the beam's length: edges that are meant to coincide

@@ -70,7 +70,7 @@ def beam_cautions(beam: Beam, patches: tuple[Patch, ...], tip: Tip, count: int) 
 
 
 def heights_over_half_wave(beam: Beam, patches: tuple[Patch, ...], count: int) -> Array:
-    """Return the greatest height, with the ceramic, over the half wave L/n of mode n, from 1 to ``count``."""
+    """Return the largest height, with the ceramic, over the half wave L/n of mode n, from 1 to ``count``."""
     edges = sorted({0.0, *(patch.start_m for patch in patches)})
     thick = [
         sum(patch.thickness_m * len(SIDES[patch.faces]) for patch in patches if patch.start_m <= x < patch.end_m)

@@ -229,7 +229,7 @@ def check_together(motor: Motor, drive: Drive) -> None:
 
 
 def _fastest(radius_m: float | None) -> tuple[float, str, str]:
-    """Return the greatest speed of a rotor, or of a slider, its unit, and what happens above it."""
+    """Return the largest speed of a rotor, or of a slider, its unit, and what happens above it."""
     if radius_m is None:
         return FASTEST_SLIDER, "m/s", "at which a stator breaks"
     return min(FASTEST_SHAFT, FASTEST_SURFACE / radius_m), "rad/s", "above which its rim bursts"

@@ -69,10 +69,10 @@ class MotionalArm:
 class Characteristics:
     """Characteristic values of one resonance; ``None`` where losses or neighbouring modes hide the extremum."""
 
-    fs: float | None  # frequency of greatest conductance, Hz
-    fp: float | None  # frequency of greatest resistance, Hz
-    fm: float | None  # frequency of greatest |Y|, Hz
-    fn: float | None  # frequency of least |Y|, Hz
+    fs: float | None  # frequency of largest conductance, Hz
+    fp: float | None  # frequency of largest resistance, Hz
+    fm: float | None  # frequency of largest |Y|, Hz
+    fn: float | None  # frequency of smallest |Y|, Hz
     fr: float | None  # resonance, where the susceptance vanishes near fs, Hz
     fa: float | None  # antiresonance, where it vanishes near fp, Hz
     coupling_factor: float  # k_eff, from the pair below
@@ -161,8 +161,8 @@ class EquivalentCircuit:
     def definitions(self) -> tuple[dict[str, dict[str, float] | None], ...]:
         """Return the values of every arm by each definition of standards and instruments.
 
-        Three follow from pairs of frequencies: ``"fs, fp"`` (IEEE 176: greatest conductance and resistance),
-        ``"fm, fn"`` (greatest and least admittance) and ``"fr, fa"`` (zero phase). With the pair's f₁ < f₂ and the
+        Three follow from pairs of frequencies: ``"fs, fp"`` (IEEE 176: largest conductance and resistance),
+        ``"fm, fn"`` (largest and smallest admittance) and ``"fr, fa"`` (zero phase). With the pair's f₁ < f₂ and the
         clamped capacitance C0, C1 = C0 ((f₂/f₁)² − 1), L1 = 1/(4π²f₁²C1), R1 = 1/Re Y(f₁), of ``"fm, fn"`` 1/|Y(f₁)|.
         ``"half power"`` is that of analysers (Keysight E4990A Help, ``CALC:EPAR:S4?``): R1 = 1/Re Y(fs),
         Q = fs/(f₂ − f₁) of the frequencies with half that conductance, L1 = QR1/2πfs. ``"one arm"`` is the circuit of

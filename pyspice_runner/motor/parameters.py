@@ -413,11 +413,15 @@ class Limits(Parameters):
     )
     ambient_c: float = quantity("temperature of the surroundings", "°C", ge=-273.0, le=1e3)
     field_v_per_m: float | None = quantity(
-        "greatest amplitude of the alternating field in the ceramic; not known: not compared", "V/m", ge=1e3, le=1e8,
+        "maximum amplitude of the alternating field in the ceramic; not known: not compared", "V/m", ge=1e3, le=1e8,
         default=None,
     )  # fmt: skip
     contact_pressure_pa: float | None = quantity(
-        "greatest peak pressure that tip and rotor bear; not known: not compared", "Pa", ge=1e5, le=1e11, default=None
+        "maximum peak pressure that tip and rotor withstand; not known: not compared",
+        "Pa",
+        ge=1e5,
+        le=1e11,
+        default=None,
     )
     contact_tension_pa: float | None = quantity(
         "strength in tension of the surfaces of tip and rotor; not known: not compared", "Pa", ge=1e4, le=1e11,

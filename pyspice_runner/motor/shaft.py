@@ -22,7 +22,7 @@ class ShaftLoad(Stated):
         le=1e6,
     )  # fmt: skip
     gravity_n_m: float = quantity(
-        "greatest torque of the load's weight: mass, 9.81 m/s² and distance of its centre from the axis", "N·m",
+        "maximum torque of the load's weight: mass, 9.81 m/s² and distance of its centre from the axis", "N·m",
         default=0.0, ge=0.0, le=1e3,
     )  # fmt: skip
     gravity_angle_deg: float = quantity(

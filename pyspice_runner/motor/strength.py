@@ -14,9 +14,9 @@ With :math:`a^2=R^*\delta` and :math:`E^*=\tfrac34 K_N/\sqrt{R^*}`, a force :mat
     \sigma_x=p_0\left(\frac{1-2\nu}{3}+\frac{\pi(4+\nu)}{8}\,\mu\right),\qquad
     \dot V=k\,\langle F_N\,|v_\mathrm{slip}|\rangle
 
-:math:`\sigma_x` is the tension at the trailing edge, the greatest in a body with Poisson's ratio ν. It leaves out that
+:math:`\sigma_x` is the tension at the trailing edge, the largest in a body with Poisson's ratio ν. It leaves out that
 bodies of different materials press each other sideways. It is an upper bound where the contact does not slip at its
-greatest force. The tip alone wears, to a flat that fits the rotor; a flat of radius a takes the volume
+largest force. The tip alone wears, to a flat that fits the rotor; a flat of radius a takes the volume
 :math:`\pi a^4/(4R^*)` of its cap.
 
 Sources: G. M. Hamilton, L. E. Goodman, J. Appl. Mech. 33, 371, 1966; G. M. Hamilton, Proc. IMechE 197C, 53, 1983;
@@ -99,7 +99,7 @@ def of_modes(motor: Motor) -> tuple[Array, Array]:
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
-    """Return the greatest strain and stress over modal displacements in m, shape (modes, points).
+    """Return the largest strain and stress over modal displacements in m, shape (modes, points).
 
     They are NaN without a known beam or solid.
     """
@@ -112,13 +112,13 @@ def peak_of_amplitudes(motor: Motor, amplitudes_m: Sequence[float]) -> dict[str,
 
 
 def _peak(motor: Motor, greatest: Callable[[Array], float]) -> dict[str, float]:
-    """Return the greatest strain and stress, each a function of its values per modal displacement."""
+    """Return the largest strain and stress, each a function of its values per modal displacement."""
     strain, stress = (greatest(shape) if len(shape) else nan for shape in of_modes(motor))
     return {"ceramic_strain": strain, "ceramic_stress_pa": stress}
 
 
 def electrode_distance(motor: Motor, group: str) -> float | None:
-    """Return the least distance in m between the electrodes of group ``a`` or ``b``; ``None`` if it is not known.
+    """Return the smallest distance in m between the electrodes of group ``a`` or ``b``; ``None`` if it is not known.
 
     Of patches it is the thickness of a layer, of a solid the distance of the nearest parallel electrode of ground.
     """
@@ -145,7 +145,7 @@ def _gap(one: Electrode, other: Electrode) -> float | None:
 
 
 def depolarised(motor: Motor, volts: Mapping[str, float]) -> tuple[str, ...]:
-    """Return one sentence for each group whose greatest voltage in V, by its name, puts its ceramic above its field."""
+    """Return one sentence for each group whose largest voltage in V, by its name, puts its ceramic above its field."""
     limits = motor.limits
     if limits is None or limits.field_v_per_m is None:
         return ()
@@ -240,7 +240,7 @@ def of_contact(contact: Contact, greatest_n: float, rubbing_w: float) -> dict[st
 
     Args:
         contact: the contact.
-        greatest_n: greatest normal force, N.
+        greatest_n: largest normal force, N.
         rubbing_w: mean of normal force times slip velocity, W.
     """
     rate = contact.specific_wear_rate_m3_per_n_m

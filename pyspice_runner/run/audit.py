@@ -33,7 +33,7 @@ DRIVER_BOUND = 0.02
 _WATTMETER = 1e-4  # of the apparent power: error of a purely reactive power
 SLACK = 1e-3  # of a force; Newton's iteration closes to 1e-6, a change of state is up to half a step late
 NEWTON = 1e-6  # tolerance of the iteration, relative to the energy stored by the preload
-_PASSIVE = 1e-9  # of the greatest |Y|: rounding
+_PASSIVE = 1e-9  # of the largest |Y|: rounding
 _OUT_OF_RANGE = "which is not possible. The contact law is out of its range: halve the step, or lower the drive."
 _BEYOND_LIMIT = "which is not possible. The slider exceeds its limit: halve the step."
 _TOO_COARSE = "is likely too coarse for the contact: halve it."
@@ -206,7 +206,7 @@ def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict
     return {**known, "cautions": [*limits, *too_fast(motor.to_dict(), fastest)]}
 
 
-GAIN = 1e-3  # share of the power put in: a loss below minus this is told
+GAIN = 1e-3  # share of the power put in: a loss below minus this is shown
 _GAINS = {
     "friction_loss_w": "Friction delivers {:.2g} % of the power put in: the spring of the contact stiffens while it is "
     "strained. Compare with a row of sliders, the contact brush.",

@@ -56,8 +56,8 @@ class Quantities:
     apparent_power_b_va: float = measured("VA", "RMS voltage times RMS current of group B")
     current_a_rms_a: float = measured("A", "RMS current of group A")
     current_b_rms_a: float = measured("A", "RMS current of group B")
-    current_a_peak_a: float = measured("A", "greatest current of group A")
-    current_b_peak_a: float = measured("A", "greatest current of group B")
+    current_a_peak_a: float = measured("A", "maximum current of group A")
+    current_b_peak_a: float = measured("A", "maximum current of group B")
     shaft_power_w: float = measured("W", "power of the contact on the rotor; negative where the shaft is driven")
     efficiency: float = measured(
         "1", "power at the shaft, after the bearing, over electrical power; NaN if it is driven"
@@ -67,8 +67,8 @@ class Quantities:
     friction_loss_w: float = measured("W", "work of the tip along the rotor less that on the rotor: what slip takes")
     normal_loss_w: float = measured("W", "work of the tip towards the rotor: what damping across the contact takes")
     stored_power_w: float = measured("W", "rate at which stored energy grows; 0 once settled")
-    ceramic_strain: float = measured("1", "greatest strain of the ceramic; not known without the beam")
-    ceramic_stress_pa: float = measured("Pa", "greatest stress of the ceramic by that strain")
+    ceramic_strain: float = measured("1", "maximum strain of the ceramic; not known without the beam")
+    ceramic_stress_pa: float = measured("Pa", "maximum stress of the ceramic by that strain")
     temperature_rise_k: float = measured("K", "steady temperature of the stator above its surroundings, by its losses")
     peak_pressure_pa: float = measured("Pa", "greatest pressure in the contact; not known without its radius")
     tensile_stress_pa: float = measured("Pa", "tension at the trailing edge of the contact at its greatest force")
@@ -241,7 +241,7 @@ class Block:
 
     bench: Dynamometer  # the dynamometer
     means: dict[str, float]  # mean by node of its integral, in SI units
-    peaks: dict[str, float]  # greatest current of each group, A, if it was measured
+    peaks: dict[str, float]  # largest current of each group, A, if it was measured
     start: Motion  # motion at its start
     end: Motion  # motion at its end
     ended: float  # time in s since the source was switched on
@@ -267,7 +267,7 @@ def off_beat(setup: Point) -> Point:
     """Return a setup with its step made incommensurate with the period, if its steps are uniform.
 
     A change of state is seen at the end of its step. With a whole number of steps a period it would always be late by
-    the same, and the small mean of a large alternating force be wrong by some 2 %; so the steps move through the
+    the same, and the small mean of a large alternating force be wrong by about 2 %; so the steps move through the
     period by the golden section, and their rounding averages out (measured: 0.1 %).
     """
     if not setup.source.uniform:
@@ -335,7 +335,7 @@ def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:
     The means are over whole periods, in SI units: ``friction``, ``friction_square`` and ``normal`` of the forces;
     ``touching`` and ``slip``, shares of time; ``work`` and ``press``, powers of the tip along the rotor and towards it;
     ``given``, power on the rotor; ``speed`` of the rotor, rad/s; ``load_torque``, ``dielectric_loss``,
-    ``damping_loss``, ``stored``; of each group ``power_a``, ``voltage_square_a``, ``current_square_a`` and the greatest
+    ``damping_loss``, ``stored``; of each group ``power_a``, ``voltage_square_a``, ``current_square_a`` and the largest
     current ``peak_a``; ``ceramic_strain`` and ``ceramic_stress_pa``; if known, ``greatest`` of the normal force and
     ``rubbing``, normal force times slip velocity.
     """

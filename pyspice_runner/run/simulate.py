@@ -30,7 +30,7 @@ from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Wavefor
 from pyspice_runner.run.window import Array, Window
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
-_MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to some 20 %
+_MARGIN = 1.25  # by which an estimate stays below an accuracy that is asked for: estimates are right to about 20 %
 _MOST_TRIALS = 5
 _FEWEST_KEPT = 10  # points of an interrupted run; fewer show nothing
 

@@ -63,7 +63,7 @@ class EnergyBalance:
     bearing: float  # lost in the bearing
     load: float  # work done on the load, or on the grip that holds the shaft
     drift: float  # work against the drift of a heated motor's stiffness
-    passed: float  # greatest energy that passed through the pins in either direction, and input of a driven shaft
+    passed: float  # largest energy that passed through the pins in either direction, and input of a driven shaft
     rounding: float  # error of the energy of the preload by the tolerance of Newton's iteration
 
     @property
@@ -77,7 +77,7 @@ class EnergyBalance:
     def residual(self) -> float:
         """Missing energy over passed energy; finite, since the rounding error counts as passed.
 
-        At the end of a run the sources may have taken more energy than they delivered. The greatest energy passed is a
+        At the end of a run the sources may have taken more energy than they delivered. The largest energy passed is a
         valid scale in that case, too.
         """
         scale = self.passed + self.rounding / ENERGY_BOUND
@@ -193,7 +193,7 @@ class Waveforms(Result):
         states = np.rint(self.contact_state[points])
         before, after = states[:-1], states[1:]
         # A change happens in mid-step on average. The end of a slip, though, shows half a step late: the slider's
-        # excess over its limit, by which slip is told, follows the relative velocity in the middle of the step.
+        # excess over its limit, by which slip is shown, follows the relative velocity in the middle of the step.
         late = (before == 2) & (after == 1)
         held_before = steps * np.where(late, 0.0, 0.5)
         held_after = steps - held_before
@@ -297,7 +297,7 @@ class Waveforms(Result):
 
     @property
     def _still(self) -> float:
-        """Speed in rad/s below which a change counts for nothing: a thousandth of the greatest, or rounding."""
+        """Speed in rad/s below which a change counts for nothing: a thousandth of the largest, or rounding."""
         return 1e-3 * USUAL_ACCURACY * float(np.abs(self.rotor_speed_rad_s).max()) + ROUNDING_RAD_S
 
     @cached_property

@@ -19,7 +19,7 @@ POINTS_TO_COME = 1000  # of an averaged run, from which its further change is ex
 AVERAGED_PERIODS = 20  # whole drive periods at the end of a run, or as many as were recorded
 HARMONICS = 20
 _FINE = 2000  # points per period for the slew rate
-_SLOWEST = 0.99  # greatest ratio of two successive changes for an extrapolation
+_SLOWEST = 0.99  # largest ratio of two successive changes for an extrapolation
 
 
 class Window:
@@ -74,7 +74,7 @@ class Window:
         return np.asarray(2j / self.length * (ends + np.diff(turns, axis=1) @ slopes / omega**2))
 
     def slew_rate(self, values: Array) -> float:
-        """Return the greatest rate of a signal, measured over 1/2000 of a period."""
+        """Return the largest rate of a signal, measured over 1/2000 of a period."""
         grid = np.linspace(self.start, self._whole[-1], _FINE * max(self.periods, 1) + 1)
         return float(np.abs(np.diff(np.interp(grid, self.time, self.cut(values)))).max() / (grid[1] - grid[0]))
 

@@ -2,7 +2,7 @@
 """The subcircuits of ``behavioral/`` and their headers.
 
 This module reads the header of a library: ``PIN`` lines (name, direction, unit, meaning) in the order of the
-``.subckt`` line, ``PAR`` lines (name, unit, default, least, greatest, meaning), ``SOURCE``, ``OMITS``,
+``.subckt`` line, ``PAR`` lines (name, unit, default, smallest, largest, meaning), ``SOURCE``, ``OMITS``,
 ``REVISION`` (of pins, parameters and results), ``STEP`` (the coarsest time step at which the results are right),
 ``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. ``NEEDS`` names other libraries whose subcircuits
 it instantiates. A contact law has ``STATE`` (node, unit, meaning), ``SLIDERS``, ``SPRING`` and ``FORMS`` lines.

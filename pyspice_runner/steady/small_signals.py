@@ -51,7 +51,7 @@ OUTPUTS = {
 # curvature drops out. On a motor that slips, the transfer functions are then within 2 % of those of finite modulation.
 # A finer step than that of simulate makes both smaller, by the root of its ratio: in proportion, rounding would count.
 SWING = 3e-3  # of the scale of a state
-PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by some 1e-3
+PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by about 1e-3
 FINER = 2  # steps in one of the steady state
 OFFSETS = 4  # copies whose steps lie between each other's; their difference is one part of the error
 SMALLER = 0.5  # of the deviations: the change by it is the other part

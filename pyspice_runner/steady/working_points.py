@@ -46,7 +46,7 @@ Limit = float | tuple[float, float]  # the maximum of an absolute value, or its 
 OBJECTIVES: dict[Objective, str] = {
     "torque": "torque_n_m", "speed": "speed_rad_s", "efficiency": "efficiency", "power": "shaft_power_w",
 }  # fmt: skip
-ACCURACY = 1e-2  # of the friction torque under the preload; finer than what tells points of a map apart
+ACCURACY = 1e-2  # of the friction torque under the preload; finer than what shows points of a map apart
 MOST_POINTS = 10_000
 _COARSEST = 4  # steps between the points that are solved first
 
@@ -54,7 +54,7 @@ OUTCOME = {
     "speed_rad_s": ("rad/s", "mean speed of the rotor"),
     **UNITS,
     "current_a": ("A", "RMS current of the group that draws more"),
-    "voltage_v": ("V", "greatest voltage at a group"),
+    "voltage_v": ("V", "maximum voltage at a group"),
     "temperature_c": ("°C", "steady temperature of the stator; not known without its thermal resistance"),
     "torque_error_n_m": ("N·m", "estimated error of the torque by the time step"),
     "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),

@@ -126,7 +126,7 @@ LONGEST = 1e5  # s, of an averaged run
 PATIENCE = (
     60.0  # s of wall time without a timeout: at the limit of its oscillator a loop can oscillate with very short steps
 )
-LONGEST_STEPS = {"spice": 50, "compiled": 200}  # least number of steps of an averaged run
+LONGEST_STEPS = {"spice": 50, "compiled": 200}  # smallest number of steps of an averaged run
 NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
 _HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
 

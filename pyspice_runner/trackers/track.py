@@ -52,7 +52,7 @@ from pyspice_runner.trackers.tracker import (
 )
 from pyspice_runner.units import engineering
 
-LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its greatest amplitude or more
+LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its largest amplitude or more
 LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
@@ -83,7 +83,7 @@ class Tracking(Result):
         lock_time_s: time after which it stays locked until the disturbance; ``None`` if it does not.
         kept_lock: whether the phase came within 20° of its target before the disturbance, and stayed within 60°.
         rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
-        worst_phase_error_deg: greatest deviation, averaged over 20 periods, in the same time.
+        worst_phase_error_deg: largest deviation, averaged over 20 periods, in the same time.
         residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
         static_phase_error_deg: phase of the mode's velocity minus its target, mean at the end.
         end_frequency_hz: mean frequency at the end.

@@ -189,7 +189,7 @@ class Tracker(Stated, Excitation):
 
     @property
     def tuned_hz(self) -> dict[str, float]:
-        """Least and greatest frequency of the oscillator."""
+        """Lowest and highest frequency of the oscillator."""
         return {"least": self.frequency * (1.0 - self.span), "greatest": self.frequency * (1.0 + self.span)}
 
     @property

@@ -171,7 +171,7 @@ def _rated(motor: Motor) -> dict[str, Any] | None:
 
 
 def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """Return defaults, limits and (least, greatest, increment) of the sliders of all settings, in SI units."""
+    """Return defaults, limits and (smallest, largest, increment) of the sliders of all settings, in SI units."""
     drive = default_drive(motor)
     two = isinstance(drive, TwoToneDrive)
     voltage, frequency = drive.tones[0][0].amplitude, drive.tones[0][0].frequency

@@ -17,7 +17,7 @@ from pyspice_runner.errors import SpectrumError
 
 Floats = NDArray[np.float64]
 
-MOST_BYTES = 16 * 2**20  # some 200 000 points; an analyser writes 801 or 1601
+MOST_BYTES = 16 * 2**20  # about 200 000 points; an analyser writes 801 or 1601
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")

@@ -44,10 +44,10 @@ class Placed(Parameters):
     """What fills the space between two opposite corners; a face has one coordinate, a point all three in common."""
 
     from_m: Point | None = Field(
-        default=None, description="corner with the least coordinates", json_schema_extra={"unit": "m"}
+        default=None, description="corner with the smallest coordinates", json_schema_extra={"unit": "m"}
     )
     to_m: Point | None = Field(
-        default=None, description="corner with the greatest coordinates", json_schema_extra={"unit": "m"}
+        default=None, description="corner with the largest coordinates", json_schema_extra={"unit": "m"}
     )
     region: str | None = Field(
         default=None, description="instead, with a mesh: name of a physical group", min_length=1, max_length=100,
@@ -161,7 +161,7 @@ class Solid(Parameters):
     )
     mesh_unit_m: float = quantity("unit of the mesh file", "m", ge=1e-9, le=1e3, default=1.0)
     element_m: float | None = quantity(
-        "greatest edge of an element; left out with a mesh", "m", ge=1e-6, le=0.1, default=None
+        "maximum edge of an element; left out with a mesh", "m", ge=1e-6, le=0.1, default=None
     )
     lowest_hz: float = quantity("lowest frequency of the modes that the motor has", "Hz", ge=10.0, le=1e7)
     highest_hz: float = quantity("highest frequency of the modes that the motor has", "Hz", ge=10.0, le=1e7)

@@ -22,7 +22,7 @@ from pyspice_runner.motor.solid.elements import Array, Indices
 from pyspice_runner.motor.solid.materials import materials
 from pyspice_runner.motor.solid.parameters import LARGEST, Box, Electrode, MeshFile, Placed, Solid, mesh_file
 
-MOST_CELLS = 20_000  # some 350,000 unknowns, beyond the memory of most machines
+MOST_CELLS = 20_000  # about 350,000 unknowns, beyond the memory of most machines
 _NEAR = 1e-6  # of an element: places that are meant to coincide
 _FLAT = 1e-9  # of a cube's volume: of a cell without one
 GRADING = 3.0  # ratio of neighbouring cells of a mesh that is graded towards the edges of electrodes

@@ -35,7 +35,7 @@ _UNSEEN = 0.01  # of the current through the clamped capacitance: a current at r
 _LEAST = 24  # modes that are computed
 _BLOCK = 8  # more than the rigid motions of one body
 _EXACT = 1e-11  # of an eigenvalue: its residual
-_DIRECTIONS = 500  # in the space of modes, in which the greatest stress is sought
+_DIRECTIONS = 500  # in the space of modes, in which the largest stress is sought
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Stator:
     residual_m_per_n: Array  # (2, 2): compliance of the modes that are left out, normal and tangent
     residual_m_per_v: Array  # (2, 2): motion of the contact along normal and tangent per volt on the groups, by them
     stress_pa_per_m: Array
-    """(points, modes): normal stresses of the ceramic, where some combination of modes makes them greatest."""
+    """(points, modes): normal stresses of the ceramic, where some combination of modes makes them largest."""
     strain_per_m: Array  # (points, modes): the strains there
     mass_kg: Array  # of the stator: a number
     nodes_m: Array  # (axes, nodes)
@@ -231,7 +231,7 @@ def _mass_of_nodes(geometry: Geometry) -> Array:
 
 
 def _stress(geometry: Geometry, vectors: Array) -> tuple[Array, Array]:
-    """Return normal stresses and strains of the ceramic, means over elements, where they can be the greatest."""
+    """Return normal stresses and strains of the ceramic, means over elements, where they can be the largest."""
     values, axes = _unknowns(geometry, vectors), geometry.dimension
     stresses, found = [np.zeros((1, vectors.shape[1]))], [np.zeros((1, vectors.shape[1]))]
     for part in geometry.parts:
