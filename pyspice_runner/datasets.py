@@ -162,8 +162,8 @@ class Curves(DatasetResult):
         for name in (*self.others, "speed_m_s" if self.linear else SPEED):
             found[name] = f"{self._span(name, 4)}, {data[name].size} values"
         if bool(data["torque_n_m"].notnull().any()):
-            found["greatest torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
-            found["greatest shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
+            found["maximum torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
+            found["maximum shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
         found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
         return self._localised(found)
@@ -215,7 +215,7 @@ class WorkingPoints(DatasetResult):
 
     @property
     def limits(self) -> dict[str, float]:
-        """Greatest absolute value allowed, by the name of the quantity."""
+        """Largest absolute value allowed, by the name of the quantity."""
         found: dict[str, float] = self._attribute("limits")
         return found
 

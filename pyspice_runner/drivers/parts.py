@@ -73,7 +73,7 @@ class Ratings:
 
     @property
     def highest_v(self) -> float:
-        """Greatest voltage in V between drain and source."""
+        """Largest voltage in V between drain and source."""
         return DERATED * self.breakdown_v
 
     def output_capacitance(self, volts: Array) -> Array:

@@ -262,7 +262,7 @@ class DriveReport(Result):
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
                 f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
             )
-            for event, most in {"greatest": self.maxima, **self.events}.items():
+            for event, most in {"maximum": self.maxima, **self.events}.items():
                 found[f"group {group}, {event}"] = (
                     f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
                 )

@@ -70,8 +70,8 @@ class Quantities:
     ceramic_strain: float = measured("1", "maximum strain of the ceramic; not known without the beam")
     ceramic_stress_pa: float = measured("Pa", "maximum stress of the ceramic by that strain")
     temperature_rise_k: float = measured("K", "steady temperature of the stator above its surroundings, by its losses")
-    peak_pressure_pa: float = measured("Pa", "greatest pressure in the contact; not known without its radius")
-    tensile_stress_pa: float = measured("Pa", "tension at the trailing edge of the contact at its greatest force")
+    peak_pressure_pa: float = measured("Pa", "maximum pressure in the contact; not known without its radius")
+    tensile_stress_pa: float = measured("Pa", "tension at the trailing edge of the contact at its maximum force")
     wear_volume_m3_per_s: float = measured("m³/s", "volume that the tip loses by slip")
     balance_residual: float = measured("1", "power put in that is not accounted for, over the power put in")
 

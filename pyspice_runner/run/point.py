@@ -195,7 +195,7 @@ class Point:
 
     @property
     def coarsest_step(self) -> float:
-        """Greatest time step in s that the rule allows."""
+        """Longest time step in s that the rule allows."""
         return self.shortest_period / self.source.fewest_points
 
     @property

@@ -192,7 +192,7 @@ class Solid(Parameters):
 
     def _check_mesh(self) -> None:
         if (self.mesh is None) == (self.element_m is None):
-            raise ValueError("element_m (greatest edge of an element, in m) or a mesh is needed; state one of them")
+            raise ValueError("element_m (maximum edge of an element, in m) or a mesh is needed; state one of them")
         for name, item in self.placed.items():
             if (self.mesh is None) != (item.region is None):
                 raise ValueError(f"{name}: a region goes with a mesh, and from_m and to_m without one; state the other")
