@@ -178,7 +178,7 @@ def test_the_command_writes_the_dialect(tmp_path: Path, capsys: pytest.CaptureFi
     assert "    rotational_omega shaft;\n" in target.with_suffix(".va").read_text(encoding="utf-8")
     said = capsys.readouterr().err
     assert "dialect = 'xyce' has no effect on a .va: give a file name that ends in .lib." in said
-    assert "'hspice' is not one of 'spice', 'xyce'" in " ".join(said.replace("│", " ").split())
+    assert "'hspice' is not one of 'spice', 'ltspice', 'xyce'" in " ".join(said.replace("│", " ").split())
 
 
 def test_a_law_of_ones_own_with_a_function_that_xyce_does_not_have_is_an_error() -> None:

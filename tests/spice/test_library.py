@@ -106,7 +106,6 @@ SAME = {  # library parameter: the model's field; both refuse the same values
     ("piezomotor_mode", "stiffness"): (Mode, "stiffness_n_per_m"),
     ("piezomotor_mode", "coupling_a"): (Mode, "coupling_a_n_per_v"),
     ("piezomotor_mode", "coupling_b"): (Mode, "coupling_b_n_per_v"),
-    ("piezomotor_tip", "damping"): (Mode, "damping_n_s_per_m"),
     ("piezomotor_tip", "stiffness"): (Mode, "stiffness_n_per_m"),
     ("piezomotor_tip", "tip_x"): (Mode, "tip_x"),
     ("piezomotor_tip", "tip_y"): (Mode, "tip_y"),
