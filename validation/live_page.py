@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Long measurements of the live page: ten settings against the package, 50 changes, 200 changes, five tasks.
 
-``python -m validation.live_page`` writes ``live_runs.json`` beside this file and the pictures of the tasks into
-``docs/pictures/``; ``python -m validation.live_page latency`` measures one part again. ``make soak`` runs it, and
-``tests/test_live_runs.py`` checks the bounds.
+``python -m validation.live_page`` writes ``records/live_page.json``; with ``latency`` it measures this part alone.
+``make soak`` runs it.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.view.live import save_live_page
 
 ROOT = Path(__file__).resolve().parents[1]
-RECORD, PICTURES = ROOT / "validation" / "records" / "live_page.json", ROOT / "docs" / "pictures"
+RECORD = ROOT / "validation" / "records" / "live_page.json"
 CHANGES, MANY = 50, 200
 SETTINGS: list[tuple[str, dict[str, Any]]] = [
     ("beam40", {}),
@@ -239,14 +238,11 @@ TASKS = {
 }  # fmt: skip
 
 
-def run_task(page: Page, name: str, picture: Path | None) -> dict[str, Any]:
+def run_task(page: Page, name: str) -> dict[str, Any]:
     """Do a task; return what it asks, its answer and its time."""
     began = time.monotonic()
     answer = TASKS[name](page)
     seconds = time.monotonic() - began
-    if picture:
-        page.wait_for_timeout(500)
-        page.screenshot(path=picture, type="jpeg", quality=60)
     return {"task": (TASKS[name].__doc__ or "").strip(), "answer": answer, "seconds": round(seconds, 1)}
 
 
@@ -261,9 +257,8 @@ def settings(page: Page) -> list[dict[str, Any]]:
 
 
 def tasks(page: Page) -> list[dict[str, Any]]:
-    """Do all tasks, with a picture of each."""
-    PICTURES.mkdir(exist_ok=True)
-    return [run_task(page, name, PICTURES / f"live_{name}.jpg") for name in TASKS]
+    """Do all tasks."""
+    return [run_task(page, name) for name in TASKS]
 
 
 def main(parts: list[str]) -> None:
