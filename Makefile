@@ -37,7 +37,7 @@ fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every
 	$(PY) -m pytest -n $(JOBS) -m fuzz
 	$(PY) -m validation.fuzz
 
-soak: setup ## run all further cases of tests, and 2,000 random motors (30 minutes; can be resumed)
+soak: setup ## run all further cases of tests, and 2,000 random motors (three hours; the random motors can be resumed)
 	$(PY) -m pytest -n $(JOBS) -m soak
 	$(PY) -m validation.soak
 	$(PY) -m validation.soak electronics
