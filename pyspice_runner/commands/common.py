@@ -65,6 +65,7 @@ def complete_motor(incomplete: str) -> list[str]:
     return [name for name in (*pr.available_motors(), *sorted(files)) if name.startswith(incomplete)]
 
 
+SHORTCUTS = {"preload": "contact.preload_n", "friction": "contact.friction"}  # options of one parameter
 MOST_VALUES = 1_000_000  # of an axis
 _OPTIONS = {  # path of an axis → options that state its value, where they have another name than the path ends in
     "drive.phase_deg": ("phase",), "load.torque": ("load_torque",),
@@ -98,7 +99,8 @@ def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
     """Raise ParameterError for an option, or a path of ``--set`` or ``--part``, whose value an axis replaces."""
     from pyspice_runner.run.paths import LOADS, canonical  # netlists, which commands without a run do not load
 
-    changes = {
+    changes = {path: f"--{name}" for name, path in SHORTCUTS.items() if context.params.get(name) is not None}
+    changes |= {
         f"{prefix}{change.partition('=')[0].strip()}": option
         for option, name, prefix in (("--set", "changes", ""), ("--part", "part", "drive."))
         for change in context.params.get(name) or ()
@@ -161,7 +163,7 @@ def pairs_of(
 ) -> Iterator[tuple[str, str]]:
     """Yield path and value of the texts of an option.
 
-    Raise ParameterError, with what is shown, for a text without "=", and for a path that is given twice.
+    Raise ParameterError, which ends in ``told``, for a text without "=", and for a path that is given twice.
     """
     paths: set[str] = set()
     for text in texts or ():
@@ -175,12 +177,14 @@ def pairs_of(
         yield path, value
 
 
-def limits_of(texts: list[str] | None) -> dict[str, tuple[float, float]]:
-    """Return the limits that are written as NAME=LOW:HIGH, either end left out, or as NAME=HIGH."""
+def limits_of(texts: list[str] | None, *, bare: bool = False) -> dict[str, tuple[float, float]]:
+    """Return the limits that are written as NAME=LOW:HIGH, one end may be left out, or if ``bare`` as NAME=HIGH."""
     found = {}
     for name, text in pairs_of("--limit", texts):
-        low, _, high = text.rpartition(":")
+        low, colon, high = text.rpartition(":")
         try:
+            if not (low or high) or not (colon or bare):
+                raise pr.ParameterError("")
             ends = number(low) if low else -inf, number(high) if high else inf
         except pr.ParameterError:
             raise pr.ParameterError(f"--limit {name}: {text!r} is not LOW:HIGH. Write 135:165, 3m: or :0.1.") from None

@@ -30,7 +30,7 @@ def motors(call: Call) -> None:
 
 @command("as_json", target=argument(Path, ..., "The file to write, .toml.", "FILE"))
 def new(call: Call) -> None:
-    """Write the parameter set of a motor to start from: every value with its unit and a comment.
+    """Write a parameter set to start from: a motor that runs, in SI units, with comments.
 
     Example: piezomotor new mymotor.toml
     """

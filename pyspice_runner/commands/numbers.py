@@ -22,7 +22,8 @@ def number(text: str, units: str = "") -> float:
 
     Args:
         text: such as ``40.7k``, ``2ms`` or ``1e-3``.
-        units: a text that names the units allowed, as the help of an option does; with none, a unit is refused.
+        units: a text that has the allowed units behind a comma or a colon, as the help of an option: "Speed, rad/s
+            (slider: m/s)". Without them a unit is refused.
 
     Raises:
         ParameterError: for another text, or for another unit.
@@ -37,6 +38,6 @@ def number(text: str, units: str = "") -> float:
         )
     value, prefix, unit = match.groups()
     named = _UNITS.get(unit or "")
-    if named is not None and not re.search(rf"(?<![\w/.]){re.escape(named)}(?![\w/])", units):
+    if named is not None and not re.search(rf"[,:] {re.escape(named)}(?![\w/])", units):
         raise pr.ParameterError(f"{text!r} has the unit {unit}, which this value does not have. Leave it out.")
     return float(value) * _SCALES[prefix]

@@ -91,7 +91,6 @@ DRIVER = "driver match part mosfet"
 CHANGES = "changes preload friction temperature"
 TARGETS = "as_json output plot"
 LOAD = ("--load", "--load-torque")  # both names of the load, of which the first is shown
-SHORTCUTS = {"preload": "contact.preload_n", "friction": "contact.friction"}  # options of one parameter
 ROOM_C = 25.0  # °C, of the parameters of a motor without a table of limits
 LEAST_C, MOST_C = -60.0, 200.0  # °C, within which linear drift is a fair description of a hard ceramic
 NO_START = "on a steady state, which has no start"  # the reason why a soft start is refused
@@ -254,6 +253,8 @@ def at_temperature(motor: pr.Motor, celsius: float) -> pr.Motor:
         raise pr.ParameterError(
             f"--temperature {celsius:g} °C is out of range: it must be from {LEAST_C:g} to {most:g} °C."
         )
+    if motor.structure is not None or motor.solid is not None:
+        common.complain("piezomotor: The stress of the ceramic is not computed at --temperature.", style="yellow")
     return pr.Thermal.of(motor).warmed(motor, celsius - ambient)
 
 
@@ -286,7 +287,7 @@ class Call:
         of_driver = self._of_driver
         changes = [change for change in self.changes or [] if change not in of_driver]
         changes += [
-            f"{path}={self.values[key]!r}" for key, path in SHORTCUTS.items() if self.values.get(key) is not None
+            f"{path}={self.values[key]!r}" for key, path in common.SHORTCUTS.items() if self.values.get(key) is not None
         ]
         motor = common.load_changed(source, changes)
         celsius = self.values.get("temperature")

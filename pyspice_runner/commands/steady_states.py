@@ -85,7 +85,7 @@ def map_points(call: Call) -> int:
     """
     call.refuse_idle(NO_START, "soft_start")
     call.check(".nc", ".csv", ".json")
-    limits, axes = common.limits_of(call.limit), common.axes_of(call.over)
+    limits, axes = common.limits_of(call.limit, bare=True), common.axes_of(call.over)
     bounds = {name: high if low == -inf else (low, high) for name, (low, high) in limits.items()}
     free = call.speed is None and not call.load_torque and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
@@ -94,8 +94,7 @@ def map_points(call: Call) -> int:
     with common.points_progress() as progress:
         try:
             dataset = pr.working_points(
-                call.loaded, call.stated, over=axes,
-                limits=bounds, contact=call.law, progress=progress,
+                call.loaded, call.stated, over=axes, limits=bounds, contact=call.law, progress=progress,
                 **call.pick("objective speed load_torque accuracy step timeout"),
             )  # fmt: skip
         except Interrupted as interrupt:

@@ -66,7 +66,7 @@ MOSFETS = tuple(_LIBRARIES)  # by their breakdown voltage
 class Ratings:
     """A MOSFET with the ratings of its data sheet."""
 
-    library: Library  # its subcircuit withstands the name of the part of the bridges that it is
+    library: Library  # its subcircuit has the name of the part of the bridges that it is
     breakdown_v: float  # smallest
     on_resistance_ohm: float  # largest, with 10 V at the gate
     gate_charge_nc: float  # largest, to 10 V

@@ -102,7 +102,7 @@ class Tip(Parameters):
 
     position_m: float = quantity("foot of the tip, from the left support", "m", ge=0.0, le=1.0)
     length_m: float = quantity("from the beam's neutral axis to the contact point", "m", ge=0.0, le=0.5)
-    mass_kg: float = quantity("mass, with that of the stem", "kg", ge=0.0, le=1.0)
+    mass_kg: float = quantity("mass, including the stem", "kg", ge=0.0, le=1.0)
     rotary_inertia_kg_m2: float = quantity("moment of inertia about the beam's neutral axis", "kg·m²", ge=0.0, le=1e-2)
     foot_width_m: float = quantity(
         "width of foot and stem along the beam; 0: joined to it in a point, rigidly", "m", ge=0.0, le=0.5, default=0.0
@@ -306,8 +306,8 @@ class Contact(Parameters):
         default=0.0,
     )  # fmt: skip
     worn_flat_radius_m: float = quantity(
-        "radius of the flat to which the cap of the tip is worn; K_N and K_t are those of the new tip", "m", ge=0.0,
-        le=0.01, default=0.0,
+        "radius of the flat to which the cap of the tip is worn; K_N and K_t are the values of the new tip", "m",
+        ge=0.0, le=0.01, default=0.0,
     )  # fmt: skip
     # for a worn tip, and for pressure, tension and wear, which need more than its stiffness
     effective_radius_m: float | None = quantity(
@@ -366,7 +366,7 @@ class Mount(Parameters):
     """
 
     stiffness_n_per_m: float = quantity("stiffness k_c of the springs along y", "N/m", ge=1.0, le=1e13)
-    mass_kg: float = quantity("mass m_c of the carrier, with that of the stator", "kg", ge=1e-9, le=1e3)
+    mass_kg: float = quantity("mass m_c of the carrier, including the stator", "kg", ge=1e-9, le=1e3)
     damping_n_s_per_m: float = quantity("damping d_c of the springs", "N·s/m", ge=1e-9, le=1e9)
     tangential_stiffness_n_per_m: float | None = quantity(
         "stiffness k_x of the springs along the rotor; not stated: held along it", "N/m", ge=1.0, le=1e13, default=None

@@ -206,7 +206,7 @@ def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict
     return {**known, "cautions": [*limits, *too_fast(motor.to_dict(), fastest)]}
 
 
-GAIN = 1e-3  # share of the power put in: a loss below minus this is shown
+GAIN = 1e-3  # share of the power put in: a loss below minus this is reported
 _GAINS = {
     "friction_loss_w": "Friction delivers {:.2g} % of the power put in: the spring of the contact stiffens while it is "
     "strained. Compare with a row of sliders, the contact brush.",

@@ -102,8 +102,8 @@ def transient(
     interrupted run returns its points, as ``partial`` of :class:`Interrupted`.
 
     Where steps are not ``uniform`` by the options of the bench, a run that ends with "Timestep too small" is repeated
-    once with half the step: whether the steps that ngspice chooses collapse at an edge depends on where they fall, and
-    on the version of ngspice.
+    once with half the step: whether steps collapse at a switching edge depends on their positions and on the version
+    of ngspice.
 
     Raises:
         SimulationError: if ngspice fails or its result cannot be trusted.

@@ -193,7 +193,7 @@ class Waveforms(Result):
         states = np.rint(self.contact_state[points])
         before, after = states[:-1], states[1:]
         # A change happens in mid-step on average. The end of a slip, though, shows half a step late: the slider's
-        # excess over its limit, by which slip is shown, follows the relative velocity in the middle of the step.
+        # excess over its limit, by which slip is detected, follows the relative velocity in the middle of the step.
         late = (before == 2) & (after == 1)
         held_before = steps * np.where(late, 0.0, 0.5)
         held_after = steps - held_before

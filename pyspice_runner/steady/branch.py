@@ -225,7 +225,7 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
 
 
 def _solved(matrix: Array, right: Array, drop: int) -> Array:
-    """Return the solution of smallest norm of linear equations, with the ``drop`` smallest singular values left out."""
+    """Return the solution of minimum norm of linear equations, with the ``drop`` smallest singular values left out."""
     left, sizes, across = np.linalg.svd(matrix)
     kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - drop)
     return np.asarray(across.T @ np.where(kept, (left.T @ right) / np.where(kept, sizes, 1.0), 0.0))

@@ -219,7 +219,7 @@ class Plant:
     ) -> dict[str, str]:
         """Return the subcircuit of the motor and those of its parts, by name.
 
-        ``plates`` shows whether the motor has its clamped capacitances, and ``plotted`` whether a brush has the nodes
+        ``plates``: whether the motor has its clamped capacitances; ``plotted``: whether a brush has the nodes
         ``slider`` and ``state``.
         """
         name = self.motor_name

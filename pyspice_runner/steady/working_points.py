@@ -46,7 +46,7 @@ Limit = float | tuple[float, float]  # the maximum of an absolute value, or its 
 OBJECTIVES: dict[Objective, str] = {
     "torque": "torque_n_m", "speed": "speed_rad_s", "efficiency": "efficiency", "power": "shaft_power_w",
 }  # fmt: skip
-ACCURACY = 1e-2  # of the friction torque under the preload; finer than what shows points of a map apart
+ACCURACY = 1e-2  # of the friction torque under the preload; finer than the differences between points of a map
 MOST_POINTS = 10_000
 _COARSEST = 4  # steps between the points that are solved first
 
@@ -325,7 +325,8 @@ def _row(state: SteadyState, limits: Mapping[str, tuple[float, float]]) -> dict[
     }
     row = with_linear(row) if state.motor.slider else row
     within = all(low <= abs(row[name]) <= high for name, (low, high) in limits.items())
-    given = {*limits, *(["temperature_c"] if "temperature_rise_k" in limits else [])}
+    given = {name for name, (_, high) in limits.items() if high < inf}
+    given |= {"temperature_c"} if "temperature_rise_k" in given else set()
     own = {name: most for name, most in limits_of(state.motor).items() if name not in given}
     within = within and not any(abs(row[name]) > most for name, most in own.items())
     within = within and not too_fast(state.motor.to_dict(), state.speed_rad_s)

@@ -35,7 +35,6 @@ from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
-from pyspice_runner.view.style import LEAST_COUPLING
 
 if TYPE_CHECKING:
     import xarray
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
 _TABULATED = ("speed_rad_s", "torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled")
+LEAST_COUPLING = 0.02  # resonance and antiresonance are less than 0.02 % apart below it: the table folds such an arm
 _PERIODS = 3  # of the waveforms to download
 _SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "slider", "mount", "limits")
 
@@ -181,14 +181,14 @@ class Report(Result):
         return self.run.audit
 
     def _limits(self) -> Iterator[str]:
-        """Yield the cautions of another motor's calibration, and once each those of run, free rotor and curves."""
+        """Yield each caution once: of a calibration of another motor, of the run, of the free rotor, of the curves."""
         if self.calibration and (others := self.calibration.differing(self.motor, self.drive)):
             yield f"The calibration is of a motor with other values of {', '.join(others)}."
         if self.free is None:
             yield "Dry friction of the bearing stops the rotor."
-        states: dict[str, Sequence[str]] = {"From rest": self.run.cautions}
-        states |= {} if self.free is None else {"without load": self.free.cautions}
-        states |= {f"curve at {100.0 * level:g} %": Curves(curve).cautions for level, curve in self.curves.items()}
+        states: dict[str, Sequence[str]] = {"Run from rest": self.run.cautions}
+        states |= {} if self.free is None else {"No load": self.free.cautions}
+        states |= {f"Curve at {100.0 * level:g} %": Curves(curve).cautions for level, curve in self.curves.items()}
         yield from grouped(list(states.values()), list(states))
 
     def summary(self) -> dict[str, str]:
@@ -246,6 +246,7 @@ def datasheet(report: Report) -> str:
         connections=list(COUPLING),
         parameters=list(parameter_rows(report.motor)),
         circuits=_circuits(report.spectra),
+        least_coupling=LEAST_COUPLING,
         downloads=downloads(report),
         error=report.discretisation_error,
         settled=all(bool(curve["settled"].all()) for curve in report.curves.values()),
@@ -264,7 +265,7 @@ def datasheet(report: Report) -> str:
 
 
 def _circuits(spectra: Mapping[State, Admittance]) -> dict[bool, list[Arm]]:
-    """Return tip, connection and equivalent circuit of every resonance, the best coupled first, by whether it matters.
+    """Return the equivalent circuits, the largest coupling first: ``True``: at least LEAST_COUPLING; ``False``: below.
 
     Groups that give the same circuit, as A and B of a symmetric stator, have one row.
     """
@@ -276,8 +277,8 @@ def _circuits(spectra: Mapping[State, Admittance]) -> dict[bool, list[Arm]]:
                 rows.setdefault(key, Arm(state, connection, item))
     ranked = sorted(rows.values(), key=lambda row: -row.item.coupling_factor)
     return {
-        matters: [row for row in ranked if (row.item.coupling_factor >= LEAST_COUPLING) is matters]
-        for matters in (True, False)
+        coupled: [row for row in ranked if (row.item.coupling_factor >= LEAST_COUPLING) is coupled]
+        for coupled in (True, False)
     }
 
 

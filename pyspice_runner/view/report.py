@@ -36,7 +36,7 @@ LEVELS = (0.5, 1.0)
 SPEEDS = 11  # of a curve, by default: ten up to no load, and one beyond
 OVERSPEED = 1.1  # end of a curve over the speed without load
 DURATION = 10e-3  # s of the run from rest, at first
-MOST_DOUBLED = 7.9  # of this duration: no run is longer than eight times as long
+DOUBLINGS = 3  # of this duration at most, while the run has not settled
 PATIENCE = 16  # blocks; a point that has not settled by then is marked
 _POINTS_PER_BANDWIDTH = 10
 _FEWEST_POINTS, _MOST_POINTS = 600, 20_000
@@ -113,8 +113,10 @@ def report(
             spectra[state] = _spectrum(motor, state, timeout)
             finished[f"admittance_{state}.csv"] = spectra[state].save
             advance()
-        run = simulate(motor, drive, duration=duration or DURATION, timeout=timeout)
-        while duration is None and not run.settled and run.time_s[-1] < MOST_DOUBLED * DURATION:
+        run = simulate(motor, drive, duration=DURATION if duration is None else duration, timeout=timeout)
+        for _ in range(DOUBLINGS if duration is None else 0):
+            if run.settled:
+                break
             run = simulate(motor, drive, duration=2.0 * float(run.time_s[-1]), timeout=timeout)
         finished["run.nc"] = run.save
         advance()

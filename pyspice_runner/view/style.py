@@ -9,7 +9,6 @@ from typing import NamedTuple
 # have a contrast of at least 3 : 1 against a white and a dark page.
 BLACK, BLUE, VERMILION, GREEN, ORANGE = "#000000", "#0072B2", "#D55E00", "#009E73", "#E69F00"
 PURPLE, GREY = "#BA6A98", "#808080"
-LEAST_COUPLING = 0.02  # below, a resonance hardly shows at the pins: charts leave it out of view, tables fold it
 CAUTION = VERMILION  # of the words that a result is not settled, or failed its audit
 
 # Curves of one chart differ in colour and in dash, which also distinguishes them in print.

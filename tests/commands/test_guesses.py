@@ -27,13 +27,13 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )  # fmt: skip
 def test_a_number_may_have_a_suffix_and_a_unit_that_the_option_has(text: str, value: float) -> None:
-    assert number(text, units="V, s or Hz") == pytest.approx(value, rel=1e-15)
+    assert number(text, units="Test, V, s, Hz") == pytest.approx(value, rel=1e-15)
 
 
-@pytest.mark.parametrize("text", ["2M", "2mm", "k", "1.2.3", "40,7k", "2kHz", "5 apples", "", "1e3k4"])
+@pytest.mark.parametrize("text", ["2M", "2mm", "k", "1.2.3", "40,7k", "2kHz", "150A", "5 apples", "", "1e3k4"])
 def test_another_text_is_not_a_number(text: str) -> None:
     with pytest.raises(pr.ParameterError, match=r"is not a number|has the unit"):
-        number(text, units="V")
+        number(text, units="Amplitude of group A, V")
 
 
 @pytest.mark.parametrize(
@@ -72,6 +72,9 @@ def test_a_guess_works(words: str, says: str, capsys: pytest.CaptureFixture[str]
         ("steady bimodal40 --temperature 500", "from -60 to 328 °C"),
         ("motors --plot m.png", "No such option: --plot"),
         ("export bimodal40 a.lib --output b.lib", "Two files are given"),
+        ("sweep bimodal40 --preload 9 --over contact.preload_n=8,9", "given twice, by --preload and as an axis"),
+        ("sweep bimodal40 --over drive.voltage=50,60 --limit mean_torque_n_m=3", "is not LOW:HIGH"),
+        ("map bimodal40 --over drive.voltage=50,60 --limit torque_n_m=", "is not LOW:HIGH"),
         ("map bimodal40 --over drive.voltage=50,60 --limit torque_n_m=3:1", "LOW must be at most HIGH"),
     ],
 )
@@ -114,3 +117,6 @@ def test_a_limit_of_a_map_may_have_two_ends(capsys: pytest.CaptureFixture[str]) 
         best.append(json.loads(capsys.readouterr().out)["best"])
     assert best[0]["torque_n_m"] > 0.001
     assert best[1:] == [None, None]
+    lower = "map bimodal40 --speed 0 --over drive.voltage=60,80 --limit tensile_stress_pa=1e6: --json"
+    assert run(shlex.split(lower)) == 0
+    assert json.loads(capsys.readouterr().out)["best"] is None  # a minimum does not replace the motor's own maximum

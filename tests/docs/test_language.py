@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Words that a native engineer does not write are on no page, in no docstring and in no help of a command."""
+"""Words that a native engineer does not write are on no page and in no docstring."""
 
 from __future__ import annotations
 

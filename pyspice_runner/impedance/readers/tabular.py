@@ -36,7 +36,7 @@ def _tabular(
 ) -> Callable[[Text], Reading | None]:
     """Return the reader of a format by its header line (``None`` in another format) and the meaning of a heading.
 
-    ``sweeps`` shows whether the instrument always sweeps steadily, so that a frequency that does not is another column.
+    ``sweeps``: whether the instrument always sweeps steadily, so that a frequency that does not is another column.
     """
 
     def read(text: Text) -> Reading | None:
