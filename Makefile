@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test pytest soak fuzz bench lint format clean fresh kicad ngspice46 verilog-a firmware windows
+.PHONY: help setup demo figures docs test pytest soak fuzz validation bench lint format clean fresh kicad ngspice46 verilog-a firmware windows
 
 PY := .venv/bin/python
 JOBS ?= 3
@@ -8,7 +8,7 @@ RELEASE ?=
 TARGETS ?= demo test
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z0-9]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## install ngspice and, in .venv, the package with its test tools; skip what is there
 	@sh scripts/setup.sh test dev
@@ -37,10 +37,12 @@ fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every
 	$(PY) -m pytest -n $(JOBS) -m fuzz
 	$(PY) -m validation.fuzz
 
-soak: setup ## run all further cases of tests, and 2,000 random motors (three hours; the random motors can be resumed)
+soak: setup ## run all further cases of tests, and 2,000 random motors and 200 drivers and trackers (an hour; the random ones can be resumed)
 	$(PY) -m pytest -n $(JOBS) -m soak
-	$(PY) -m validation.soak
-	$(PY) -m validation.soak electronics
+	$(PY) -m validation.soak --workers $(JOBS)
+	$(PY) -m validation.soak electronics --workers $(JOBS)
+
+validation: setup ## compare random motors, contacts and drives with independent references (two hours; can be resumed)
 	$(PY) -m validation.hammering
 	$(PY) -m validation.live_page
 	$(PY) -m validation.runs

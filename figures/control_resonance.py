@@ -12,7 +12,7 @@ import pyspice_runner as pr
 
 
 def draw(folder: Path) -> list[str]:
-    defined, averaged, full = controller("resonance", 20e-3)
+    defined, averaged, full = controller("resonance", 40e-3)
     motor, drive = defined["MOTOR"], defined["DRIVE"]
     constant = pr.simulate_controlled(
         motor, drive, lambda _: {}, duration=averaged.time_s[-1], sample_time=defined["SAMPLE_TIME"],
@@ -30,8 +30,8 @@ def draw(folder: Path) -> list[str]:
     samples(axes[2], averaged, full, "speed_rad_s", 1.0, "speed / (rad/s)")
     axes[2].plot(1e3 * constant.time_s, constant.speed_rad_s, color=GREY, label="averaged motor, not tracked")
     axes[2].set_xlabel("time / ms")
-    axes[1].legend(loc="upper right")
-    axes[2].legend(loc="lower right")
+    axes[1].legend(loc="lower right")
+    axes[2].legend(loc="center right")
     caption = (
         f"{motor_words(motor)} Drive at the start: {drive_words(drive)}, 1.2 % above the recommended frequency. Load "
         f"{1e3 * defined['LOAD_TORQUE']:g} mN·m. A PI controller, sampled every {1e3 * defined['SAMPLE_TIME']:g} ms, "
@@ -43,7 +43,7 @@ def draw(folder: Path) -> list[str]:
     write(
         figure,
         folder / "control_resonance.png",
-        "A controller finds its frequency by the phase of the current",
+        "A PI controller of the phase of the current tracks the resonance",
         caption,
     )
     return [

@@ -9,6 +9,7 @@ mount the hammering motion is unstable, and a transient does not repeat.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,9 @@ from pyspice_runner.steady.settling import Settling, settle
 
 VOLTAGE = 30.0
 LOW, HIGH = (17.9e3, 17.93e3) if draft() else (16.2e3, 18.4e3)  # Hz
-STEP = 50.0  # Hz, of the sweeps
+STEP, FINE_STEP, FINE = 200.0, 50.0, (16.5e3, 17.0e3)  # Hz, of the sweeps; fine about the folds at a fixed distance
 SETTLING = {"tolerance": 0.1, "patience": 4} if draft() else {"patience": 8}
+HAMMERING = {"patience": 4}  # on the mount a transient repeats nowhere
 ROWS = (
     ("normal_force_n", 1.0, "mean normal force / N"),
     ("torque_n_m", 1e3, "stall torque / (mN·m)"),
@@ -36,7 +38,8 @@ def draw(folder: Path) -> list[str]:
     sprung = pr.load_motor("andersen2002")
     rigid = sprung.updated({"mount": None})
     drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=HIGH, phase_deg=90.0)
-    grid = np.arange(LOW, HIGH + 1.0, STEP)
+    coarse = np.arange(LOW, HIGH + 1.0, STEP)
+    grid = coarse if draft() else np.union1d(coarse, np.arange(FINE[0], FINE[1] + 1.0, FINE_STEP))
     ends = {"follow": "drive.frequency", "speed": 0.0, "points": 2 if draft() else 200}
     branches = {
         "(a) fixed distance": [pr.steady_branch(rigid, drive, start=HIGH, stop=LOW, **ends)],
@@ -45,10 +48,9 @@ def draw(folder: Path) -> list[str]:
             pr.steady_branch(sprung, drive, start=LOW, stop=HIGH, **ends),
         ],
     }
-    # on the mount each point takes longer to settle, so that every second frequency must do
     sweeps = {
-        "(a) fixed distance": _swept(rigid, drive, grid),
-        "(b) on the mount": _swept(sprung, drive, grid[::2]),
+        "(a) fixed distance": _swept(rigid, drive, grid, SETTLING),
+        "(b) on the mount": _swept(sprung, drive, coarse, SETTLING if draft() else HAMMERING),
     }
 
     figure, axes = canvas(3, 2, 8.4, sharex=True, sharey="row")
@@ -68,9 +70,9 @@ def draw(folder: Path) -> list[str]:
     band = f"{LOW / 1e3:g} to {HIGH / 1e3:g} kHz"
     caption = (
         f"Motor andersen2002. Drive: {drive_words(drive).replace(f'{HIGH / 1e3:g} kHz', band)}, shaft held. Lines: "
-        f"branches of steady states, dashed where they are unstable. Triangles: transients in steps of {STEP:g} Hz (a) "
-        f"and {2.0 * STEP:g} Hz (b), each of which continues the one before; hollow where the mean still varies. Where "
-        f"the contact is never open and only sticks, a held shaft can have any of a range of torques. "
+        f"branches of steady states, dashed where they are unstable. Triangles: transients in steps of {STEP:g} Hz, "
+        f"near the folds {FINE_STEP:g} Hz, each of which continues the one before; hollow where the mean still varies. "
+        f"Where the contact is never open and only sticks, a held shaft can have any of a range of torques. "
         f"ngspice {branches['(a) fixed distance'][0].attrs['ngspice_version']}."
     )
     write(figure, folder / "frequency_sweep.png", "Frequency response near the contact resonance", caption)
@@ -85,12 +87,12 @@ def draw(folder: Path) -> list[str]:
     return stories
 
 
-def _swept(motor: pr.Motor, drive: pr.TwoPhaseDrive, grid: np.ndarray) -> xarray.Dataset:
+def _swept(motor: pr.Motor, drive: pr.TwoPhaseDrive, grid: np.ndarray, settling: Mapping[str, float]) -> xarray.Dataset:
     """Let transients follow the frequency up and then down, with the shaft held."""
     there_and_back, motion, rows = np.concatenate([grid, grid[::-1]]), None, []
     for frequency in there_and_back.tolist():
         point = Point.of(motor, drive.updated({"frequency": frequency}), speed=0.0)
-        row, last = settle(Dynamometer(off_beat(point)), 0.0, motion, Settling(**SETTLING))
+        row, last = settle(Dynamometer(off_beat(point)), 0.0, motion, Settling(**settling))
         motion = last.end
         rows.append({name: row[name] for name in ("settled", *(name for name, *_ in ROWS))})
     columns = {name: ("drive.frequency", [row[name] for row in rows]) for name in rows[0]}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random operating points, each by every analysis: ``python -m validation.contradictions``, a part of ``make soak``.
+"""Random operating points, each by every analysis: ``python -m validation.contradictions``, in ``make validation``.
 
 Motors and drives are those of the soak (:mod:`validation.soak`), drawn from the whole ranges that their parameters
 declare; the shaft is held at a drawn speed. The mean torque, the electrical power and the mean normal force of one

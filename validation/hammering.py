@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Default runs of motors whose contact hammers: ``python -m validation.hammering``, a part of ``make soak``.
+"""Default runs of motors whose contact hammers: ``python -m validation.hammering``, a part of ``make validation``.
 
 Each case is run by ``simulate`` with its default step and integrated by the independent integrator of
 ``tests/reference``. The mean rotor speed must be within 1 % of the reference, or the run must say that it is not.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Held shafts at random drives: the steady state against settling from rest: a part of ``make soak``.
+"""Held shafts at random drives: the steady state against settling from rest: a part of ``make validation``.
 
 Motors are two built-in ones as they are, and a beam and the motor with every effect with a random contact. The
 torque of a steady state that is determined must be that at which a run of the full motor settles from preloaded rest.

@@ -2,7 +2,7 @@
 """Long measurements of the live page: ten settings against the package, 50 changes, 200 changes, five tasks.
 
 ``python -m validation.live_page`` writes ``records/live_page.json``; with ``latency`` it measures this part alone.
-``make soak`` runs it.
+``make validation`` runs it.
 """
 
 from __future__ import annotations

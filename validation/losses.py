@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random motors with every loss and recoil: ``python -m validation.losses``, a part of ``make soak``.
+"""Random motors with every loss and recoil: ``python -m validation.losses``, a part of ``make validation``.
 
 Motors and drives are those of :mod:`validation.runs`, with dielectric loss, damping along the normal, compliances in
 series, Stribeck friction, a dry bearing, and a mount that the modes shake. Each is run by ``simulate`` with its default

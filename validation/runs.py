@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs of random motors against independent references: ``python -m validation.runs``, a part of ``make soak``.
+"""Runs of random motors against independent references: ``python -m validation.runs``, a part of ``make validation``.
 
 Each case is run by ``simulate`` twice, with its default step and with a drawn ``accuracy``. The error is the RMS
 distance of the tip from that of the reference, relative to the motion. A run with an accuracy must keep it. A default

@@ -23,7 +23,7 @@ SAMPLE_TIME = 0.5e-3  # s
 
 TARGET = -68.0  # deg, phase of the motional current of group B ahead of its voltage
 PROPORTIONAL = 1.5  # Hz/deg
-INTEGRAL = 1.5  # Hz/deg for each sample
+INTEGRAL = 0.75  # Hz/deg for each sample
 LOWEST, HIGHEST = 40.6e3, 42e3  # Hz
 
 

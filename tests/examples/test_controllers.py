@@ -18,7 +18,7 @@ from tests.selection import mostly
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "controllers"
 SHORT, LONG = 3e-3, 50e-3  # s, six or twelve samples at least
-ENOUGH = {"resonance": 20e-3, "speed": 35e-3, "position": 30e-3}  # s, to see what each controller is for
+ENOUGH = {"resonance": 40e-3, "speed": 35e-3, "position": 30e-3}  # s, to see what each controller is for
 ALLOWED = 0.03  # of the greatest sample: what the averaged motor is to be worth in a loop
 pytestmark = pytest.mark.xdist_group("controllers")
 
