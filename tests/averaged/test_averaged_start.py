@@ -72,8 +72,8 @@ def test_a_transient_gives_op_and_ac_the_start_that_they_do_not_find(tmp_path: P
 
 
 @pytest.mark.soak
-def test_op_of_a_motor_that_lifts_off_finds_a_steady_state_that_the_motor_leaves(tmp_path: Path) -> None:
-    """bimodal40 at 80 V: a transient that begins at the .op comes to the speed of a run from rest."""
+def test_a_transient_from_the_op_of_a_motor_that_lifts_off_has_the_speed_of_a_run_from_rest(tmp_path: Path) -> None:
+    """bimodal40 at 80 V, of which another steady state, unstable, is a solution for .op too."""
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor).model_copy(update={"voltage": 80.0})
     assert isinstance(drive, pr.TwoPhaseDrive)
@@ -87,8 +87,6 @@ def test_op_of_a_motor_that_lifts_off_finds_a_steady_state_that_the_motor_leaves
     speed, _ = result("op", re.sub(r"\.control.*?\.endc\n", lambda _: follow, text, flags=re.S), tmp_path, 180.0)
     settled = float(pr.simulate_averaged(motor, drive, 1.0, engine="compiled").rotor_speed_rad_s[-1])
     assert speed == pytest.approx(settled, rel=1e-3)
-    at_op, _ = result("op", text, tmp_path, 180.0)
-    assert at_op < 0.5 * settled
 
 
 @pytest.mark.soak

@@ -99,7 +99,7 @@ def test_mean_normal_force_at_a_fixed_distance() -> None:
     says(f"{1e3 * fixed['torque_n_m']:.1f} mN·m".replace("-", "−"), f"{1e3 * sprung['torque_n_m']:.1f} mN·m")
 
 
-ROWS = re.findall(r"^\| `(\.[^`]+)` \| (\S+) \| (\S+) \|$", PAGE, re.M)
+ROWS = re.findall(r"^\|`(\.[^`]+)`\|([\d.]+)\|([\d.]+)\|$", PAGE, re.M)
 (DECK,) = re.findall(r"^```spice\n(.*?)^```", PAGE, re.M | re.S)
 
 

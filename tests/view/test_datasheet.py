@@ -286,7 +286,7 @@ def test_no_text_from_outside_runs_in_the_page(
     assert "<script>alert" not in file.read_text(encoding="utf-8")
     page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     assert page.evaluate(count) == usual
-    assert "<img src=x onerror=alert(1)>" in page.inner_text("#parameters")
+    assert "<img src=x onerror=alert(1)>" in (page.text_content("#parameters") or "")  # also of what is folded
     assert wrong == []
     page.close()
 
@@ -406,7 +406,7 @@ def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
     restless = replace(report, curves=curves, free=replace(free, floquet_multipliers=np.array([1.5 + 0.0j])))
     figures = restless.key_figures
     assert all(value is None for value in figures.values())
-    assert "The steady state is not stable: jump." in restless.cautions
+    assert any(caution.endswith("The steady state is not stable: jump.") for caution in restless.cautions)
     assert restless.summary()["electrical power, no load"] == "–"
     assert datasheet(restless).count("<dd>–</dd>") == 5
 
