@@ -14,7 +14,7 @@ setup: ## install ngspice and, in .venv, the package with its test tools; skip w
 	@sh scripts/setup.sh test dev
 
 demo: ## run the motor and plot the results into demo/
-	@echo "demo: about half a minute on an idle machine; before, what is missing is installed, once, in a minute or two"
+	@echo "demo: about two minutes on an idle machine; before, what is missing is installed, once, in a minute or two"
 	@sh scripts/setup.sh
 	@$(PY) figures/demo.py --output demo
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run a motor that turns, and the paper's, in ngspice; plot the results and print a summary (`make demo`)."""
+"""Run the motor bimodal40, and at last the paper's, in ngspice; plot the results and print a summary (`make demo`)."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from pathlib import Path
 
 import admittance
 import figure_5
-import patch_position
+import half_bridge
+import speed_force
 import spin_up
 from rich.console import Console
 from style import main
 
 PARTS = {
     "spin_up.png": ("bimodal40: the rotor spins up", spin_up.draw),
+    "speed_force.png": ("bimodal40: force, power and efficiency versus speed", speed_force.draw),
     "admittance.png": ("bimodal40: its resonances, free and pressed on the rotor", admittance.draw),
-    "patch_position.png": ("andersen2002, the paper's motor: another place for the patches", patch_position.draw),
+    "half_bridge.png": ("bimodal40: voltages and currents behind half bridges", half_bridge.draw),
     "figure_5.png": ("andersen2002: the path of its tip (figure 5 of the paper)", figure_5.draw),
 }
 

@@ -349,7 +349,6 @@ SPECTRUM = str(ROOT / "tests/data/spectra/plain.csv")
 
 
 UNWRITTEN = {
-    "motors": [],
     "show": ["andersen2002"],
     "admittance": RUNS["admittance"],
     "speed-torque": RUNS["speed-torque"],

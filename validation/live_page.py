@@ -25,7 +25,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 import pyspice_runner as pr
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.steady import SteadyState
-from pyspice_runner.view.live import save_live_page
+from pyspice_runner.view.live import half_load, save_live_page
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = ROOT / "validation" / "records" / "live_page.json"
@@ -100,7 +100,8 @@ def reference(name: str, changes: dict[str, Any]) -> SteadyState:
     else:
         named = {"voltage": "voltage", "frequency": "frequency", "phase": "phase_deg"}
         drive = drive.model_copy(update={named[key]: value for key, value in changes.items() if key in named})
-    shaft = {"speed": changes["speed"]} if changes.get("shaft") else {"load_torque": changes.get("torque", 0.0)}
+    load = changes.get("torque", half_load(pr.load_motor(name)))
+    shaft = {"speed": changes["speed"]} if changes.get("shaft") else {"load_torque": load}
     return pr.steady_state(motor, drive, contact=changes.get("law", "spring-slider"), **shaft)
 
 
@@ -166,6 +167,9 @@ def _resident(process: int) -> float:
 
 
 def _choose(page: Page, preset: str) -> None:
+    name = preset.partition(":")[0]
+    if page.input_value("#motor-choice") != name:
+        answered(page, lambda: page.select_option("#motor-choice", name))
     answered(page, lambda: page.select_option("#preset-choice", label=preset))
 
 

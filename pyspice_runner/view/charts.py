@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
 from math import pi
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -22,8 +21,6 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
 from plotly.subplots import make_subplots
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import Delaunay
 
 from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
@@ -31,12 +28,12 @@ from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
 from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.motor import Motor, Structure
-from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
-from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.trackers.loop import LoopDesign
 from pyspice_runner.view import plot_calibration, plot_curves, plot_runs, plot_spectra
 from pyspice_runner.view.draw import DASHES, Panel, last_periods
+from pyspice_runner.view.outlines import axes_of, outlines
 from pyspice_runner.view.style import (
     BLUE,
     CYCLE,
@@ -61,7 +58,6 @@ MODE_STEPS = 12  # frames from the middle to the largest deflection
 TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
 PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the length of beam or solid: the largest deflection as it is drawn
-_INSIDE = 1.0 - 1e-6
 _WEAK = 0.2  # of the best coupling; weaker resonances lie outside the range that a spectrum shows at first
 _MOST_SHAPES = 6
 _MOST_POINTS = 3000  # of a curve over time
@@ -146,40 +142,16 @@ def _beam_shapes(structure: Structure, motor: Motor) -> _Shapes:
 
 
 def _solid_shapes(solid: Solid) -> _Shapes:
-    """Return the outlines of boxes and electrodes in the plane of the contact, moved as the face towards the viewer."""
-    stator = stator_of(solid)
-    plane = sorted("xyz".index(sense[1]) for sense in (solid.contact.normal, solid.contact.tangent))
-    depths = stator.nodes_m[3 - sum(plane)] if len(stator.nodes_m) == 3 else np.zeros(stator.nodes_m.shape[1])
-    face = depths >= depths.max() - 1e-9
-    nodes = stator.nodes_m[plane][:, face].T
-    middle = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
-    outlines: dict[tuple[str, str], list[Array]] = {}
-    colours = {"A": BLUE, "B": VERMILION}
-    for box in solid.boxes:
-        outlines.setdefault(("solid", GREY), []).append(_outline(box, plane))
-    for electrode in solid.electrodes:
-        if electrode.group in colours:
-            key = (f"electrodes of group {electrode.group}", colours[electrode.group])
-            outlines.setdefault(key, []).append(_outline(electrode, plane))
-    lines = [np.concatenate(several, axis=1) for several in outlines.values()]
-    within = Delaunay(nodes)
-    inside = [middle + _INSIDE * (line.T - middle) for line in lines]  # rounding may put a corner beyond the hull
-    swing = _SWING * float(np.ptp(stator.nodes_m, axis=1).max())
+    """Return the outlines of boxes and electrodes, moved as the face towards the viewer."""
+    drawn = outlines(solid)
+    line = drawn[0].line_m
+    swing = _SWING * float((np.nanmax(line, axis=1) - np.nanmin(line, axis=1)).max())
 
     def moved(mode: int, deflection: float) -> Lines:
-        shape = LinearNDInterpolator(within, deflection * swing * stator.shapes[plane, :, mode][:, face].T)
-        places = [line + shape(points).T for line, points in zip(lines, inside, strict=True)]
+        places = [part.line_m + deflection * swing * part.shapes[..., mode] for part in drawn]
         return [(place[0], place[1]) for place in places]
 
-    return _Shapes(list(outlines), moved, "xyz"[plane[0]])
-
-
-def _outline(item: Box | Electrode, plane: list[int]) -> Array:
-    """Return points around a box in m, (2, n), that end with a gap."""
-    low, high = (np.array(corner)[plane] for corner in (item.from_m, item.to_m))
-    corners = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
-    points = np.concatenate([np.linspace(*side, 20, endpoint=False) for side in pairwise(corners)])
-    return np.vstack([points, low, np.full(2, np.nan)]).T
+    return _Shapes([(part.name, part.colour) for part in drawn], moved, "xyz"[axes_of(solid)[0]])
 
 
 def _parts(structure: Structure) -> list[tuple[Array, Array, str, str]]:

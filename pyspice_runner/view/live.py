@@ -11,7 +11,8 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,11 +30,16 @@ from pyspice_runner.motor.drive import TwoToneDrive, default_drive
 from pyspice_runner.motor.load import available_motors, load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.spice.ngspice import run_deck
+from pyspice_runner.steady.steady import steady_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import live_circuit as live
+from pyspice_runner.view.outlines import axes_of, outlines
 
 ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
+PERIODS = 40  # of the drive, in which the page's deck settles from a steady state at another step
 SHAPE_POINTS = 41  # of a mode shape
 GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
 GRIP_LINEAR = 1e6  # N·s/m, of that which holds a slider: at 10 N the speed is 10 µm/s off
@@ -97,8 +103,10 @@ def content_policy(script: str, style: str) -> str:
 
 def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
     """Return the data of the scripts: motors with their decks, presets, and the marks of a driver's lines."""
+    data = [_motor(motor) for motor in motors]
     return {
-        "motors": [_motor(motor) for motor in motors],
+        "motors": data,
+        "first": first_answer(motors[0], data[0]["decks"], data[0]["defaults"]["torque"]),
         "presets": [preset for motor in motors for preset in _presets(motor)],
         "marks": [live.DRIVER, live.END],
         "driverExample": DRIVER_EXAMPLE,
@@ -125,7 +133,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
     defaults, limits, sliders = _settings(motor, sprung.stiffness_n_per_m)
     return {
         "name": motor.name,
-        "label": f"{motor.name}: {', '.join(f'{mode.frequency_hz / 1e3:.4g}' for mode in motor.modes)} kHz",
+        "label": f"{motor.name}, {default_drive(motor).frequencies[0] / 1e3:.3g} kHz",
         "description": "; ".join(
             f"{mode.name} {mode.frequency_hz / 1e3:.4g} kHz, Q {mode.quality_factor:.3g}" for mode in motor.modes
         ),
@@ -151,6 +159,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "limits": limits,
         "sliders": sliders,
         "beam": _beam(motor),
+        "plate": _plate(motor),
     }
 
 
@@ -177,13 +186,13 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
     voltage, frequency = drive.tones[0][0].amplitude, drive.tones[0][0].frequency
     second = drive.tones[0][-1].amplitude, drive.tones[0][-1].frequency if two else 2.0 * frequency
     preload, friction = motor.contact.preload_n, motor.contact.friction
-    torque = friction * preload * motor.rotor.radius_m
+    torque, load = friction * preload * motor.rotor.radius_m, half_load(motor)
     turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s
     slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
     defaults = {
         "voltage": voltage, "frequency": frequency, "phase": 90.0 if two else drive.phase_deg,
         "voltage_2": second[0], "frequency_2": second[1],
-        "phase_2": drive.phase_deg if two else 0.0, "preload": preload, "friction": friction, "torque": 0.0,
+        "phase_2": drive.phase_deg if two else 0.0, "preload": preload, "friction": friction, "torque": load,
         "speed": 0.0, "stiffness": stiffness, "kind": "two-tone" if two else "two-phase", "shaft": "free",
         "mount": "sprung" if motor.mount else "held", "law": PAPER_LAW.name,
     }  # fmt: skip
@@ -247,6 +256,89 @@ def _beam(motor: Motor) -> dict[str, Any] | None:
             for patch in structure.patches
         ],
     }
+
+
+def _plate(motor: Motor) -> list[dict[str, Any]] | None:
+    """Return the outlines of a solid in mm, along and towards the rotor from the contact, and their modes.
+
+    A mode is a displacement per modal displacement.
+    """
+    solid = motor.solid
+    if solid is None:
+        return None
+    signs = {"xyz".index(sense[1]): float(f"{sense[0]}1") for sense in (solid.contact.tangent, solid.contact.normal)}
+    plane = axes_of(solid)
+    turn = [plane.index(axis) for axis in signs]
+    sign = np.array(list(signs.values()))[:, None]
+    contact = 0.5 * (np.array(solid.contact.from_m) + np.array(solid.contact.to_m))[plane]
+    found = []
+    for part in outlines(solid):
+        line = 1e3 * sign * (part.line_m - contact[:, None])[turn]
+        shapes = np.moveaxis(sign[..., None] * part.shapes[turn], 2, 0)
+        found.append(
+            {"name": part.name, "colour": part.colour, "line": _rows(line, 3), "shapes": [_rows(s, 4) for s in shapes]}
+        )
+    return found
+
+
+def _rows(values: Array, digits: int) -> list[list[float | None]]:
+    """Return an array for JSON, with ``null`` for NaN."""
+    return [[None if np.isnan(value) else round(float(value), digits) for value in row] for row in values]
+
+
+def half_load(motor: Motor) -> float:
+    """Return half of the stall torque in N·m at the recommended drive; 0 without a steady state."""
+    stalled = steady_state(motor, default_drive(motor), speed=0.0, audit=False)
+    return _round(0.5 * stalled.torque_n_m, 2) if stalled.converged else 0.0
+
+
+def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[str, Any] | None:
+    """Run the page's own decks at its first setting.
+
+    Returns the deck of the full motor, its vectors in the last period, and those of the averaged motor's curve;
+    ``None`` without a steady state there, or without the averaged motor.
+    """
+    drive = default_drive(motor)
+    state = steady_state(motor, drive, load_torque=torque, audit=False)
+    mount = "sprung" if motor.mount else "held"
+    if not state.stable or f"curve {mount}" not in decks:
+        return None
+    assert state.solution is not None
+    period, speed = 1.0 / drive.frequencies[0], state.speed_rad_s
+    stop = PERIODS * period
+    settings = {"torque": torque, "stop": stop, **live.starts_of(state.solution)}
+    cycles = _with(decks[f"cycles {mount} {PAPER_LAW.name}"], settings)
+    curve = _with(decks[f"curve {mount}"], {"slowest": -0.3 * speed, "fastest": 2.0 * speed})
+    names = live.live_vectors(motor, driver=False)
+    run = _vectors(cycles, names, stop)
+    time = run["time"]
+    kept = time >= time[-1] - 1.001 * period
+    followed = ["v(shaft)", "v(xmotor.friction)"]
+    ramp = _vectors(curve, followed, 0.1)
+    return {
+        "motor": motor.name,
+        "deck": cycles,
+        "cycles": {"time": _short(time[kept] - time[kept][0]), **{name: _short(run[name][kept]) for name in names}},
+        "curve": {name: _short(ramp[name]) for name in ("time", *followed)},
+    }
+
+
+def _with(deck: str, values: Mapping[str, float]) -> str:
+    """Return a deck with other numbers on its ``.param`` lines."""
+    for name, value in values.items():
+        head, mark, rest = deck.partition(f"\n.param {name}=")
+        deck = f"{head}{mark}{value:.12g} {rest.partition(' ')[2]}"
+    return deck
+
+
+def _vectors(deck: str, names: Sequence[str], stop_time: float) -> dict[str, Array]:
+    """Run a deck without its measurements, for which ngspice must write no raw file."""
+    run = run_deck(re.sub(r"(?m)^\.measure .*\n", "", deck), vectors=names, stop_time=stop_time)
+    return {name: np.asarray(run.raw.vectors[name], dtype=float) for name in ("time", *names)}
+
+
+def _short(values: Iterable[float]) -> list[float]:
+    return [float(f"{value:.7g}") for value in values]
 
 
 def save_live_page(motor: Motor, path: str | Path) -> Path:

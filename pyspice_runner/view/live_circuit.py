@@ -23,7 +23,7 @@ from pyspice_runner.circuit.fixtures import AC_OPTIONS
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW, Law
 from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource, transient_options
-from pyspice_runner.circuit.state import Discretisation, motor_states
+from pyspice_runner.circuit.state import Discretisation, State, motor_states
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
@@ -31,6 +31,7 @@ from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.spice.library import slider_words
+from pyspice_runner.steady.shooting import Orbit
 
 # of the averaged motor: with fewer phases speeds of andersen2002 at 52 to 53 kHz are off by a third; with 48 by 4 %
 PHASES, CURVE_PHASES, HARMONICS = 48, 64, 2
@@ -155,12 +156,22 @@ def _starts(motor: Motor, law: Law, discretisation: Discretisation) -> tuple[dic
     for state in motor_states(motor, law):
         if not state.part:
             continue
-        name = state.name.replace("displacement_", "start_").replace("share", "bearing_share")
+        name = _start_name(state)
         rest = state.at_rest(discretisation) / state.unit
         bending = f"+{_number(-rest / motor.contact.preload_n)}*preload" if rest else ""
         passed[state.parameter] = f"{{{name}{bending}}}"
         values[name] = (_number(rest) if rest else "0", f"{state.kind} at the start, in the unit of {state.parameter}")
     return passed, values
+
+
+def _start_name(state: State) -> str:
+    return state.name.replace("displacement_", "start_").replace("share", "bearing_share")
+
+
+def starts_of(orbit: Orbit) -> dict[str, float]:
+    """Return the parameters of the full motor's deck for a start from a steady state."""
+    states = zip(orbit.plant.states, orbit.state.tolist(), strict=True)
+    return {_start_name(state): value / state.unit for state, value in states if state.part}
 
 
 def _quick_damping(motor: Motor) -> float:

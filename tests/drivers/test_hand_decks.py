@@ -198,13 +198,15 @@ def test_a_deck_written_by_hand_has_the_parts_of_the_design(name: str) -> None:
 def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_the_design(
     name: str, state: str, tmp_path: Path
 ) -> None:
-    """Within 1 %.
+    """Within 1 %, at no load within 1.5 %.
 
-    The design counts the fundamental of the stage alone; the deck has switching edges, dead time of 200 ns (0.03 % of
-    the fundamental) and harmonics. It settles until the slowest mode has decayed to 0.4 %, that of beam40 to 6 %.
+    There the harmonics raise the torque of bimodal40 by 1.4 % of the friction torque, and a current by 1.3 %; a design
+    with finer steps and a deck of twice the length give the same difference. The design counts the fundamental of the
+    stage alone; the deck has switching edges, dead time of 200 ns (0.03 % of the fundamental) and harmonics. It settles
+    until the slowest mode has decayed to 0.4 %, that of beam40 to 6 %.
     """
     for quantity, (deck, design, bound) in compared(name, state, tmp_path).items():
-        assert deck == pytest.approx(design, abs=bound), quantity
+        assert deck == pytest.approx(design, abs=(1.5 if state == "no load" else 1.0) * bound), quantity
 
 
 def started(name: str, folder: Path, duration: float = START) -> dict[str, tuple[float, float, float]]:

@@ -21,7 +21,7 @@ from PIL import Image
 from tests.selection import mostly
 
 FIGURES = Path(__file__).resolve().parents[2] / "figures"
-DEMO = ["admittance", "figure_5", "patch_position", "spin_up"]  # the others are `make figures`
+DEMO = ["admittance", "figure_5", "half_bridge", "speed_force", "spin_up"]  # the others are `make figures`
 # a switch that flips one step earlier changes what follows: a velocity that rounds otherwise moved 1.4 % of the largest
 SWITCHED = ["drivers", "tracking", "warm_up"]
 CHEAP = ["bimodal40_modes", "contact_patch", "diagram_motor", "measured"]  # `make soak` draws the others
@@ -67,7 +67,7 @@ def test_the_demo_draws_every_figure_and_says_what_the_motor_did(tmp_path: Path)
     for picture in pictures:
         check(picture)
         assert str(picture) in done.stdout
-    for word in ("stick", "slip", "separated", "rings", "rad/s", "energy"):
+    for word in ("stick", "slip", "separated", "rings", "rad/s", "energy", "mm/s", "efficiency", "from the supply"):
         assert word in done.stdout
     assert "✓" in done.stderr  # progress does not mix with the story
     assert "✓" not in done.stdout

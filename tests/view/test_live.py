@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page, expect
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.view.live import ASSETS, engine_facts, live_page, page_data, save_live_page
+from pyspice_runner.view.live import ASSETS, engine_facts, half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import sliding
 from tests.view.pages import PHONE, opened
@@ -49,7 +49,7 @@ def drawn(desktop: tuple[Page, list[str]]) -> tuple[Page, list[str]]:
     """The page with all its curves, at a frequency where beam40 has two stable steady motions."""
     page, wrong = desktop
     page.evaluate("void (window.further = curves)")
-    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
+    answered(page, lambda: preset(page, "beam40: recommended drive"))
     answered(page, typed(page, "frequency", 39.65))
     page.wait_for_selector("html[data-further=done]", state="attached")
     page.evaluate("void (window.further = () => {})")
@@ -78,6 +78,14 @@ def without_runs(page: Page) -> Iterator[None]:
 def data(page: Page) -> dict[str, str]:
     found: dict[str, str] = page.evaluate("({...document.documentElement.dataset})")
     return found
+
+
+def preset(page: Page, label: str) -> None:
+    """Select a preset, and before it its motor."""
+    name = label.partition(":")[0]
+    if page.input_value("#motor-choice") != name:
+        page.select_option("#motor-choice", name)
+    page.select_option("#preset-choice", label=label)
 
 
 def typed(page: Page, name: str, value: float) -> Callable[[], None]:
@@ -120,10 +128,10 @@ def test_the_page_is_small_states_its_engine_and_paints_at_once(
 def test_speed_and_limits_are_those_of_the_steady_state(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     recommended = "beam40: recommended drive"
-    found = answered(page, lambda: page.select_option("#preset-choice", label=recommended), settled=True)
+    found = answered(page, lambda: preset(page, recommended), settled=True)
     motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
-    steady = pr.steady_state(motor, drive, load_torque=0.0)
+    steady = pr.steady_state(motor, drive, load_torque=half_load(motor))
     assert found["settled"] == "true"
     # the mean speed of both is settled to 0.2 %, the step is 1/80 here and 1/128 there
     assert float(found["speed"]) == pytest.approx(steady.speed_rad_s, rel=0.01)
@@ -143,8 +151,8 @@ def test_exceeded_limits_are_named_as_by_the_package(desktop: tuple[Page, list[s
     page, _ = desktop
     motor = pr.load_motor("beam40")
     drive = pr.default_drive(motor)
-    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
-    hot = pr.steady_state(motor, drive.updated({"voltage": 180.0}))
+    answered(page, lambda: preset(page, "beam40: recommended drive"))
+    hot = pr.steady_state(motor, drive.updated({"voltage": 180.0}), load_torque=half_load(motor))
     answered(page, typed(page, "voltage", 180.0), settled=True)
     unknown = ("Friction puts", "The results are those of a new tip")  # to the page, as are those of the motor
     limits = [caution for caution in hot.cautions if caution not in motor.cautions and not caution.startswith(unknown)]
@@ -163,7 +171,7 @@ def test_every_control_reaches_the_deck(desktop: tuple[Page, list[str]]) -> None
     page, wrong = desktop
     values = {"voltage": 80.0, "frequency": 53.9, "phase": 85.0, "preload": 4.5, "friction": 0.28, "torque": 0.3}
     with without_runs(page):
-        page.select_option("#preset-choice", label="andersen2002: recommended drive")
+        preset(page, "andersen2002: recommended drive")
         for name, value in values.items():
             typed(page, name, value)()
         page.select_option("#mount-choice", "sprung")
@@ -199,8 +207,8 @@ def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser
     page, wrong = opened(browser, file, READY, reduced_motion="reduce")
     page.evaluate("void (window.further = () => {})")
     page.wait_for_selector("html[data-busy=false]", state="attached")
-    assert re.search(r"mm/s, .* m?N \(", page.inner_text("#status"))
-    free = pr.steady_state(motor, pr.default_drive(motor))
+    assert re.search(r"mm/s, .* m?N, ", page.inner_text("#status"))
+    free = pr.steady_state(motor, pr.default_drive(motor), load_torque=half_load(motor))
     # the same motor cycle by cycle; 2 % is what the page calls settled
     assert float(data(page)["speed"]) == pytest.approx(free.speed_m_s, rel=0.05)
     assert page.inner_text("label[for=torque-number]") == "Load force, N"
@@ -218,7 +226,7 @@ def test_two_settings_stand_side_by_side_and_a_link_restores_them(
     desktop: tuple[Page, list[str]], browser: Browser, page_file: Path
 ) -> None:
     page, wrong = desktop
-    answered(page, lambda: page.select_option("#preset-choice", label="beam40: recommended drive"))
+    answered(page, lambda: preset(page, "beam40: recommended drive"))
     answered(page, lambda: page.click("#compare"))
     slow = answered(page, typed(page, "voltage", 90.0))
     cells, speed = page.evaluate(  # at once: the settled answer follows the first
@@ -249,12 +257,12 @@ def test_two_settings_stand_side_by_side_and_a_link_restores_them(
 @pytest.mark.soak
 def test_escape_stops_a_run_and_the_next_change_runs_again(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
-    page.select_option("#preset-choice", label="andersen2002: the paper's eq. (2): figure eight")
+    preset(page, "andersen2002: the paper's eq. (2): figure eight")
     page.wait_for_selector("html[data-busy=true]", state="attached")
     page.keyboard.press("Escape")
     page.wait_for_selector("html[data-busy=false]", state="attached")
     assert page.inner_text("#status").startswith("Stopped.")
-    found = answered(page, lambda: page.select_option("#preset-choice", label="beam40: stall: the shaft is held"))
+    found = answered(page, lambda: preset(page, "beam40: stall: the shaft is held"))
     assert abs(float(found["speed"])) < 1e-3
 
 
@@ -314,7 +322,7 @@ def test_a_motor_that_the_preview_does_not_describe_runs_cycle_by_cycle(browser:
     page.wait_for_selector("html[data-busy=false]", state="attached")
     found = data(page)
     assert (found["model"], found["settled"]) == ("cycles", "true")
-    steady = pr.steady_state(motor, pr.default_drive(motor))
+    steady = pr.steady_state(motor, pr.default_drive(motor), load_torque=half_load(motor))
     assert float(found["speed"]) == pytest.approx(steady.speed_rad_s, rel=0.01)
     assert wrong == []
     page.close()
@@ -342,7 +350,7 @@ def test_the_deck_gives_the_same_numbers_in_ngspice(drawn: tuple[Page, list[str]
 def test_ngspice_runs_a_driver_and_its_messages_stand_at_their_lines(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
     with without_runs(page):
-        page.select_option("#preset-choice", label="beam40: recommended drive")
+        preset(page, "beam40: recommended drive")
     page.evaluate("document.getElementById('driver').open = true")
     page.click("#driver-example")
     found = answered(page, lambda: page.click("#driver-run"))
@@ -476,7 +484,7 @@ def test_a_motor_whose_modes_ring_for_long_settles_too(browser: Browser, page_fi
     page.evaluate("void (window.further = () => {})")
     page.wait_for_selector("html[data-settled=true]", state="attached")
     motor = pr.load_motor("bimodal40")
-    steady = pr.steady_state(motor, pr.default_drive(motor))
+    steady = pr.steady_state(motor, pr.default_drive(motor), load_torque=half_load(motor))
     # the step is 1/80 of the shortest period here and 1/128 there
     assert float(page.locator("html").get_attribute("data-speed") or 0.0) == pytest.approx(steady.speed_rad_s, rel=0.01)
     page.close()

@@ -26,7 +26,7 @@ function ticks(low, high, log) {
   return found;
 }
 
-const tickText = (value) => (Math.abs(value) < 1e-12 ? "0" : String(Number(value.toPrecision(4))));
+const tickText = (value) => (Math.abs(value) < 1e-12 ? "0" : signed(Number(value.toPrecision(4))));
 
 /** Draw lines [{x, y, name, colour, dash}] and points [{x, y, name, colour}] into an SVG element. */
 function chart(svg, { lines = [], points = [], xLabel, yLabel, log = false, equal = false, label }) {
@@ -126,7 +126,7 @@ function bars(svg, groups, label) {
     svg.append(element("text", { x: left + 130 * number + 20, y: 14 }, group.name));
   });
   svg.append(element("text", { x: (left + width) / 2, y: height - 6, "text-anchor": "middle" }, "harmonic"));
-  svg.append(element("text", { x: 12, y: height / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${height / 2})` }, "amplitude in mA"));
+  svg.append(element("text", { x: 12, y: height / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${height / 2})` }, "amplitude / mA"));
 }
 
 // --- moving pictures ---
@@ -153,9 +153,9 @@ function drawPath(canvas, waves, other, at, moved) {
   const { pen, width, height, ink } = canvasOf(canvas);
   const all = other ? [waves, other] : [waves];
   const [x0, x1] = extent(all.flatMap((one) => extent(one.x))), [y0, y1] = extent(all.flatMap((one) => extent(one.y)));
-  const margin = 44;
-  const sx = (width - 2 * margin) / Math.max(x1 - x0, 1e-6), sy = (height - 2 * margin) / Math.max(y1 - y0, 1e-6);
-  const px = (x) => margin + (x - x0) * sx, py = (y) => height - margin - (y - y0) * sy;
+  const margin = 30, above = 80, force = 50; // px; the arrow of the largest force fits above the path
+  const scale = Math.min((width - 2 * margin) / Math.max(x1 - x0, 1e-6), (height - margin - above) / Math.max(y1 - y0, 1e-6));
+  const px = (x) => width / 2 + (x - (x0 + x1) / 2) * scale, py = (y) => height - margin - (y - y0) * scale;
   if (other) {
     pen.globalAlpha = 0.6;
     pen.setLineDash([4, 4]);
@@ -178,15 +178,15 @@ function drawPath(canvas, waves, other, at, moved) {
   pen.strokeStyle = ink;
   pen.lineWidth = 2;
   const greatest = Math.max(...waves.normal, 1e-9);
-  arrow(pen, cx, cy, cx + (60 * waves.friction[i]) / greatest, cy - (60 * waves.normal[i]) / greatest);
+  arrow(pen, cx, cy, cx + (force * waves.friction[i]) / greatest, cy - (force * waves.normal[i]) / greatest);
   pen.beginPath();
   pen.arc(cx, cy, 6, 0, TURN);
   pen.fillStyle = STATE_COLOURS[clamp(Math.round(waves.state[i]), 0, 2)];
   pen.fill();
   pen.stroke();
   pen.fillStyle = ink;
-  pen.fillText(`x along the ${moved}: ${(x1 - x0).toPrecision(3)} µm from end to end`, margin, height - 10);
-  pen.fillText(`y towards the ${moved}: ${(y1 - y0).toPrecision(3)} µm`, margin, 18);
+  pen.fillText(`x along the ${moved}: ${(x1 - x0).toPrecision(3)} µm from end to end`, 10, height - 8);
+  pen.fillText(`y towards the ${moved}: ${(y1 - y0).toPrecision(3)} µm; equal scales`, 10, 18);
 }
 
 function arrow(pen, x0, y0, x1, y1) {
@@ -202,11 +202,38 @@ function arrow(pen, x0, y0, x1, y1) {
   pen.stroke();
 }
 
+/** Draw the outlines of a plate below its contact, bent by modal displacements; its largest motion takes 6 % of the height. */
+function drawPlate(pen, motor, displacements, all, room) {
+  const largest = (part, n) => Math.max(...part.shapes[n].flat().map(Math.abs));
+  const most = motor.modes.reduce((sum, _, n) => sum + Math.max(...all[n].map(Math.abs)) * Math.max(...motor.plate.map((part) => largest(part, n))), 1e-9);
+  const [left, right] = extent(motor.plate.flatMap((part) => part.line[0])), [low] = extent(motor.plate.flatMap((part) => part.line[1]));
+  const scale = Math.min((0.9 * room.height) / Math.max(-low, 1e-9), (0.9 * room.width) / Math.max(right - left, 1e-9));
+  const swell = (0.06 * room.height) / most;
+  for (const part of motor.plate) {
+    pen.strokeStyle = part.colour;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    let drawn = false;
+    part.line[0].forEach((_, k) => {
+      if (part.line[0][k] === null) {
+        drawn = false;
+        return;
+      }
+      const [dx, dy] = [0, 1].map((axis) => displacements.reduce((sum, value, n) => sum + value * part.shapes[n][axis][k], 0));
+      const at = [room.x + scale * part.line[0][k] + swell * dx, room.y + 0.06 * room.height - scale * part.line[1][k] - swell * dy];
+      if (drawn) pen.lineTo(...at);
+      else pen.moveTo(...at);
+      drawn = true;
+    });
+    pen.stroke();
+  }
+}
+
 /** Draw beam, tip and rotor or slider, enlarged, at one moment of the period. */
 function drawMotor(canvas, motor, waves, at, angle) {
   const { pen, width, height, ink } = canvasOf(canvas);
   const i = clamp(Math.round(at * (waves.x.length - 1)), 0, waves.x.length - 1);
-  const radius = Math.min(0.3 * height, 0.22 * width), cx = width / 2, cy = radius + 8;
+  const radius = Math.min((motor.plate ? 0.22 : 0.3) * height, 0.22 * width), cx = width / 2, cy = motor.plate ? 4 : radius + 8; // of a plate's rotor, half is drawn
   pen.lineWidth = 2;
   pen.beginPath();
   if (motor.linear) {
@@ -259,7 +286,8 @@ function drawMotor(canvas, motor, waves, at, angle) {
     pen.moveTo(across(foot), floor - swell * bend(k));
     pen.lineTo(tipX, tipY);
     pen.stroke();
-  } else {
+  } else if (motor.plate) drawPlate(pen, motor, waves.modes.map((mode) => mode[i]), waves.modes, { x: cx, y: cy + radius + 4, height: height - cy - radius - 34, width });
+  else {
     pen.lineWidth = 5;
     pen.beginPath();
     pen.moveTo(cx, floor);

@@ -28,7 +28,7 @@ const CHOICES = {
 };
 const TEXT = { driver: 6000 };
 const SECTIONS = ["numbers", "path", "motor", "forces", "electrical", "torque", "response", "impedance", "driver", "deck"];
-const APART = 0.15; // of the greatest speed, from which falling and rising frequency are told apart; the lag of a ramp is less
+const APART = 0.15; // of the maximum speed, from which falling and rising frequency differ; the lag of a ramp is less
 const FRAME_MS = 30, IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
 
 const page = {
@@ -52,7 +52,9 @@ function worded(text, motor) {
   return text.replace(/rotor/g, "slider").replace(/(t|T)orque/g, (_, first) => (first === "t" ? "force" : "Force"));
 }
 
-const speedOf = (speed, motor) => (motor.linear ? si(speed, "m/s") : `${Number(speed.toPrecision(4))} rad/s`);
+/** A number with a minus sign in place of a hyphen. */
+const signed = (value) => String(value).replace("-", "−");
+const speedOf = (speed, motor) => (motor.linear ? si(speed, "m/s") : `${signed(Number(speed.toPrecision(4)))} rad/s`);
 const torqueOf = (torque, motor) => si(torque, motor.linear ? "N" : "N·m");
 
 function defaults(motor) {
@@ -161,7 +163,8 @@ async function compute() {
   clearTimeout(page.idle);
   const began = performance.now();
   const still = () => serial === page.serial;
-  const result = (page.results[slot] = { settings: s });
+  const known = JSON.stringify(page.known?.settings) === JSON.stringify(s) ? page.known : {};
+  const result = (page.results[slot] = { ...known, settings: s });
   const faults = driverFaults(s.driver, motor.decks[`driver ${s.mount} ${s.law}`]);
   showFaults(faults);
   if (faults.length) {
@@ -180,13 +183,13 @@ async function compute() {
       }
       if (!still()) return;
       if (result.quick && s.law === "spring-slider" && !s.driver.trim()) {
-        show(slot, result, result.quick, began);
+        if (!result.full) show(slot, result, result.quick, began);
       }
     }
+    page.idle = setTimeout(() => further(slot, motor, s, result, still), IDLE_MS); // beside the full motor
     await cycles(page.main, motor, s, result.quick, (found) => still() && (result.full = found) && show(slot, result, found, began), progress);
     if (!still()) return;
     busy(false);
-    page.idle = setTimeout(() => further(slot, motor, s, result, still), IDLE_MS);
   } catch (error) {
     if (!still() || error instanceof Dropped) return;
     busy(false);
@@ -200,7 +203,7 @@ async function compute() {
   }
 }
 
-/** Curves that need several operating points, when the page has nothing else to do. */
+/** Curves that need several operating points, in an engine of their own. */
 async function further(slot, motor, s, result, still) {
   const jobs = [["admittance", () => admittance(page.side, motor, s)]];
   if (result.quick && s.law === "spring-slider" && !s.driver.trim()) {
@@ -239,7 +242,7 @@ function si(value, unit) {
   if (!Number.isFinite(value)) return "–";
   if (Math.abs(value) < 1e-12) return `0 ${unit}`;
   const [size, prefix] = PREFIXES.find(([bound]) => Math.abs(value) >= bound * 0.9995) ?? [1e-12, "p"];
-  return `${Number((value / size).toPrecision(4))} ${prefix}${unit}`;
+  return `${signed(Number((value / size).toPrecision(4)))} ${prefix}${unit}`;
 }
 
 const percent = (share) => `${(100 * share).toFixed(1)} %`;
@@ -256,8 +259,8 @@ function rows(motor, found) {
     [worded("power to the rotor", motor), si(shaft, "W")],
     ["efficiency", shaft > 0 && input > 0 ? percent(shaft / input) : "–"],
     ["losses, stator and contact", si(input - shaft, "W")],
-    ["heat of the stator", `${si(found.heat, "W")}, +${(found.heat * motor.thermalResistance).toFixed(0)} K`],
-    ["contact open · slip · stick", [found.open, found.slip, Math.max(0, 1 - found.open - found.slip)].map(percent).join(" · ")],
+    ["heat of the stator", `${si(found.heat, "W")}, +${(found.heat * motor.thermalResistance).toFixed(0)} K when warm, in still air`],
+    ["separated · stick · slip", [found.open, Math.max(0, 1 - found.open - found.slip), found.slip].map(percent).join(" · ")],
   ];
 }
 
@@ -276,7 +279,25 @@ function show(slot, result, found, began) {
   root.dataset.settled = String(found.settled ?? false);
   const how = found.model === "averaged" ? "averaged motor" : found.settled ? "cycle by cycle, settled" : "cycle by cycle, not settled yet";
   const motor = motorOf(result.settings);
-  say(`${slot}: ${speedOf(found.speed, motor)}, ${torqueOf(found.torque, motor)} (${how})`);
+  say(`${headline(slot, found, motor)} (${how})`);
+  draw();
+}
+
+/** Speed, torque and power of a setting. */
+function headline(slot, found, motor) {
+  const numbers = [speedOf(found.speed, motor), torqueOf(found.torque, motor), si(found.torque * found.speed, "W")];
+  return (page.slots.B ? `${slot}: ` : "") + numbers.join(", ");
+}
+
+/** Show the answer that was computed when the page was written, before the engine has run. */
+function showFirst() {
+  const { first } = DATA, s = current(), motor = motorOf(s);
+  if (!first || motor.name !== first.motor || JSON.stringify(s) !== JSON.stringify(defaults(motor))) return;
+  const vectors = (columns) => Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, Float64Array.from(values)]));
+  const full = { ...reduced(motor, s, vectors(first.cycles), period(s), first.deck, false), settled: true };
+  full.torque = balance(motor, s, full.speed);
+  page.known = page.results[page.slot] = { settings: s, found: full, full, curve: curveOf(motor, vectors(first.curve)), cautions: exceeded(motor, full) };
+  say(`${headline(page.slot, full, motor)} (computed when the page was written; the engine starts …)`);
   draw();
 }
 
@@ -335,7 +356,7 @@ function drawForces() {
   for (const slot of slotsShown()) {
     const waves = page.results[slot].full?.waves;
     if (!waves) continue;
-    const time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? ` ${slot}` : "";
+    const time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? `, setting ${slot}` : "";
     lines.push({ x: time, y: waves.normal, name: `normal${mark}`, colour: COLOURS[0], dash: dashed(slot) });
     lines.push({ x: time, y: waves.friction, name: `friction${mark}`, colour: COLOURS[1], dash: dashed(slot) });
     slider.push({ x: time, y: waves.slider, name: `slider${mark}`, colour: COLOURS[2], dash: dashed(slot) });
@@ -344,8 +365,8 @@ function drawForces() {
   const label = waves
     ? `Forces over one period: normal ${si(Math.min(...waves.normal), "N")} to ${si(Math.max(...waves.normal), "N")}, friction ${si(Math.min(...waves.friction), "N")} to ${si(Math.max(...waves.friction), "N")}.`
     : "Forces over one period.";
-  chart($("forces-chart"), { lines, xLabel: "time in µs", yLabel: "force in N", label });
-  chart($("slider-chart"), { lines: slider, xLabel: "time in µs", yLabel: "slider in µm", label: "Displacement of the contact's slider over one period." });
+  chart($("forces-chart"), { lines, xLabel: "time / µs", yLabel: "force / N", label });
+  chart($("slider-chart"), { lines: slider, xLabel: "time / µs", yLabel: "slider / µm", label: "Displacement of the contact's slider over one period." });
 }
 
 function drawElectrical() {
@@ -354,18 +375,18 @@ function drawElectrical() {
   for (const slot of slotsShown()) {
     const full = page.results[slot].full;
     if (!full) continue;
-    const { waves } = full, time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? ` ${slot}` : "";
+    const { waves } = full, time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? `, setting ${slot}` : "";
     for (const [group, colour] of [["a", COLOURS[0]], ["b", COLOURS[1]]]) {
-      voltage.push({ x: time, y: waves[`voltage_${group}`], name: `U ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
-      current.push({ x: time, y: waves[`current_${group}`].map((i) => 1e3 * i), name: `I ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
+      voltage.push({ x: time, y: waves[`voltage_${group}`], name: `voltage ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
+      current.push({ x: time, y: waves[`current_${group}`].map((i) => 1e3 * i), name: `current ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
     }
     if (slot === page.slot) {
       groups.push({ name: "current A", values: full.harmonics_a.map((i) => 1e3 * i) });
       groups.push({ name: "current B", values: full.harmonics_b.map((i) => 1e3 * i) });
     }
   }
-  chart($("voltage-chart"), { lines: voltage, xLabel: "time in µs", yLabel: "voltage in V", label: "Voltages of both groups over one period." });
-  chart($("current-chart"), { lines: current, xLabel: "time in µs", yLabel: "current in mA", label: "Currents of both groups over one period." });
+  chart($("voltage-chart"), { lines: voltage, xLabel: "time / µs", yLabel: "voltage / V", label: "Voltages of both groups over one period." });
+  chart($("current-chart"), { lines: current, xLabel: "time / µs", yLabel: "current / mA", label: "Currents of both groups over one period." });
   if (groups.length)
     bars($("harmonics-chart"), groups, `Harmonics of the currents in mA: ${groups.map((g) => `${g.name} ${g.values.map((v) => v.toPrecision(3)).join(", ")}`).join("; ")}.`);
 }
@@ -376,13 +397,13 @@ function drawTorque() {
   const [[, along, fast], [, across, strong]] = ["speed", "torque"].map((key) => shownAs(key, motor));
   for (const slot of slotsShown()) {
     const { curve, found } = page.results[slot];
-    if (curve) lines.push({ x: curve.speed.map((v) => v / fast), y: curve.torque.map((t) => t / strong), name: worded(`torque ${slot}`, motor), colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
+    if (curve) lines.push({ x: curve.speed.map((v) => v / fast), y: curve.torque.map((t) => t / strong), name: worded(`torque${page.slots.B ? `, setting ${slot}` : ""}`, motor), colour: slot === "A" ? COLOURS[0] : COLOURS[2], dash: dashed(slot) });
     points.push({ x: found.speed / fast, y: found.torque / strong, name: slot, colour: COLOURS[1] });
   }
   if (!lines.length && points.length) points.push({ x: 0, y: 0, name: "", colour: "transparent" });
   const found = page.results[page.slot]?.found;
-  const label = found ? `Torque over speed. The motor runs at ${speedOf(found.speed, motor)} with ${torqueOf(found.torque, motor)}.` : "Torque over speed.";
-  chart($("torque-chart"), { lines, points, xLabel: `speed in ${along}`, yLabel: worded(`torque in ${across}`, motor), label: worded(label, motor) });
+  const label = found ? `Torque versus speed. The motor runs at ${speedOf(found.speed, motor)} with ${torqueOf(found.torque, motor)}.` : "Torque versus speed.";
+  chart($("torque-chart"), { lines, points, xLabel: `speed / (${along})`, yLabel: worded(`torque / (${across})`, motor), label: worded(label, motor) });
 }
 
 function drawResponse() {
@@ -390,21 +411,22 @@ function drawResponse() {
   const lines = [], points = [], motor = motorOf(current()), [, unit, fast] = shownAs("speed", motor);
   for (const slot of slotsShown()) {
     const { response: falling, rising, found, settings } = page.results[slot], colour = slot === "A" ? COLOURS[0] : COLOURS[2];
-    const line = (over, name, dash) => over && lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed.map((v) => v / fast), name: `${name} ${slot}`, colour, dash });
+    const line = (over, name, dash) => over && lines.push({ x: over.frequency.map((f) => f / 1e3), y: over.speed.map((v) => v / fast), name: page.slots.B ? `${name}, setting ${slot}` : name, colour, dash });
     line(falling, "falling", dashed(slot));
     line(rising, "rising", "2 4");
     points.push({ x: settings.frequency / 1e3, y: found.speed / fast, name: slot, colour: COLOURS[1] });
   }
   const { response: over, rising } = page.results[page.slot] ?? {};
-  let label = "Speed over frequency.";
+  let label = "Speed versus frequency.";
   if (over) {
     const signs = over.speed.map(Math.sign);
     const turn = signs.findIndex((sign, i) => i > 0 && sign !== signs[i - 1] && Math.abs(over.speed[i]) > 1e-3);
     const best = over.speed.reduce((most, speed, i) => (Math.abs(speed) > Math.abs(over.speed[most]) ? i : most), 0);
     const apart = rising ? over.frequency.filter((f, i) => Math.abs(over.speed[i] - interpolated(rising.frequency, rising.speed, f)) > APART * Math.abs(over.speed[best])) : [];
-    label = `Speed over frequency: greatest ${speedOf(over.speed[best], motor)} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}${apart.length ? `; from ${si(Math.min(...apart), "Hz")} to ${si(Math.max(...apart), "Hz")} it depends on the direction` : ""}.`;
+    label = `Speed versus frequency: maximum ${speedOf(over.speed[best], motor)} at ${si(over.frequency[best], "Hz")}${turn > 0 ? `; it reverses near ${si(over.frequency[turn], "Hz")}` : ""}${apart.length ? `; from ${si(Math.min(...apart), "Hz")} to ${si(Math.max(...apart), "Hz")} it depends on the direction` : ""}.`;
   }
-  chart($("response-chart"), { lines, points, xLabel: "frequency in kHz", yLabel: `speed in ${unit}`, label });
+  if (over?.failed || rising?.failed) label += ` A ramp ends early: ${over?.failed || rising.failed}`;
+  chart($("response-chart"), { lines, points, xLabel: "frequency / kHz", yLabel: `speed / (${unit})`, label });
   $("response-note").textContent = label;
 }
 
@@ -424,7 +446,7 @@ function drawImpedance() {
     const inside = frequency.map((f, i) => i).filter((i) => frequency[i] >= low && frequency[i] <= high);
     lines.push({ x: inside.map((i) => frequency[i] / 1e3), y: inside.map((i) => impedance[i]), name: "measured", colour: COLOURS[3], dash: "2 3" });
   }
-  chart($("impedance-chart"), { lines, log: true, xLabel: "frequency in kHz", yLabel: "|Z| of A in Ω", label: "Impedance of group A over frequency, B shorted: free, preloaded, running, and measured if a file was dropped." });
+  chart($("impedance-chart"), { lines, log: true, xLabel: "frequency / kHz", yLabel: "|Z| of A / Ω", label: "Impedance of group A versus frequency, B shorted: free, preloaded, running, and measured if a file was dropped." });
 }
 
 function showDeck() {
@@ -438,7 +460,7 @@ function animate() {
   const motor = motorOf(current()), other = page.results[page.slot === "A" ? "B" : "A"]?.full;
   if (isShown("path")) {
     drawPath($("path-canvas"), full.waves, page.slots.B ? other?.waves : null, page.position, worded("rotor", motor));
-    $("path-canvas").setAttribute("aria-label", `Path of the tip: ${worded(tripSize(full.waves), motor)}; contact open ${percent(full.open)}, slip ${percent(full.slip)} of the time.`);
+    $("path-canvas").setAttribute("aria-label", `Path of the tip: ${worded(tripSize(full.waves), motor)}; separated ${percent(full.open)}, slip ${percent(full.slip)} of the time.`);
   }
   if (isShown("motor")) drawMotor($("motor-canvas"), motor, full.waves, page.position, page.angle);
 }
@@ -504,7 +526,6 @@ function makeControls() {
     change({ ...defaults(motor), ...preset.values });
     event.target.value = "";
   };
-  $("preset-choice").append(new Option("choose …", ""), ...DATA.presets.map((preset, number) => new Option(preset.name, number)));
   $("stop").onclick = stop;
   $("undo").onclick = undo;
   $("play").onclick = () => play(!page.playing);
@@ -571,6 +592,8 @@ function play(on) {
 function showControls() {
   const s = current(), motor = motorOf(s);
   $("motor-choice").value = motor.name;
+  const presets = DATA.presets.map((preset, number) => [preset, number]).filter(([preset]) => preset.motor === motor.name);
+  $("preset-choice").replaceChildren(new Option("choose …", ""), ...presets.map(([preset, number]) => new Option(preset.name, number)));
   for (const key of Object.keys(CHOICES)) $(`${key}-choice`).value = s[key];
   for (const option of $("law-choice").options) option.disabled = !motor.laws.includes(option.value);
   for (const text of document.querySelectorAll("[data-words]")) {
@@ -598,7 +621,7 @@ function showControls() {
   $("stiffness-control").hidden = s.mount !== "sprung";
   if (document.activeElement !== $("driver-text")) $("driver-text").value = s.driver;
   $("undo").disabled = page.undone.length === 0;
-  $("compare").textContent = page.slots.B ? "Remove B" : "Compare";
+  $("compare").textContent = page.slots.B ? "Remove setting B" : "Compare two settings";
   for (const slot of ["A", "B"]) $(`slot-${slot.toLowerCase()}`).setAttribute("aria-pressed", String(slot === page.slot));
   $("slot-b").hidden = !page.slots.B;
   $("slot-a").hidden = !page.slots.B;
@@ -664,6 +687,7 @@ async function begin() {
     makeControls();
     play(!matchMedia("(prefers-reduced-motion: reduce)").matches);
     showControls();
+    showFirst();
     const module = await WebAssembly.compile(await unpacked("wasm"));
     const source = URL.createObjectURL(new Blob([$("worker").textContent], { type: "text/javascript" }));
     page.main = new Engine(module, source);

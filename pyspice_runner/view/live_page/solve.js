@@ -55,9 +55,10 @@ class Engine {
 class Dropped extends Error {}
 
 class Failed extends Error {
-  constructor(message, log) {
+  constructor(message, log, vectors) {
     super(message);
     this.log = log;
+    this.vectors = vectors; // up to the failure
   }
 }
 
@@ -70,7 +71,7 @@ function checked(data, deck) {
   const time = data.vectors?.time;
   const stop = Number(/^\.param stop=(\S+)/m.exec(deck)?.[1] ?? 0);
   if (data.status !== 0 || !data.vectors || !data.points || wrong.length)
-    throw new Failed(wrong[0] ?? "ngspice gave no result.", data.log ?? []);
+    throw new Failed(wrong[0] ?? "ngspice gave no result.", data.log ?? [], data.vectors);
   if (time && stop && /^\.tran/m.test(deck) && time[time.length - 1] < stop * (1 - 1e-6))
     throw new Failed(`ngspice stopped at ${time[time.length - 1]} s of ${stop} s.`, data.log);
   for (const values of Object.values(data.vectors))
@@ -186,7 +187,7 @@ async function averaged(engine, motor, s) {
     return Math.hypot(ur, ui) / Math.max(Math.hypot(ir, ii), 1e-30);
   };
   return {
-    model: "averaged", speed: end("v(shaft)"), torque: motor.radius * end("v(xmotor.friction)"),
+    model: "averaged", speed: s.shaft === "held" ? s.speed : end("v(shaft)"), torque: motor.radius * end("v(xmotor.friction)"),
     normal: end("v(xmotor.normal)"), current_a: rms("a"), current_b: rms("b"), power_a: power("a"), power_b: power("b"),
     heat: end("v(heat)"), open: clamp(end("v(xmotor.open)"), 0, 1), slip: clamp(end("v(xmotor.slip)"), 0, 1),
     check: end("v(xmotor.check)"), impedance: impedance("a"), tipVelocity: w * swing, start,
@@ -293,7 +294,7 @@ function reduced(motor, s, v, window, deck, own) {
   const power_a = over((i) => sign * v["v(a)"][i] * v[ia][i]);
   const power_b = over((i) => sign * v["v(b)"][i] * v[ib][i]);
   const torque = motor.radius * over((i) => friction[i]);
-  const speed = over((i) => shaft[i]);
+  const speed = s.shaft === "held" ? s.speed : over((i) => shaft[i]); // not the creep of the brake
   // the power that does not come to the modes is the dielectric loss
   let heat = power_a + power_b;
   motor.modes.forEach(({ damping, coupling: [a, b] }, n) => {
@@ -346,7 +347,10 @@ async function speedTorque(engine, motor, s, quick) {
   const reach = Math.max(1.3 * Math.abs(quick.speed), 0.15 * scale);
   const sign = quick.speed < 0 ? -1 : 1;
   const values = { ...parameters(motor, s), torque: 0, grip: 0, slowest: -0.15 * sign * reach, fastest: sign * reach };
-  const v = await engine.run(filled(motor.decks[`curve ${s.mount}`], values));
+  return curveOf(motor, await engine.run(filled(motor.decks[`curve ${s.mount}`], values)));
+}
+
+function curveOf(motor, v) {
   const first = v.time.findIndex((time) => time > 0.2 * last(v.time));
   return {
     speed: Array.from(v["v(shaft)"].subarray(first)),
@@ -354,10 +358,18 @@ async function speedTorque(engine, motor, s, quick) {
   };
 }
 
+const FEWEST_POINTS = 100; // of a response that ends early, where the contact opens for most of a period
+
 async function response(engine, motor, s, quick, first_frequency, last_frequency) {
   const inertia = quickInertia(motor, s, firstSlope(motor, s, Math.max(quick.tipVelocity, RESONANT_VELOCITY)));
   const values = { ...parameters(motor, s), inertia, first_frequency, last_frequency };
-  const v = await engine.run(filled(motor.decks[`response ${s.mount}`], values));
+  let v, failed = "";
+  try {
+    v = await engine.run(filled(motor.decks[`response ${s.mount}`], values));
+  } catch (error) {
+    if (!(error.vectors?.time?.length > FEWEST_POINTS)) throw error;
+    [v, failed] = [error.vectors, error.message];
+  }
   const first = v.time.findIndex((time) => time > 0.1 * last(v.time));
   const part = (name) => Array.from(v[name].subarray(first));
   const magnitude = (name) => {
@@ -365,7 +377,7 @@ async function response(engine, motor, s, quick, first_frequency, last_frequency
     return re.map((value, i) => Math.hypot(value, im[i]));
   };
   const voltage = magnitude("v(a_?)"), current = magnitude("i(va_?)");
-  return { frequency: part("v(f)"), speed: part("v(shaft)"), impedance: voltage.map((u, i) => u / current[i]) };
+  return { failed, frequency: part("v(f)"), speed: part("v(shaft)"), impedance: voltage.map((u, i) => u / current[i]) };
 }
 
 async function admittance(engine, motor, s) {

@@ -70,7 +70,7 @@ function readRaw(bytes) {
   const names = lines.slice(first, first + count).map((line) => line.trim().split(/\s+/)[1].toLowerCase());
   const width = complex ? 2 : 1;
   const data = new DataView(bytes.buffer, bytes.byteOffset + end + 8);
-  const whole = Math.min(points, Math.floor(data.byteLength / (8 * count * width)));
+  const held = Math.floor(data.byteLength / (8 * count * width)), whole = points ? Math.min(points, held) : held; // 0 of a run that failed
   const vectors = {};
   names.forEach((name, column) => {
     const values = new Float64Array(whole * width);
