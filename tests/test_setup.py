@@ -69,7 +69,7 @@ def test_a_second_run_installs_nothing(tree: Path) -> None:
 def test_the_demo_says_how_long_it_takes_before_anything_else() -> None:
     done = subprocess.run(["make", "-n", "demo"], cwd=SCRIPT.parents[1], capture_output=True, text=True, check=True)
     first, setup, work = done.stdout.splitlines()
-    assert "about half a minute" in first
+    assert "about two minutes" in first
     assert "a minute or two" in first
     assert setup == "sh scripts/setup.sh"  # no extra: the page of the command report is not part of the demo
     assert work == ".venv/bin/python figures/demo.py --output demo"
