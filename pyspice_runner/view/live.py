@@ -13,6 +13,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.circuit.state import Discretisation, written
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import strength
@@ -32,7 +33,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.ngspice import run_deck
-from pyspice_runner.steady.steady import steady_state
+from pyspice_runner.steady.steady import SteadyState, steady_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import live_circuit as live
 from pyspice_runner.view.outlines import axes_of, outlines
@@ -288,8 +289,16 @@ def _rows(values: Array, digits: int) -> list[list[float | None]]:
 
 def half_load(motor: Motor) -> float:
     """Return half of the stall torque in N·m at the recommended drive; 0 without a steady state."""
-    stalled = steady_state(motor, default_drive(motor), speed=0.0, audit=False)
-    return _round(0.5 * stalled.torque_n_m, 2) if stalled.converged else 0.0
+    stalled = _steady(motor, speed=0.0)
+    return _round(0.5 * stalled.torque_n_m, 2) if stalled else 0.0
+
+
+def _steady(motor: Motor, *, speed: float | None = None, load_torque: float = 0.0) -> SteadyState | None:
+    """Return the steady state at the recommended drive; ``None`` without one, or without ngspice on this computer."""
+    with suppress(ParameterError, SimulationError):
+        found = steady_state(motor, default_drive(motor), speed=speed, load_torque=load_torque, audit=False)
+        return found if found.stable else None
+    return None
 
 
 def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[str, Any] | None:
@@ -298,13 +307,10 @@ def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[
     Returns the deck of the full motor, its vectors in the last period, and those of the averaged motor's curve;
     ``None`` without a steady state there, or without the averaged motor.
     """
-    drive = default_drive(motor)
-    state = steady_state(motor, drive, load_torque=torque, audit=False)
-    mount = "sprung" if motor.mount else "held"
-    if not state.stable or f"curve {mount}" not in decks:
+    state, mount = _steady(motor, load_torque=torque), "sprung" if motor.mount else "held"
+    if state is None or state.solution is None or f"curve {mount}" not in decks:
         return None
-    assert state.solution is not None
-    period, speed = 1.0 / drive.frequencies[0], state.speed_rad_s
+    period, speed = 1.0 / default_drive(motor).frequencies[0], state.speed_rad_s
     stop = PERIODS * period
     settings = {"torque": torque, "stop": stop, **live.starts_of(state.solution)}
     cycles = _with(decks[f"cycles {mount} {PAPER_LAW.name}"], settings)

@@ -12,11 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.view import live
 from pyspice_runner.view.live import ASSETS, engine_facts, half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import sliding
@@ -162,6 +164,43 @@ def test_exceeded_limits_are_named_as_by_the_package(desktop: tuple[Page, list[s
         [float(item.rstrip(".")) for item in re.findall(r"\d[\d.]*", text)] for text in (words, expected)
     )
     assert numbers == pytest.approx(wanted, rel=0.02)
+
+
+def test_the_first_picture_is_the_steady_state_at_half_the_stall_load_and_needs_no_engine() -> None:
+    motor = pr.load_motor("bimodal40")
+    first = page_data([motor])["first"]
+    steady = pr.steady_state(motor, pr.default_drive(motor), load_torque=half_load(motor))
+    assert half_load(motor) == pytest.approx(
+        0.5 * pr.steady_state(motor, pr.default_drive(motor), speed=0.0).torque_n_m, rel=0.02
+    )
+    # one period of the page's own deck, 1/100 of the shortest period; the page calls 0.2 % settled
+    assert np.mean(first["cycles"]["v(shaft)"]) == pytest.approx(steady.speed_rad_s, rel=0.01)
+    assert first["cycles"]["time"][-1] == pytest.approx(1.0 / 40.7e3, rel=0.01)
+    curve = first["curve"]  # of the averaged motor, whose torque is within 0.036 of the friction torque (docs/accuracy.md)
+    torque = motor.rotor.radius_m * np.interp(steady.speed_rad_s, curve["v(shaft)"], curve["v(xmotor.friction)"])
+    assert torque == pytest.approx(
+        steady.torque_n_m, abs=0.1 * motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    )
+
+
+def test_a_motor_without_a_steady_state_has_a_page_without_a_first_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise pr.SimulationError("There is no ngspice.")
+
+    monkeypatch.setattr(live, "steady_state", fails)
+    motor = pr.load_motor("bimodal40")
+    data = page_data([motor])
+    assert data["first"] is None
+    assert data["motors"][0]["defaults"]["torque"] == 0.0
+
+
+def test_the_plate_is_drawn_from_its_contact() -> None:
+    plate = page_data([pr.load_motor("bimodal40")])["motors"][0]["plate"]
+    assert [part["name"] for part in plate] == ["solid", "electrodes of group A", "electrodes of group B"]
+    across, towards = (np.array(row, dtype=float) for row in plate[0]["line"])
+    assert np.nanmax(towards) == pytest.approx(0.0, abs=1e-3)  # mm, the face of contact
+    assert np.nanmin(towards) == pytest.approx(-43.0)
+    assert np.nanmax(across) == pytest.approx(5.9) == -np.nanmin(across)
 
 
 # --- settings ---
