@@ -314,13 +314,13 @@ def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[
     stop = PERIODS * period
     settings = {"torque": torque, "stop": stop, **live.starts_of(state.solution)}
     cycles = _with(decks[f"cycles {mount} {PAPER_LAW.name}"], settings)
-    curve = _with(decks[f"curve {mount}"], {"slowest": -0.3 * speed, "fastest": 2.0 * speed})
+    curve = _with(decks[f"curve {mount}"], {"slowest": -0.15 * speed, "fastest": 1.5 * speed})
     names = live.live_vectors(motor, driver=False)
     run = _vectors(cycles, names, stop)
     time = run["time"]
     kept = time >= time[-1] - 1.001 * period
     followed = ["v(shaft)", "v(xmotor.friction)"]
-    ramp = _vectors(curve, followed, 0.1)
+    ramp = _vectors(curve, followed, live.RAMP)
     return {
         "motor": motor.name,
         "deck": cycles,
