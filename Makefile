@@ -37,7 +37,7 @@ fuzz: setup ## run all tests of invalid input, and 10,000 random inputs at every
 	$(PY) -m pytest -n $(JOBS) -m fuzz
 	$(PY) -m validation.fuzz
 
-soak: setup ## run all further cases of tests, 2,000 random motors, and 100 drivers and trackers (1.5 hours; the random ones can be resumed)
+soak: setup ## run all further cases of tests, 2,000 random motors, and 200 drivers and trackers (two hours; the random ones can be resumed)
 	$(PY) -m pytest -n $(JOBS) -m soak
 	$(PY) -m validation.soak --workers $(JOBS)
 	$(PY) -m validation.soak electronics --workers $(JOBS)

@@ -428,7 +428,7 @@ def electronics(index: int) -> dict[str, Any]:
 
 
 CAMPAIGN = Campaign("soak", motors, summary, passes, COUNT)
-ELECTRONICS = Campaign("soak_electronics", electronics, summary, passes, 100)
+ELECTRONICS = Campaign("soak_electronics", electronics, summary, passes, 200)
 
 if __name__ == "__main__":
     of_electronics = sys.argv[1:2] == ["electronics"]

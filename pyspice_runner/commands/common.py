@@ -114,8 +114,8 @@ def refuse_covered(context: typer.Context, axes: Iterable[str]) -> None:
 
 def load_changed(motor: str, changes: list[str] | None) -> pr.Motor:
     """Return the motor with the values of ``--set`` in place."""
-    told = "is not PATH=VALUE; write it as contact.preload_n=8."
-    values = {path: _value(text.strip()) for path, text in pairs_of("--set", changes, told)}
+    hint = "is not PATH=VALUE; write it as contact.preload_n=8."
+    values = {path: _value(text.strip()) for path, text in pairs_of("--set", changes, hint)}
     with busy("reading the motor"):  # the modes of a solid can take a minute
         return changed_motor(motor, values)
 
@@ -159,18 +159,18 @@ def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[f
 
 
 def pairs_of(
-    option: str, texts: list[str] | None, told: str = "has no values; write PATH=VALUES."
+    option: str, texts: list[str] | None, hint: str = "has no values; write PATH=VALUES."
 ) -> Iterator[tuple[str, str]]:
     """Yield path and value of the texts of an option.
 
-    Raise ParameterError, which ends in ``told``, for a text without "=", and for a path that is given twice.
+    Raise ParameterError, whose message ends in ``hint``, for a text without "=", and for a path that is given twice.
     """
     paths: set[str] = set()
     for text in texts or ():
         path, equals, value = text.partition("=")
         path = path.strip()
         if not equals:
-            raise pr.ParameterError(f"{option} {text!r} {told}")
+            raise pr.ParameterError(f"{option} {text!r} {hint}")
         if path in paths:
             raise pr.ParameterError(f"{option} {path} is given twice. Give it once.")
         paths.add(path)

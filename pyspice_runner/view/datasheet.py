@@ -265,7 +265,7 @@ def datasheet(report: Report) -> str:
 
 
 def _circuits(spectra: Mapping[State, Admittance]) -> dict[bool, list[Arm]]:
-    """Return the equivalent circuits, the largest coupling first: ``True``: at least LEAST_COUPLING; ``False``: below.
+    """Return the equivalent circuits by whether their coupling reaches LEAST_COUPLING, the largest coupling first.
 
     Groups that give the same circuit, as A and B of a symmetric stator, have one row.
     """

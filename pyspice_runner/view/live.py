@@ -12,11 +12,11 @@ import gzip
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,10 +33,12 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.ngspice import run_deck
-from pyspice_runner.steady.steady import SteadyState, steady_state
+from pyspice_runner.steady.steady import steady_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import live_circuit as live
 from pyspice_runner.view.outlines import axes_of, outlines
+
+Result = TypeVar("Result")
 
 ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
@@ -107,7 +109,7 @@ def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
     data = [_motor(motor) for motor in motors]
     return {
         "motors": data,
-        "first": first_answer(motors[0], data[0]["decks"], data[0]["defaults"]["torque"]),
+        "first": _if_known(first_answer, motors[0], data[0]["decks"], data[0]["defaults"]["torque"]),
         "presets": [preset for motor in motors for preset in _presets(motor)],
         "marks": [live.DRIVER, live.END],
         "driverExample": DRIVER_EXAMPLE,
@@ -288,27 +290,34 @@ def _rows(values: Array, digits: int) -> list[list[float | None]]:
 
 
 def half_load(motor: Motor) -> float:
-    """Return half of the stall torque in N·m at the recommended drive; 0 without a steady state."""
-    stalled = _steady(motor, speed=0.0)
-    return _round(0.5 * stalled.torque_n_m, 2) if stalled else 0.0
+    """Return half of the stall torque in N·m at the recommended drive; 0 without a stable steady state."""
+    stalled = _if_known(steady_state, motor, default_drive(motor), speed=0.0, audit=False)
+    return _round(0.5 * stalled.torque_n_m, 2) if stalled and stalled.stable else 0.0
 
 
-def _steady(motor: Motor, *, speed: float | None = None, load_torque: float = 0.0) -> SteadyState | None:
-    """Return the steady state at the recommended drive; ``None`` without one, or without ngspice on this computer."""
+def _if_known(compute: Callable[..., Result | None], *words: Any, **settings: Any) -> Result | None:
+    """Return what a function computes; ``None`` where it raises an error of the package.
+
+    The page needs neither a steady state nor ngspice on this computer: its own engine computes every answer again.
+    """
     with suppress(ParameterError, SimulationError):
-        found = steady_state(motor, default_drive(motor), speed=speed, load_torque=load_torque, audit=False)
-        return found if found.stable else None
+        return compute(*words, **settings)
     return None
 
 
 def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[str, Any] | None:
-    """Run the page's own decks at its first setting.
+    """Return the answer to the first setting of the page, computed by its own decks under a load in N·m.
 
-    Returns the deck of the full motor, its vectors in the last period, and those of the averaged motor's curve;
-    ``None`` without a steady state there, or without the averaged motor.
+    It contains the deck of the full motor, its vectors in the last period, and the vectors of the torque curve of the
+    averaged motor. ``None`` without a stable steady state, and for a motor that the averaged motor does not describe.
+
+    Raises:
+        ParameterError: for a motor whose steady state is not computed.
+        SimulationError: if ngspice fails.
     """
-    state, mount = _steady(motor, load_torque=torque), "sprung" if motor.mount else "held"
-    if state is None or state.solution is None or f"curve {mount}" not in decks:
+    mount = "sprung" if motor.mount else "held"
+    state = steady_state(motor, default_drive(motor), load_torque=torque, audit=False)
+    if not state.stable or state.solution is None or f"curve {mount}" not in decks:
         return None
     period, speed = 1.0 / default_drive(motor).frequencies[0], state.speed_rad_s
     stop = PERIODS * period

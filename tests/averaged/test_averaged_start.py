@@ -73,7 +73,7 @@ def test_a_transient_gives_op_and_ac_the_start_that_they_do_not_find(tmp_path: P
 
 @pytest.mark.soak
 def test_a_transient_from_the_op_of_a_motor_that_lifts_off_has_the_speed_of_a_run_from_rest(tmp_path: Path) -> None:
-    """bimodal40 at 80 V, of which another steady state, unstable, is a solution for .op too."""
+    """bimodal40 at 80 V, where the contact opens."""
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor).model_copy(update={"voltage": 80.0})
     assert isinstance(drive, pr.TwoPhaseDrive)
@@ -83,7 +83,7 @@ def test_a_transient_from_the_op_of_a_motor_that_lifts_off_has_the_speed_of_a_ru
     text = re.sub(r"(\.param preload=)\S+", rf"\g<1>{motor.contact.preload_n!r}", text)
     follow = ".options trtol=50\n.control\nop\nlet at_op = v(shaft)\nprint at_op\ntran 20u 400m 0 5m\n"
     follow += "let speed_rad_s = v(shaft)[length(time)-1]\nprint speed_rad_s\nquit 0\n.endc\n"
-    # .op takes some 20 s on an idle core
+    # .op takes about 20 s on an idle core
     speed, _ = result("op", re.sub(r"\.control.*?\.endc\n", lambda _: follow, text, flags=re.S), tmp_path, 180.0)
     settled = float(pr.simulate_averaged(motor, drive, 1.0, engine="compiled").rotor_speed_rad_s[-1])
     assert speed == pytest.approx(settled, rel=1e-3)

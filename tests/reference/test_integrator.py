@@ -339,7 +339,8 @@ def test_a_cut_off_instead_of_events_comes_to_the_same(name: str) -> None:
         errors.append([np.std(getattr(crude, one) - getattr(run, one)) / np.std(getattr(run, one)) for one in names])
     assert max(errors[1][:2]) < 1e-5  # the tip
     assert max(errors[1]) < 2e-4
-    assert all(fine < max(0.5 * coarse, 1e-9) for coarse, fine in zip(*errors, strict=True))  # 1e-10 is rounding
+    # 1e-9: y of the tip is at 7e-11 and 8e-11, which is rounding
+    assert all(fine < max(0.5 * coarse, 1e-9) for coarse, fine in zip(*errors, strict=True))
 
 
 def test_a_flight_shorter_than_a_step_is_found() -> None:
