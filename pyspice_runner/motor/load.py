@@ -364,7 +364,7 @@ def _check_drive(entry: Any, where: str) -> None:
         return
     table = as_table(entry, "drive", where)
     kind = table.get("kind", "two-phase")
-    require(kind in DRIVES, f"{where}: drive.kind", kind, f"one of {', '.join(DRIVES)}")
+    require(kind in list(DRIVES), f"{where}: drive.kind", kind, f"one of {', '.join(DRIVES)}")
     try:
         DRIVES[kind](**{name: value for name, value in table.items() if name != "kind"})
     except ParameterError as error:

@@ -345,6 +345,7 @@ MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "rottor", {}), "there is no 'rottor'. Did you mean 'rotor'?"),
     (changed(MODES, "xyz", {}), f"there is no 'xyz'. Known are {TOP}."),
     (changed(MODES, "drive", {"kind": "three-phase"}), "drive.kind = 'three-phase' is not valid: it must be one of"),
+    (changed(MODES, "drive", {"kind": ["two-phase"]}), "drive.kind = ['two-phase'] is not valid: it must be one of"),
     (changed(MODES, "drive", {"voltage": 5.0}), "[drive]: TwoPhaseDrive: frequency is missing"),
     (changed(MODES, "mount", {"mass_kg": 0.1}), "mount.stiffness_n_per_m is missing"),
     (changed(MODES, "modes.1.freq_hz", 2e4), "there is no 'modes.1.freq_hz'. Did you mean 'frequency_hz'?"),

@@ -191,6 +191,12 @@ def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
     assert not any("recoil" in one for one in pr.admittance(FLAGSHIP, **BAND).cautions)
 
 
+@pytest.mark.parametrize("least", [5e-324, 1e-160, 1e-9])
+def test_a_tip_at_a_node_of_a_mode_has_no_estimate_of_its_recoil(least: float) -> None:
+    unknown = pr.load_motor("beam40").updated({"modes.0.tip_x": 0.0, "modes.0.tip_y": least})
+    assert not any("recoil of mode bending-1 on" in one for one in unknown.cautions)
+
+
 def test_modes_that_shake_more_than_the_carrier_are_refused() -> None:
     with pytest.raises(pr.ParameterError, match=r"shakes 0.271 kg, .* mount.mass_kg = 0.05 kg"):
         pr.load_motor("beam40").updated({"modes.0.recoil_kg": 0.03})
