@@ -246,12 +246,10 @@ def _check_recording(
     for name in signals or ():
         if name not in COLUMNS:
             raise ParameterError(f"signals: {name!r} is not valid: it must be one of {', '.join(COLUMNS)}.")
-    last = duration - 10.0 * step * record_every
-    if record_every < 1 or last < 0.0:
-        raise ParameterError(
-            f"record_every = {record_every} is not valid: it must be a whole number of steps from 1 to "
-            f"{int(duration / (10.0 * step))}."
-        )
+    most = max(1, int(duration / (10.0 * step)))
+    words = f"a whole number of steps from 1 to {most}"
+    require(1 <= record_every <= most, "record_every", record_every, words)
+    last = max(duration - 10.0 * step * record_every, 0.0)
     if not 0.0 <= record_from <= last:
         raise ParameterError(
             f"record_from = {record_from:g} s is not valid: it must be from 0 to {last:.6g} s, ten points before "

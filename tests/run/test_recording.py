@@ -73,6 +73,7 @@ def test_what_was_not_recorded_is_said_and_left_out(tmp_path: Path) -> None:
         ({"record_from": -1e-3}, "record_from = -0.001 s is not valid"),
         ({"record_every": 0}, "record_every = 0 is not valid"),
         ({"record_every": 10_000}, "record_every = 10000 is not valid: it must be a whole number of steps from 1"),
+        ({"record_every": 10**400}, "is not valid: it must be a whole number of steps from 1"),
     ],
 )
 def test_errors_say_what_is_allowed(settings: dict[str, object], says: str) -> None:
