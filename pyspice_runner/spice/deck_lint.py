@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import re
 
-# what is taken out of a netlist in lower case, in this order, and what stands for it
+# what is taken out of a netlist in lower case, in this order
 _READING = (
-    (re.compile(r"^[^\S\n]*[*$].*\n?", re.M), ""),  # comments
-    (re.compile(r"(?:;|\s\$\s|//).*"), ""),
-    (re.compile(r"^[^\S\n]*\.control.*?(?:^[^\S\n]*\.endc.*?$|\Z)", re.M | re.S), ""),
-    (re.compile(r"\n\s*\+"), " "),  # the start of a continued line
-    (re.compile(r"'[^'\n]*'|\"[^\"\n]*\""), "0"),
+    re.compile(r"^[^\S\n]*[*$].*\n?", re.M),  # comments
+    re.compile(r"(?:;|\s\$\s|//).*"),
+    re.compile(r"^[^\S\n]*\.control.*?(?:^[^\S\n]*\.endc.*?$|\Z)", re.M | re.S),
 )
-_INNERMOST = re.compile(r"\{[^{}\n]*(?:\}|$)", re.M)
+_QUOTED = re.compile(r"'[^'\n]*'|\"[^\"\n]*\"")
+_BRACE = re.compile(r"([{}])")
 _EQUALS = re.compile(r"[^\S\n]*=[^\S\n]*")
 
 
@@ -27,13 +26,25 @@ def _statements(deck: str) -> list[str]:
     They are in lower case; expressions in braces or quotes are replaced by 0.
     """
     text = deck.lower().partition("\n")[2]
-    for pattern, instead in _READING:
-        text = pattern.sub(instead, text)
-    lines = map(str.strip, text.split("\n"))
-    text = "\n".join(line for line in lines if line.startswith((".subckt", "x")))
-    while (inner := _INNERMOST.sub("0", text)) != text:
-        text = inner
-    return _EQUALS.sub("=", text).split("\n") if text else []
+    for pattern in _READING:
+        text = pattern.sub("", text)
+    text = "\n".join(filter(None, map(str.strip, text.split("\n")))).replace("\n+", " ")
+    lines = _QUOTED.sub("0", text).split("\n")
+    return [_EQUALS.sub("=", _without_braces(line)) for line in lines if line.startswith((".subckt", "x"))]
+
+
+def _without_braces(line: str) -> str:
+    """Return a line with 0 for each outermost pair of braces; one that is not closed ends with the line."""
+    kept, depth = [], 0
+    for part in _BRACE.split(line):
+        if part == "{":
+            kept.append("" if depth else "0")
+            depth += 1
+        elif part == "}" and depth:
+            depth -= 1
+        elif not depth:
+            kept.append(part)
+    return "".join(kept)
 
 
 def _names(words: list[str]) -> list[str]:

@@ -28,8 +28,10 @@ def test_an_instance_is_held_to_the_parameters_of_its_subcircuit(line: str, faul
     assert (found is None) == (fault is None)
 
 
-@pytest.mark.parametrize("signs", ["{" * 100_000, "}" * 100_000, "{" * 50_000 + "}" * 50_000, "{'" * 50_000])
+@pytest.mark.parametrize(
+    "signs", ["{" * 100_000, "}" * 100_000, "{" * 50_000 + "}" * 50_000, "{'" * 50_000, "\n" * 100_000]
+)
 def test_nested_braces_cost_no_time(signs: str) -> None:
-    start = time.perf_counter()
-    silent_fault(f"title\nR1 a 0 {signs}\n.end\n")
-    assert time.perf_counter() - start < 1.0
+    start = time.process_time()
+    silent_fault(f"title\nX1 a 0 {signs}\n.end\n")
+    assert time.process_time() - start < 1.0
