@@ -38,6 +38,7 @@ from pyspice_runner.units import engineering
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
+_LOWEST_SHARE, _LARGEST_LOGARITHM = 1e-3, 50.0  # of a frequency to its start, and of a quality factor
 _TAILS = 1.0  # of the zoom: modes nearer than that have an arm of their own; the tails of others are a cubic
 _MOST_POINTS = 1_000_000
 
@@ -341,8 +342,10 @@ def _motional_arm(
 
     def split(parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         shifts, logarithms = parameters.reshape(2, -1)
-        ratio = frequency[:, None] / (centres * (1.0 + shifts))
-        columns = near[:, None] / (1.0 + 1j * np.exp(logarithms) * (ratio - 1.0 / ratio))
+        # limits that only a fit that diverges reaches
+        ratio = frequency[:, None] / (centres * np.maximum(1.0 + shifts, _LOWEST_SHARE))
+        sharpness = np.exp(np.clip(logarithms, -_LARGEST_LOGARITHM, _LARGEST_LOGARITHM))
+        columns = near[:, None] / (1.0 + 1j * sharpness * (ratio - 1.0 / ratio))
         arms = parts(outside(columns))
         conductances = np.asarray(np.linalg.lstsq(arms, target, rcond=None)[0], dtype=np.float64)
         return conductances, target - arms @ conductances

@@ -30,6 +30,7 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.parameters import (
+    LEAST_CAPACITANCE,
     Beam,
     Contact,
     Damping,
@@ -283,9 +284,12 @@ class Motor(Shown, Parameters):
             )
 
     def _check_motion(self) -> None:
-        stator, smallest = self.stator, min(self.piezo.capacitances)
+        stator, held = self.stator, self.stator.capacitance.copy()  # while these springs are held
         for axis, moved, softness in zip(("x", "y"), stator.residual_per_volt, np.diag(stator.residual), strict=True):
-            if moved.any() and moved @ moved > softness * smallest:
+            if not moved.any():
+                continue
+            held -= np.outer(moved, moved) / softness
+            if np.linalg.eigvalsh(held)[0] < LEAST_CAPACITANCE:
                 name = "series_compliance_m_per_n"
                 raise ValueError(
                     f"piezo.motion_{axis}_a_m_per_v and motion_{axis}_b_m_per_v move the spring of contact."

@@ -35,6 +35,8 @@ from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
+_PATIENCE = 10.0  # s of wall time in which a transient must advance by this share of its duration:
+_LEAST_ADVANCE = 1e-7  # 1e8 steps, which take half an hour, advance by ten thousand times as much
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
 
@@ -113,7 +115,7 @@ def run_deck(
                 raise SimulationError(fault)
             started = time.perf_counter()
             try:
-                status, log, seconds = _execute(executable, folder, deck_path, timeout, progress, listening)
+                status, log, seconds = _execute(executable, folder, deck_path, timeout, progress, stop_time, listening)
             except KeyboardInterrupt as interrupt:
                 if not keep_partial:
                     raise
@@ -144,6 +146,7 @@ def _execute(
     deck: Path,
     timeout: float | None,
     progress: Callable[[float], object] | None,
+    stop_time: float | None,
     listening: Callable[[], contextlib.AbstractContextManager[None]],
 ) -> tuple[int, str, float]:
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
@@ -158,7 +161,7 @@ def _execute(
             raise SimulationError(f"{executable} does not run: {error.strerror}.") from None
         try:
             with listening():
-                status = _wait(process, timeout, progress, log_file)
+                status = _wait(process, timeout, progress, stop_time, log_file)
         except subprocess.TimeoutExpired:
             raise SimulationError(
                 f"ngspice did not finish within {timeout:g} s and was stopped.", log=_read(log_file)
@@ -172,14 +175,20 @@ def _wait(
     process: subprocess.Popen[bytes],
     timeout: float | None,
     progress: Callable[[float], object] | None,
+    stop_time: float | None,
     log_file: IO[bytes],
 ) -> int:
-    """Wait for the end of ngspice, and report the simulated time."""
-    if progress is None:
+    """Wait for the end of ngspice, and report the simulated time.
+
+    Raise SimulationError for a transient whose time hardly advances, since its iteration converges in tiny steps only.
+    """
+    if progress is None and stop_time is None:
         return process.wait(timeout=timeout)
+    period = _PROGRESS_PERIOD if progress else 0.1 * _PATIENCE
     ends, last = (None if timeout is None else time.monotonic() + timeout), b""
+    advanced, crawled = 0.0, 0.0  # s: simulated, and of wall time since then with a slow advance
     while True:
-        left = _PROGRESS_PERIOD if ends is None else max(min(_PROGRESS_PERIOD, ends - time.monotonic()), 0.0)
+        left = period if ends is None else max(min(period, ends - time.monotonic()), 0.0)
         try:
             return process.wait(timeout=left)
         except subprocess.TimeoutExpired:
@@ -188,8 +197,18 @@ def _wait(
         tail = os.pread(log_file.fileno(), 200, max(os.fstat(log_file.fileno()).st_size - 200, 0))
         reached = re.findall(rb"Reference value : +(\d\S*e\S+)", tail)
         if reached and reached[-1] != last:
-            last = reached[-1]
-            progress(float(last))
+            last, now = reached[-1], float(reached[-1])
+            if progress:
+                progress(now)
+            crawled += period
+            if stop_time is None or now - advanced > _LEAST_ADVANCE * stop_time:
+                advanced, crawled = now, 0.0
+            elif crawled > _PATIENCE:
+                raise SimulationError(
+                    f"The time steps of ngspice shrink to nothing at {now:.4g} s of {stop_time:g} s, and it was "
+                    "stopped. Halve the step, or check stiffness, damping and compliance of the contact.",
+                    log=_read(log_file),
+                )
 
 
 def _interrupted(path: Path, vectors: Sequence[str], seconds: float, version: str) -> KeyboardInterrupt:

@@ -78,6 +78,21 @@ def test_a_contact_without_a_compliance_in_series_is_not_moved() -> None:
         MOTOR.updated({"contact.series_compliance_m_per_n": 1e-13})
 
 
+def test_both_springs_together_leave_the_groups_a_capacitance() -> None:
+    """Either takes 60 % of that of group A, which remains while the springs are held."""
+    contact, taken = MOTOR.contact, 0.6 * MOTOR.piezo.capacitance_a_f
+    moved = {
+        f"piezo.motion_{axis}_a_m_per_v": float(np.sqrt(taken * softness))
+        for axis, softness in (
+            ("x", contact.tangential_series_compliance_m_per_n), ("y", contact.series_compliance_m_per_n)
+        )
+    }  # fmt: skip
+    for path, value in moved.items():
+        STILL.updated({path: value})
+    with pytest.raises(pr.ParameterError, match="too stiff for them and the capacitances"):
+        STILL.updated(moved)
+
+
 def test_the_averaged_motor_follows_within_one_and_a_half_per_cent() -> None:
     strong = MOTOR.updated(dict(zip(NAMES, 3.0 * np.ravel(MOTOR.piezo.motion), strict=True)))
     balanced = balanced_states([Point.of(one, DRIVE, speed=40.0) for one in (STILL, strong)], [None] * 2)

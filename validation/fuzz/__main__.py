@@ -93,10 +93,11 @@ def main(
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        place = tempfile.gettempdir()  # an input may leave another one
         for name in entry_point or ENTRY_POINTS:
             total = max(1, round(count * ENTRY_POINTS[name].share))
             task, came, slowest, began = bar.add_task(name, total=total), Counter[str](), 0.0, perf_counter()
-            root = Path(tempfile.mkdtemp(prefix="fuzz-"))
+            root = Path(tempfile.mkdtemp(prefix="fuzz-", dir=place))
             os.environ["XDG_CACHE_HOME"] = os.environ["TMPDIR"] = str(root / "out")
             tempfile.tempdir = None
             for number in range(first, first + total):

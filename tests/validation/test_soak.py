@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random motors that once failed, by their numbers in the soak."""
+
+from __future__ import annotations
+
+import pytest
+
+from validation.soak import SEED, case, outcome_of
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        346,  # a fit of the admittance stepped to an infinite quality factor
+        558,
+        pytest.param(817, marks=pytest.mark.soak),  # the steps of ngspice shrank to 1e-8 of the longest, without end
+    ],
+)
+def test_a_case_that_failed_gives_a_result_or_an_error_that_names_its_cause(index: int) -> None:
+    outcome = outcome_of(case(SEED, index), index)
+    assert outcome.kind == ("simulation error" if index == 817 else "result"), outcome.said
