@@ -221,13 +221,15 @@ def _scaled(rng: np.random.Generator, part: Parameters, spread: float) -> dict[s
     return {name: x * float(10.0 ** rng.uniform(-spread, spread)) for name, x in numbers.items()}
 
 
+_OF_MATERIALS = ("contact.effective_radius_m", "contact.poisson")  # cannot be changed on their own
+
+
 def _near(rng: np.random.Generator) -> Motor:
     motor = pr.load_motor(str(rng.choice(pr.available_motors())))
     parts: dict[str, Parameters] = {name: getattr(motor, name) for name in ("piezo", "contact", "rotor")}
     parts |= {f"modes.{index}": mode for index, mode in enumerate(motor.modes)}
-    return motor.updated(
-        {f"{path}.{name}": x for path, part in parts.items() for name, x in _scaled(rng, part, 0.1).items()}
-    )
+    drawn = {f"{path}.{name}": x for path, part in parts.items() for name, x in _scaled(rng, part, 0.1).items()}
+    return motor.updated({path: x for path, x in drawn.items() if path not in _OF_MATERIALS})
 
 
 def _near_resonance(rng: np.random.Generator, motor: Motor) -> dict[str, float]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random motors that once failed, by their numbers in the soak."""
+"""The random cases of the soak: what is drawn is valid, and motors that once failed, by their numbers."""
 
 from __future__ import annotations
 
@@ -19,3 +19,8 @@ from validation.soak import SEED, case, outcome_of
 def test_a_case_that_failed_gives_a_result_or_an_error_that_names_its_cause(index: int) -> None:
     outcome = outcome_of(case(SEED, index), index)
     assert outcome.kind == ("simulation error" if index == 817 else "result"), outcome.said
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_drivers_and_trackers_are_drawn_beside_motors(index: int) -> None:
+    assert case(SEED, index, "electronics").question in ("drive_report", "track")
