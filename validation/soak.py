@@ -280,13 +280,15 @@ def _tracked(rng: np.random.Generator) -> Case:
     motor, kind = _near(rng), str(rng.choice(["pll", "observe-current", "observe-power"]))
     contact = _contact(rng)
     motor = _with_its_law(motor, contact)
-    kinds = [one for one in get_args(DisturbanceKind) if not (one == "target" and kind != "pll")]
+    # the full motor cannot warm up in the time of a case
+    kinds = [one for one in get_args(DisturbanceKind) if one != "warm-up" and not (one == "target" and kind != "pll")]
     disturb = str(rng.choice([one for one in kinds if contact or one not in ("load", "preload")]))
     mode = int(rng.integers(len(motor.modes)))
     values = _near_resonance(rng, motor) | {"frequency": motor.modes[mode].frequency_hz * float(rng.uniform(1.0, 1.1))}
     tracker = pr.Tracker(kind=kind, bandwidth_hz=float(10.0 ** rng.uniform(1.5, 3.2)), **values)
     begin = float(rng.uniform(60.0, 120.0)) / tracker.frequency
     settings = {"contact": contact, "disturb": disturb, "mode": mode, "begin": begin, "duration": 2.0 * begin}
+    settings |= {"drift_time": 0.25 * begin} if disturb == "temperature" else {}
     return Case(motor, tracker, "track", settings)
 
 
