@@ -342,7 +342,7 @@ def _motional_arm(
 
     def split(parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         shifts, logarithms = parameters.reshape(2, -1)
-        # limits that only a fit that diverges reaches
+        # only a fit that diverges reaches these limits
         ratio = frequency[:, None] / (centres * np.maximum(1.0 + shifts, _LOWEST_SHARE))
         sharpness = np.exp(np.clip(logarithms, -_LARGEST_LOGARITHM, _LARGEST_LOGARITHM))
         columns = near[:, None] / (1.0 + 1j * sharpness * (ratio - 1.0 / ratio))
