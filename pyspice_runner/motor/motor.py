@@ -30,7 +30,7 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.parameters import (
-    LEAST_CAPACITANCE,
+    MIN_CAPACITANCE,
     Beam,
     Contact,
     Damping,
@@ -289,7 +289,7 @@ class Motor(Shown, Parameters):
             if not moved.any():
                 continue
             held -= np.outer(moved, moved) / softness
-            if np.linalg.eigvalsh(held)[0] < LEAST_CAPACITANCE:
+            if np.linalg.eigvalsh(held)[0] < MIN_CAPACITANCE:
                 name = "series_compliance_m_per_n"
                 raise ValueError(
                     f"piezo.motion_{axis}_a_m_per_v and motion_{axis}_b_m_per_v move the spring of contact."

@@ -19,7 +19,7 @@ from pyspice_runner.errors import ParameterError
 # theory fits, narrow enough to catch a value given in mm, kHz or GPa. Relations between values are checked here,
 # in Motor and in model/drive.py; `make soak` runs motors drawn from the whole range.
 
-LEAST_CAPACITANCE = 1e-15  # F, of a group: the minimum of its library
+MIN_CAPACITANCE = 1e-15  # F, of a group: the minimum of its library
 
 
 def quantity(description: str, unit: str, **limits: Any) -> Any:
@@ -219,8 +219,8 @@ class Piezo(Parameters):
     series with the contact, and the capacitances are those without a force on it.
     """
 
-    capacitance_a_f: float = quantity("clamped capacitance of group A at 100 kHz", "F", gt=LEAST_CAPACITANCE, le=1e-3)
-    capacitance_b_f: float = quantity("clamped capacitance of group B at 100 kHz", "F", gt=LEAST_CAPACITANCE, le=1e-3)
+    capacitance_a_f: float = quantity("clamped capacitance of group A at 100 kHz", "F", gt=MIN_CAPACITANCE, le=1e-3)
+    capacitance_b_f: float = quantity("clamped capacitance of group B at 100 kHz", "F", gt=MIN_CAPACITANCE, le=1e-3)
     capacitance_ab_f: float = quantity(
         "capacitance C_AB between the groups at 100 kHz, a part of both others", "F", ge=-1e-3, le=1e-3, default=0.0
     )

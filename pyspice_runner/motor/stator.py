@@ -37,7 +37,7 @@ from pyspice_runner.motor.parameters import Contact, Mode, Mount, Piezo
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 CAPACITANCE_AT = 100e3  # Hz, of :attr:`Stator.capacitance`
-HEAVIEST_TIP_KG = 1e9  # mass of a mode as seen at the tip, beyond which the tip is at a node
+MAX_TIP_MASS_KG = 1e9  # assumed: if a mode has a larger mass at the tip, the tip is at a node of it
 MODE_COLUMNS = (  # of a mode, in the order of :attr:`Stator.mode_rows`
     "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v", "coupling_b_n_per_v", "tip_x", "tip_y",
     "recoil_kg", "recoil_x_kg",
@@ -273,7 +273,7 @@ def unknown_recoil(modes: Sequence[Mode], mount: Mount | None) -> tuple[str, ...
         along = (("recoil_kg", mode.tip_y), ("recoil_x_kg", mode.tip_x))
         for carrier, (name, moves) in zip(carriers(mount), along, strict=False):
             motion = mode.tip_x**2 + mode.tip_y**2
-            if getattr(mode, name) is not None or mode.mass_kg >= HEAVIEST_TIP_KG * motion:
+            if getattr(mode, name) is not None or mode.mass_kg >= MAX_TIP_MASS_KG * motion:
                 continue
             estimate = mode.mass_kg * moves / motion
             shift = 0.5 * estimate**2 / (mode.mass_kg * carrier.mass_kg)

@@ -35,8 +35,8 @@ from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
-_PATIENCE = 10.0  # s of wall time in which a transient must advance by this share of its duration:
-_LEAST_ADVANCE = 1e-7  # 1e8 steps, which take half an hour, advance by ten thousand times as much
+_PATIENCE = 10.0  # s of wall time, in which a transient must advance by _MIN_ADVANCE
+_MIN_ADVANCE = 1e-7  # of its duration; a run of 1e8 steps, half an hour, advances by 10,000 times as much
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
 
@@ -180,13 +180,13 @@ def _wait(
 ) -> int:
     """Wait for the end of ngspice, and report the simulated time.
 
-    Raise SimulationError for a transient whose time hardly advances, since its iteration converges in tiny steps only.
+    Raise SimulationError for a transient that hardly advances, because its iteration needs very small steps.
     """
     if progress is None and stop_time is None:
         return process.wait(timeout=timeout)
     period = _PROGRESS_PERIOD if progress else 0.1 * _PATIENCE
     ends, last = (None if timeout is None else time.monotonic() + timeout), b""
-    advanced, crawled = 0.0, 0.0  # s: simulated, and of wall time since then with a slow advance
+    advanced, crawled = 0.0, 0.0  # s: simulated time, and the wall time since then
     while True:
         left = period if ends is None else max(min(period, ends - time.monotonic()), 0.0)
         try:
@@ -201,11 +201,11 @@ def _wait(
             if progress:
                 progress(now)
             crawled += period
-            if stop_time is None or now - advanced > _LEAST_ADVANCE * stop_time:
+            if stop_time is None or now - advanced > _MIN_ADVANCE * stop_time:
                 advanced, crawled = now, 0.0
             elif crawled > _PATIENCE:
                 raise SimulationError(
-                    f"The time steps of ngspice shrink to nothing at {now:.4g} s of {stop_time:g} s, and it was "
+                    f"The time steps of ngspice become too small at {now:.4g} s of {stop_time:g} s, and it was "
                     "stopped. Halve the step, or check stiffness, damping and compliance of the contact.",
                     log=_read(log_file),
                 )

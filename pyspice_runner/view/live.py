@@ -295,13 +295,13 @@ def half_load(motor: Motor) -> float:
     return _round(0.5 * stalled.torque_n_m, 2) if stalled and stalled.stable else 0.0
 
 
-def _if_known(compute: Callable[..., Result | None], *words: Any, **settings: Any) -> Result | None:
-    """Return what a function computes; ``None`` where it raises an error of the package.
+def _if_known(compute: Callable[..., Result | None], *arguments: Any, **settings: Any) -> Result | None:
+    """Return the result of a function, or ``None`` if it raises an error of the package.
 
     The page needs neither a steady state nor ngspice on this computer: its own engine computes every answer again.
     """
     with suppress(ParameterError, SimulationError):
-        return compute(*words, **settings)
+        return compute(*arguments, **settings)
     return None
 
 

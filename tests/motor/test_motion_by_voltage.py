@@ -79,7 +79,7 @@ def test_a_contact_without_a_compliance_in_series_is_not_moved() -> None:
 
 
 def test_both_springs_together_leave_the_groups_a_capacitance() -> None:
-    """Either takes 60 % of that of group A, which remains while the springs are held."""
+    """Each spring alone takes 60 % of the capacitance of group A."""
     contact, taken = MOTOR.contact, 0.6 * MOTOR.piezo.capacitance_a_f
     moved = {
         f"piezo.motion_{axis}_a_m_per_v": float(np.sqrt(taken * softness))

@@ -191,9 +191,9 @@ def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
     assert not any("recoil" in one for one in pr.admittance(FLAGSHIP, **BAND).cautions)
 
 
-@pytest.mark.parametrize("least", [5e-324, 1e-160, 1e-9])
-def test_a_tip_at_a_node_of_a_mode_has_no_estimate_of_its_recoil(least: float) -> None:
-    unknown = pr.load_motor("beam40").updated({"modes.0.tip_x": 0.0, "modes.0.tip_y": least})
+@pytest.mark.parametrize("motion", [5e-324, 1e-160, 1e-9])
+def test_no_recoil_is_estimated_for_a_tip_at_a_node(motion: float) -> None:
+    unknown = pr.load_motor("beam40").updated({"modes.0.tip_x": 0.0, "modes.0.tip_y": motion})
     assert not any("recoil of mode bending-1 on" in one for one in unknown.cautions)
 
 

@@ -11,9 +11,9 @@ from validation.soak import SEED, case, outcome_of
 @pytest.mark.parametrize(
     "index",
     [
-        346,  # a fit of the admittance stepped to an infinite quality factor
+        346,  # a fit of the admittance diverged to an infinite quality factor
         558,
-        pytest.param(817, marks=pytest.mark.soak),  # the steps of ngspice shrank to 1e-8 of the longest, without end
+        pytest.param(817, marks=pytest.mark.soak),  # the steps of ngspice became 1e-8 of the longest
     ],
 )
 def test_a_case_that_failed_gives_a_result_or_an_error_that_names_its_cause(index: int) -> None:

@@ -93,7 +93,7 @@ def main(
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        place = tempfile.gettempdir()  # an input may leave another one
+        place = tempfile.gettempdir()  # an input may change the folder
         for name in entry_point or ENTRY_POINTS:
             total = max(1, round(count * ENTRY_POINTS[name].share))
             task, came, slowest, began = bar.add_task(name, total=total), Counter[str](), 0.0, perf_counter()
