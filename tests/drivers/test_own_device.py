@@ -331,10 +331,10 @@ def test_the_elements_of_nested_subcircuits_are_counted_before_the_run(tmp_path:
     library = tmp_path / "my.lib"
     parameters = " amplitude=1 frequency=1 phase_deg=0\n"
     library.write_text(nested(8, 8).replace("\n", parameters, 1), encoding="utf-8")
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(pr.ParameterError, match=r"line 1: one has 1.68e\+07 elements .* at most 10000 are allowed"):
         driver(f"{library}:one")  # 8^8
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0
     library.write_text(nested(4, 10).replace("\n", parameters, 1), encoding="utf-8")
     assert driver(f"{library}:one").own  # 10^4
     library.write_text(nested(4, 10).replace("R1 p n 1k", "R1 p n 1k\nR2 p n 1k").replace("\n", parameters, 1))

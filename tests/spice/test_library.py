@@ -482,7 +482,7 @@ def test_text_that_is_no_spice_number_is_refused(text: str) -> None:
 
 def test_a_header_that_never_ends_is_refused_at_once() -> None:
     text = ".subckt thing a\n" * 20_000
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ParameterError, match="lacks"):
         parse_library("thing", text)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0

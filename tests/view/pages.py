@@ -3,12 +3,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Browser, Page
 
 LONGEST = 600_000  # ms until a condition holds, far beyond what a busy machine takes
+FIRST_PAINT = "performance.getEntriesByName('first-contentful-paint')[0].startTime"  # ms
+# the time at which an element is there, ms
+READY_AT = """new MutationObserver((_, observer) => {
+  if (!document.querySelector(%s)) return;
+  window.readyAt = performance.now();
+  observer.disconnect();
+}).observe(document, { attributes: true, childList: true, subtree: true });"""
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 
 
@@ -23,6 +31,12 @@ def opened(browser: Browser, file: Path, ready: str, link: str = "", **settings:
     page.on("request", lambda asked: None if asked.url.startswith(local) else wrong.append(asked.url))
     page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
     page.context.set_offline(True)
+    page.add_init_script(READY_AT % json.dumps(ready))
     page.goto(file.as_uri() + link)
     page.wait_for_selector(ready, state="attached")
     return page, wrong
+
+
+def painted_before_ready(page: Page) -> bool:
+    """Whether the reader saw something before the page was ready."""
+    return bool(page.evaluate(f"{FIRST_PAINT} < window.readyAt"))

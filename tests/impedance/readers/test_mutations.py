@@ -60,10 +60,10 @@ def test_a_hundred_megabytes_are_refused_at_once(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.write(make.FILES["plain.csv"])
         file.truncate(100 * 2**20)
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(pr.SpectrumError, match=r"measured.dat has more than 16 MiB") as caught:
         pr.read_spectrum(path)
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0
     assert is_one_sentence(str(caught.value))
 
 
