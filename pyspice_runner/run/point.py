@@ -24,6 +24,7 @@ from pyspice_runner.run.paths import Parameter, canonical, changed, parameter, u
 
 MOST_POINTS = 20_000_000  # recorded points: 4 GB of vectors, 160 MB per signal
 _ROUNDED_DOWN = 0.995  # a limit that is printed with three digits is not above itself
+MOST_STEPS = 1e6  # in the period of the fastest motion, 128 by default; a run with more would not end
 LEAST_ACCURACY, MOST_ACCURACY = 1e-4, 0.05  # finer, Newton's iteration counts; coarser, the order is lost
 
 
@@ -186,6 +187,12 @@ class Point:
             of_motion = self.shortest_period / self.source.points_per_period
             return min(of_motion, self.source.ringing_step(self.motor))
         require(isfinite(step) and step > 0.0, "step", step, "a number > 0 s", unit="s")
+        finest = self.shortest_period / MOST_STEPS
+        if step < finest:
+            raise ParameterError(
+                f"step = {step:g} s is not valid for a motion of {1.0 / self.shortest_period:.4g} Hz: it must be "
+                f">= {finest:.3g} s."
+            )
         if step > coarsest:
             raise ParameterError(
                 f"step = {step:g} s is too coarse for a motion of {1.0 / self.shortest_period:.4g} Hz; it must be <= "

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
@@ -246,7 +247,7 @@ def _check_recording(
     for name in signals or ():
         if name not in COLUMNS:
             raise ParameterError(f"signals: {name!r} is not valid: it must be one of {', '.join(COLUMNS)}.")
-    most = max(1, int(duration / (10.0 * step)))
+    most = max(1, int(min(duration / (10.0 * step), sys.maxsize)))  # the quotient may overflow
     words = f"a whole number of steps from 1 to {most}"
     require(1 <= record_every <= most, "record_every", record_every, words)
     last = max(duration - 10.0 * step * record_every, 0.0)

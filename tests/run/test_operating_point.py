@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 import pyspice_runner as pr
@@ -101,3 +103,24 @@ def test_an_analysis_that_needs_a_contact_says_why(analysis: object) -> None:
         analysis(MOTOR, DRIVE, contact=None, **arguments)  # type: ignore[operator]
     with pytest.raises(pr.ParameterError, match=r"no argument 'sliders'\."):
         analysis(MOTOR, DRIVE, sliders=8, **arguments)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("step", [5e-324, 1e-300, 1e-18])
+@pytest.mark.parametrize(
+    "analysis",
+    [
+        lambda point: point.simulate(1e-3),
+        lambda point: point.steady(),
+        lambda point: point.curve([0.0]),
+        lambda point: point.small_signals([100.0]),
+    ],
+    ids=["simulate", "steady", "curve", "small signals"],
+)
+def test_a_step_of_a_run_that_would_not_end_is_refused(
+    analysis: Callable[[pr.OperatingPoint], object], step: float
+) -> None:
+    flagship = pr.load_motor("bimodal40")
+    with pytest.raises(
+        pr.ParameterError, match=r"^step = \S+ s is not valid for a motion of .* it must be >= \S+ s\.$"
+    ):
+        analysis(pr.OperatingPoint(flagship, pr.default_drive(flagship), step=step))

@@ -65,6 +65,11 @@ def test_what_was_not_recorded_is_said_and_left_out(tmp_path: Path) -> None:
     assert list(run.to_xarray().data_vars) == ["rotor_speed_rad_s"]
 
 
+def test_a_duration_with_endless_steps_is_refused() -> None:
+    with pytest.raises(pr.ParameterError, match=r"records inf points; at most 2e\+07 fit in memory"):
+        pr.simulate(MOTOR, DRIVE, duration=1e308)
+
+
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
