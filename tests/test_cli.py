@@ -44,7 +44,7 @@ def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> 
     assert set(motor) == {"name", "modes", "piezo", "contact", "rotor", "mount", "limits", "cautions"}
     assert set(motor["modes"][0]) == {
         "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
-        "coupling_b_n_per_v", "tip_x", "tip_y",
+        "coupling_b_n_per_v", "tip_x", "tip_y", "recoil_kg", "recoil_x_kg",
     }  # fmt: skip
     assert {"capacitance_a_f", "capacitance_b_f", "loss_tangent"} <= set(motor["piezo"])
     assert set(motor["contact"]) == {
@@ -53,6 +53,24 @@ def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> 
     }  # fmt: skip
     assert set(motor["rotor"]) == {"radius_m", "inertia_kg_m2", "bearing_damping_n_m_s"}
     assert [mode["frequency_hz"] for mode in motor["modes"]] == pytest.approx([13.5e3, 51.7e3], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "recoils_kg"),
+    [
+        ("bimodal40", [0.0] * 4),
+        (
+            str(Path(__file__).parent / "data" / "every_effect.toml"),
+            [1e-4, None, 2e-4, 1e-4],
+        ),  # of mode 2 it is not known
+        ("andersen2002", [None, None]),
+    ],
+)
+def test_show_has_the_recoil_of_each_mode_also_where_it_is_zero(
+    name: str, recoils_kg: list[float | None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["show", name, "--json"]) == 0
+    assert [mode["recoil_kg"] for mode in json.loads(capsys.readouterr().out)["modes"]] == recoils_kg
 
 
 def test_simulate_prints_one_json_object_and_writes_the_requested_files(tmp_path: Path) -> None:

@@ -430,7 +430,8 @@ class Motor(Shown, Parameters):
     def to_dict(self) -> dict[str, Any]:
         """Return the motor as JSON-ready SI values (the shape of ``piezomotor show --json``).
 
-        An effect that is off, such as a coefficient of restitution of 1, is left out.
+        An effect that is off, such as a coefficient of restitution of 1, is left out. A mode has its recoil also where
+        it is 0, and ``None`` where it is not known.
         """
         return deepcopy(self._document())
 
@@ -447,7 +448,9 @@ class Motor(Shown, Parameters):
         document["modes"] = []
         for mode in self.modes:
             off = {
-                name for name, field in Mode.model_fields.items() if not field.is_required() and not getattr(mode, name)
+                name
+                for name, field in Mode.model_fields.items()
+                if not (field.is_required() or getattr(mode, name) or name.startswith("recoil"))
             }
             ahead = {"name": mode.name, "frequency_hz": mode.frequency_hz}
             document["modes"].append(ahead | mode.model_dump(exclude=off))

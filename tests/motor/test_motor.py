@@ -24,7 +24,10 @@ def leaves(document: dict[str, Any]) -> dict[str, float]:
     """Dotted path → value of every number; ``frequency_hz`` is left out where the stiffness says the same."""
     found = {f"{part}.{key}": value for part in ("piezo", "contact", "rotor") for key, value in document[part].items()}
     for index, item in enumerate(document["modes"]):
-        found |= {f"modes.{index}.{key}": v for key, v in item.items() if key not in ("name", "frequency_hz")}
+        numbers = {
+            key: value for key, value in item.items() if key not in ("name", "frequency_hz") and value is not None
+        }
+        found |= {f"modes.{index}.{key}": value for key, value in numbers.items()}
     return found
 
 
