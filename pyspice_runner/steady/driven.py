@@ -37,9 +37,9 @@ from pyspice_runner.steady.period_map import PeriodMap, cores, current, loads
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
-# part of the largest singular value below which a state at the start has faded before the period begins: more than the
-# noise of the derivative, which behind bridges has that of ngspice's own steps
-FADED, FADED_SWITCHED = 1e-6, 1e-2
+# part of the largest singular value below which a state at the start has faded before the period begins: between those
+# that last, at least 0.02, and the lags of stem and slider, at most 0.001
+FADED = 5e-3
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere
 FEWEST_PERIODS = 10  # of the transient from which a curve starts
@@ -84,31 +84,37 @@ class DrivenPoint(Orbit):
     def newton_step(self) -> Array:
         """Return the step of the scaled state that closes the gap, as far as it lasts until the period begins.
 
-        A slider that is not free goes to where it is a period later.
+        What does not last, and a slider that is not free, go to where they are a period later.
         """
         assert self.trace is not None
         free = self.free
-        begun, back, monodromy = self._reduced()
+        begun, back, monodromy, faded = self._reduced()
         left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
         kept = np.arange(len(sizes)) < len(sizes) - self._still
         moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
         step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
-        step[free] = back @ moved
+        step[free] = back @ moved + faded.T @ (faded @ step[free])
         return step
 
-    def _reduced(self) -> tuple[Array, Array, Array]:
+    def _reduced(self) -> tuple[Array, Array, Array, Array]:
         """Return orthogonal directions of the free state at the beginning of the period, in columns, and the rest.
 
-        They are those that the start of the run reaches. The rest is the state at the start that leads to each, and the
-        derivative of the state at the end of the period along them.
+        They are those that the start of the run reaches. The rest is the state at the start that leads to each, the
+        derivative of the state at the end of the period along them, and the directions of the start that fade, in rows.
         """
         assert self.at_start is not None
         assert self.at_end is not None
         free = np.ix_(self.free, self.free)
         left, sizes, right = np.linalg.svd(self.at_start[free])
-        kept = sizes > (FADED if self.plant.front.uniform else FADED_SWITCHED) * sizes[0]
+        kept = sizes > FADED * sizes[0]
         begun, back = left[:, kept], right[kept].T / sizes[kept]
-        return begun, back, begun.T @ self.at_end[free] @ back
+        return begun, back, begun.T @ self.at_end[free] @ back, right[~kept]
+
+    def remaining(self, step: Array) -> float:
+        """Return the size of a Newton step without what fades before the period begins."""
+        faded, lasting = self._reduced()[3], step.copy()
+        lasting[self.free] -= faded.T @ (faded @ step[self.free])
+        return super().remaining(lasting)
 
     @property
     def _still(self) -> int:
