@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -115,8 +116,11 @@ def live(call: Call) -> None:
     loaded = call.loaded
     target = call.output or Path(f"{loaded.name}.html")
     common.check_targets(target, (".html",), None)
-    with common.busy("writing the page"):
+    with common.busy("writing the page"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         save_live_page(loaded, target)
+    for sentence in dict.fromkeys(str(one.message) for one in caught):
+        common.complain(f"piezomotor: {sentence}")
     facts = engine_facts()
     document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
     shown = {"page": str(target), "engine": f"ngspice {facts['ngspice']}, {facts['package']}"}

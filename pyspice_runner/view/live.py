@@ -12,8 +12,8 @@ import gzip
 import hashlib
 import json
 import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
@@ -298,11 +298,16 @@ def half_load(motor: Motor) -> float:
 def _if_known(compute: Callable[..., Result | None], *arguments: Any, **settings: Any) -> Result | None:
     """Return the result of a function, or ``None`` if it raises an error of the package.
 
-    The page needs neither a steady state nor ngspice on this computer: its own engine computes every answer again.
+    The page needs neither a steady state nor ngspice on this computer: its own engine computes every answer again. A
+    failure of ngspice is a warning.
     """
-    with suppress(ParameterError, SimulationError):
+    try:
         return compute(*arguments, **settings)
-    return None
+    except ParameterError:
+        return None
+    except SimulationError as error:
+        warnings.warn(f"The page has no first picture: {error}", stacklevel=2)
+        return None
 
 
 def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[str, Any] | None:
