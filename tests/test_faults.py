@@ -143,6 +143,49 @@ def test_a_killed_ngspice_is_reported(
     assert temporary(folder) == []
 
 
+COMPLAINT = "fatal: there is no licence"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("steady", []),
+        ("speed-torque", ["--speeds=0"]),
+        ("drive", ["--rail", "24", "--stage", "full-bridge", "--speed", "20"]),
+        ("calibrate", ["--points", "points.csv", "--free", "contact.friction"]),
+        ("calibrate", ["--transient", "run_up.csv", "--free", "contact.friction"]),
+    ],
+)
+def test_the_words_of_an_ngspice_that_only_complains_are_reported(
+    name: str, words: list[str], folder: Path, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "points.csv").write_text("speed_rad_s,torque_n_m\n0,0.06\n20,0.055\n", encoding="utf-8")
+    rows = "".join(f"{1e-3 * number:g},{3.0 * number:g}\n" for number in range(9))
+    (folder / "run_up.csv").write_text(f"time_s,speed_rad_s\n{rows}", encoding="utf-8")
+    ngspice(f"echo '{COMPLAINT}' >&2; exit 1")
+    assert run([name, "bimodal40", *words]) == 3
+    assert COMPLAINT in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["simulate", "--averaged", "--duration", "20e-3"], "is stable is not known: "),
+        (["live"], "The page has no first picture: "),
+    ],
+    ids=["averaged", "live"],
+)
+def test_what_needs_no_ngspice_says_what_its_failure_leaves_out(
+    words: list[str], says: str, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    ngspice(f"echo '{COMPLAINT}' >&2; exit 1")
+    assert run([words[0], "bimodal40", *words[1:]]) == 0
+    said = capsys.readouterr().err
+    assert says in said
+    assert COMPLAINT in said
+
+
 @pytest.mark.parametrize(
     ("number", "timeout", "says"),
     [
@@ -664,9 +707,8 @@ def test_paths_may_hold_spaces_and_any_characters(tmp_path: Path) -> None:
     assert list((place / "tmp dir").iterdir()) == []
 
 
-@pytest.mark.soak
 def test_a_matplotlibrc_with_tex_in_the_working_folder_changes_no_plot(folder: Path) -> None:
-    words = ["-m", "pyspice_runner", "show", "andersen2002", "--plot"]
+    words = ["-m", "pyspice_runner", "show", "bimodal40", "--plot"]
     assert command(sys.executable, *words, "plain.png", cwd=folder, shell=True)[0] == 0
     (folder / "matplotlibrc").write_text("text.usetex: True\n", encoding="utf-8")
     status, _, said = command(sys.executable, *words, "tex.png", cwd=folder, shell=True)

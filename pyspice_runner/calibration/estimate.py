@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from numpy import zeros
 from pydantic import SkipValidation
 
 from pyspice_runner.calibration.checkpoint import Checkpoint
@@ -111,6 +112,7 @@ def calibrate(
             temperatures[0] if temperatures else None, counter=Counter(progress or (lambda _: None)),
         )  # fmt: skip
         # a wrong path or value is an error now, not a point that is left out
+        predictor.motor(zeros(len(unknowns)))
         if points:
             points.check([predictor.point(predictor.base, one) for one in points.conditions])
         for one in moving:

@@ -41,7 +41,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady import shooting
 from pyspice_runner.steady.harmonic_balance import QUANTITIES, Balance, BalancedState, balanced_states, balances
-from pyspice_runner.steady.steady import ACCURACY, SteadyState, steady_states
+from pyspice_runner.steady.steady import ACCURACY, SteadyState, check_runs, steady_states
 
 # of a coordinate, for the derivative. The torque by ngspice varies from event to event of a step (2e-3 of mu F0 R), and
 # a run-up with the steps that an estimated error selects (3e-5 of the speed): the coarse difference changes both more,
@@ -211,7 +211,10 @@ class Predictor:
             states = balanced_states(setups, [start if isinstance(start, Balance) else None for start in starts])
         else:
             own = [start if isinstance(start, shooting.Orbit) else None for start in starts]
-            states = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
+            full = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
+            if fine:
+                check_runs(full)
+            states = full
         self.counter.add(len(states))
         return states
 
@@ -265,6 +268,7 @@ class Predictor:
         return False
 
     def _prediction(self, trial: _Trial, fine: bool) -> Prediction:
+        """Return the values of a trial. With ``fine``, raise the error of a curve if no value is known."""
         if trial.motor is None:
             return Prediction(np.full(len(self.measured), np.nan))
         parts, states = [], trial.states
@@ -276,11 +280,15 @@ class Predictor:
                 enumerate(zip(points.rows, points.quantities, points.values.tolist(), strict=True))
             ])  # fmt: skip
             parts.append(np.log(np.where(own > 0.0, own, np.nan)) if points.logarithmic else own)
+        lost: ParameterError | SimulationError | None = None
         for one in self.curves:
             try:
                 parts.append(one.predicted(self.point(trial.motor, one.conditions, trial.thermal), fine=fine))
-            except (ParameterError, SimulationError):  # no such motor at the temperature, or no such run
+            except (ParameterError, SimulationError) as error:  # no such motor at the temperature, or no such run
                 parts.append(np.full(len(one.measured), np.nan))
+                lost = error
+        if fine and lost is not None and np.isnan(np.concatenate(parts)).all():
+            raise lost
         solutions = tuple(state.solution if state and _sound(state) else None for state in states)
         return Prediction(np.concatenate(parts), solutions, trial.peaks)
 

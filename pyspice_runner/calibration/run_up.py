@@ -31,7 +31,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.refusal import quoted
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.steady.steady import steady_states
+from pyspice_runner.steady.steady import check_runs, steady_states
 
 TIME = "time_s"
 FEWEST = 3  # points: two are a line, which any time constant explains
@@ -156,8 +156,9 @@ def _torques(motor: Point, speed: Array) -> tuple[Array, Array, Array] | None:
     every = np.linspace(low - (beyond if low < 0.0 else 0.0), high + (beyond if high > 0.0 else 0.0), HELD)
     held = [motor.updated({"load.speed": one, "load.torque": 0.0}) for one in every.tolist()]
     duration = max(HELD_DECAYS * motor.motor.decay_s, FEWEST_PERIODS / min(motor.source.frequencies))
-    found = []
-    for one, state in zip(held, steady_states(held), strict=True):
+    states, found = steady_states(held), []
+    check_runs(states)
+    for one, state in zip(held, states, strict=True):
         if not state.determined:
             continue
         try:

@@ -69,8 +69,11 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
     values = {}
     form = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
     for path, text in common.pairs_of("--part", changes, form):
+        same = path.lower()  # SPICE does not distinguish case
+        if same in values:
+            raise pr.ParameterError(f"--part {path} is given twice, with other capitals. Give it once.")
         try:
-            values[path.lower()] = number(text)  # SPICE does not distinguish case
+            values[same] = number(text)
         except pr.ParameterError as error:
             raise pr.ParameterError(f"--part {path}: {error}") from None
     return values

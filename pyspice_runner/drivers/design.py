@@ -50,7 +50,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.shooting import Orbit
-from pyspice_runner.steady.steady import SteadyState, steady_states
+from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
 from pyspice_runner.units import engineering
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
@@ -508,6 +508,7 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
     if not rest and idle.converged:
         middle = replace(ideal, load=Load(speed=0.5 * idle.speed_rad_s))
         rest = steady_states([middle], accuracy=ACCURACY, waveforms=True, starts=[stall.solution])
+    check_runs([stall, idle, *rest])
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 
 
@@ -522,6 +523,7 @@ def _solved(points: Sequence[Point], starts: Sequence[Orbit | None]) -> list[Ste
     again = steady_states([points[place] for place in lost], accuracy=ACCURACY, waveforms=True)
     for place, state in zip(lost, again, strict=True):
         found[place] = state
+    check_runs(found)
     return found
 
 

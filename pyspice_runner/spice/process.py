@@ -22,7 +22,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pyspice_runner.errors import SimulationError
+from pyspice_runner.errors import SimulationError, quoted
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice.deck_lint import silent_fault
 
@@ -87,7 +87,9 @@ def version_of(executable: str) -> str:
         how = signal.strsignal(-ended.returncode)
         raise SimulationError(f"`{executable} --version` was killed by signal {-ended.returncode} ({how}). Try again.")
     if not match:
-        raise SimulationError(f"{executable} does not state its version. {_INSTALL_HINT}", log=output)
+        words = " / ".join((ended.stderr or output).strip().splitlines())
+        said = f" It says {quoted(words)}." if words else ""
+        raise SimulationError(f"{executable} does not state its version.{said} {_INSTALL_HINT}", log=output)
     if int(match.group(1)) < OLDEST_VERSION:
         raise SimulationError(f"ngspice {match.group(1)} is too old; version {OLDEST_VERSION} or later is needed.")
     return match.group(1) + match.group(2).rstrip("+.")

@@ -9,7 +9,7 @@ which biases the small mean of a large alternating torque.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any, Generic, TypeVar, Unpack
@@ -240,10 +240,16 @@ def steady_state(
 
 def settled(point: Point, accuracy: float = ACCURACY) -> SteadyState:
     """Return the steady state of an operating point, with its waveforms; ``accuracy`` is as in :func:`steady_state`."""
-    state = steady_states([point], accuracy=accuracy, waveforms=True)[0]
-    if state.failure is not None:
-        raise state.failure
+    (state,) = steady_states([point], accuracy=accuracy, waveforms=True)
+    check_runs([state])
     return state
+
+
+def check_runs(states: Iterable[SteadyState]) -> None:
+    """Raise the first failure of ngspice if every run of all states failed."""
+    failures = [state.failure for state in states]
+    if failures and failures[0] is not None and None not in failures:
+        raise failures[0]
 
 
 def steady_states(
@@ -314,6 +320,7 @@ def stability_cautions(
     try:
         point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
         (state,) = steady_states([point], accuracy=None)
+        check_runs([state])
     except (ParameterError, SimulationError) as error:
         return (f"Whether the motion at {drive.label} is stable is not known: {error}",)
     if state.stable:

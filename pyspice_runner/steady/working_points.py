@@ -33,7 +33,15 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.period_map import Found, cores
 from pyspice_runner.steady.shooting import Orbit, between
 from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates, dataset_of
-from pyspice_runner.steady.steady import Part, SteadyState, check_accuracy, divided, solve_part, steady_states
+from pyspice_runner.steady.steady import (
+    Part,
+    SteadyState,
+    check_accuracy,
+    check_runs,
+    divided,
+    solve_part,
+    steady_states,
+)
 from pyspice_runner.units import linear_name, with_linear
 
 if TYPE_CHECKING:
@@ -258,9 +266,7 @@ def _solved(
             if not found:
                 raise
             complete = len(found) == len(setups)
-    failures = [state.failure for state in found.values() if state.failure is not None]
-    if len(failures) == len(found):
-        raise failures[0]
+    check_runs(found.values())
     return found, complete
 
 

@@ -450,7 +450,7 @@ def track(
     if not averaged:
         _check_duration(setup, source, duration)
     seen = disturbance.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency
-    if not averaged and disturb != "start" and duration < seen:
+    if disturb not in ("start", "warm-up") and duration < seen:
         raise ParameterError(
             f"duration = {duration:g} s does not show the disturbance, which lasts from {disturbance.begin_s:.4g} to "
             f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."

@@ -159,6 +159,8 @@ def test_a_calibrated_motor_predicts_another_voltage_within_its_band() -> None:
         ({"speed_rad_s": [1.0], "torque_n_m": [0.1]}, ["drive.voltage"], "is not a parameter of the motor"),
         ({"speed_rad_s": [1.0], "torque_n_m": [0.1]}, ["contact.friction", "contact.friction"], "given twice"),
         ({"speed_rad_s": [1.0], "torque_n_m": [0.1], "voltage": [-1e9]}, ["contact.friction"], "voltage"),
+        ({"speed_rad_s": [1.0], "torque_n_m": [1e-3]}, ["contact.effective_radius_m"], "Change contact.materials.tip"),
+        ({"speed_rad_s": [1.0], "torque_n_m": [1e-3]}, ["contact.poisson"], "Change contact.materials.tip_poisson"),
         (None, ["contact.friction"], "nothing to calibrate against"),
         ("not a table", ["contact.friction"], "Cannot read"),
     ],

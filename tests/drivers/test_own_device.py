@@ -41,12 +41,12 @@ def driver(kind: str, **values: Any) -> pr.Driver:
     return pr.Driver(**{"kind": kind, "voltage": 50.0, "frequency": 51.7e3, **values})
 
 
-def report(chosen: pr.Driver, *, plotted: bool = False) -> DriveReport:
+def report(chosen: pr.Driver, motor: pr.Motor = MOTOR, *, plotted: bool = False) -> DriveReport:
     """Return a report; if ``plotted``, all nodes of powers are in the circuit, as those of a copy are."""
     with pytest.MonkeyPatch.context() as patch:
         if plotted:
             patch.setattr(pr.Driver, "powers", {})
-        return pr.drive_report(MOTOR, chosen, duration=SHORT)
+        return pr.drive_report(motor, chosen, duration=SHORT)
 
 
 def built_in(name: str) -> str:
@@ -189,7 +189,7 @@ def test_parameters_of_the_driver_are_set_like_those_of_the_built_in_ones(capsys
 def test_a_shorted_output_has_no_power_and_no_efficiency(tmp_path: Path) -> None:
     text = ".subckt short out com amplitude=1 frequency=1 phase_deg=0\nV1 out com 0\n.ends\n"
     (tmp_path / "own.lib").write_text(text)
-    found = report(driver(f"{tmp_path}/own.lib:short"))
+    found = report(driver(f"{tmp_path}/own.lib:short"), pr.load_motor("bimodal40"))
     assert found.summary()
     assert (found.power_in_w, found.driver_efficiency, found.efficiency) == (0.0, 0.0, 0.0)
 

@@ -485,7 +485,7 @@ def test_an_entry_of_path_may_be_relative(
     ("version", "sentence"),
     [
         ("** ngspice-34 : Circuit level", "ngspice 34 is too old; version 36 or later is needed."),
-        ("I am a fish", "does not state its version. Install it:"),
+        ("I am a fish", "does not state its version. It says 'I am a fish'. Install it:"),
     ],
 )
 def test_an_unsuitable_ngspice_is_rejected(version: str, sentence: str, fake: Callable[..., Path]) -> None:

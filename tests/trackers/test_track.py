@@ -305,6 +305,10 @@ def test_a_run_that_is_too_short_is_refused_before_the_stall_torque_is_found(mon
     monkeypatch.setattr("pyspice_runner.trackers.track._stall_torque", lambda *_: pytest.fail("it has run"))
     base = pr.load_motor("bimodal40")
     chosen = pr.Tracker(kind="pll", voltage=100.0, frequency=40.7e3)
-    for duration, message in ((1e-3, "duration = 0.001 s is not valid"), (3e-3, "does not show the disturbance")):
+    for averaged, duration, message in (
+        (False, 1e-3, "duration = 0.001 s is not valid"),
+        (False, 3e-3, "does not show the disturbance"),
+        (True, 1e-3, "does not show the disturbance"),
+    ):
         with pytest.raises(pr.ParameterError, match=message):
-            pr.track(base, chosen, disturb="load", duration=duration)
+            pr.track(base, chosen, disturb="load", duration=duration, averaged=averaged)
