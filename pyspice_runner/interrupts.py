@@ -121,14 +121,22 @@ def raised() -> Iterator[list[int]]:
         yield came
         return
 
+    reminding = False
+
     def stop(number: int, _: FrameType | None) -> None:
+        if reminding:  # on a busy machine the signal is back before the hook has ended
+            _send_again(number)
+            return
         came.append(number)
         raise Stopped(number)
 
     def remind(unraisable: sys.UnraisableHookArgs) -> None:
         """Raise the exception again if it came in a finaliser or a callback, where Python only prints it."""
+        nonlocal reminding
         if isinstance(unraisable.exc_value, Stopped):
-            threading.Timer(_REMIND, os.kill, (os.getpid(), unraisable.exc_value.number)).start()
+            reminding = True
+            _send_again(unraisable.exc_value.number)
+            reminding = False
         else:
             complain(unraisable)
 
@@ -146,6 +154,10 @@ def raised() -> Iterator[list[int]]:
         for number, handler in before.items():
             signal.signal(number, _leave_done if handler is _leave else handler)
         sys.unraisablehook = complain
+
+
+def _send_again(number: int) -> None:
+    threading.Timer(_REMIND, os.kill, (os.getpid(), number)).start()
 
 
 def _comes_of_a_signal(error: BaseException | None) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
@@ -141,6 +142,20 @@ def test_a_signal_in_a_finaliser_is_raised_again() -> None:
     with pytest.raises(Stopped), raised():
         wait()
     assert sys.unraisablehook is complain
+
+
+def test_a_signal_that_is_back_before_the_hook_has_ended_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy machine, where the thread that sends it runs before the one that has started it."""
+    start, late = threading.Timer.start, [0.05]
+
+    def slow(timer: threading.Timer) -> None:
+        start(timer)
+        if late:
+            time.sleep(late.pop())  # longer than the delay of the signal
+
+    monkeypatch.setattr(threading.Timer, "start", slow)
+    test_a_signal_in_a_finaliser_is_raised_again()
+    assert not late
 
 
 def test_a_signal_while_a_finished_file_is_noted_keeps_its_name(

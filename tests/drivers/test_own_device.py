@@ -153,6 +153,7 @@ def test_a_sweep_over_a_parameter_of_the_driver_notices_a_changed_file(tmp_path:
             quantities=["motor_power_w"], duration=SHORT, store=tmp_path / "points",
             executor=ThreadPoolExecutor(1),
         )  # fmt: skip
+        assert not data.piezomotor.failures
         found.append(data["motor_power_w"].values)
     assert found[0][0] > 1.05 * found[0][1]  # at a larger resistance less reaches the motor
     assert found[0][0] > found[1][0]
