@@ -59,10 +59,8 @@ def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> 
     ("name", "recoils_kg"),
     [
         ("bimodal40", [0.0] * 4),
-        (
-            str(Path(__file__).parent / "data" / "every_effect.toml"),
-            [1e-4, None, 2e-4, 1e-4],
-        ),  # of mode 2 it is not known
+        # the file does not specify the recoil of mode 2
+        (str(Path(__file__).parent / "data" / "every_effect.toml"), [1e-4, None, 2e-4, 1e-4]),
         ("andersen2002", [None, None]),
     ],
 )

@@ -71,7 +71,7 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
     for path, text in common.pairs_of("--part", changes, form):
         same = path.lower()  # SPICE does not distinguish case
         if same in values:
-            raise pr.ParameterError(f"--part {path} is given twice, with other capitals. Give it once.")
+            raise pr.ParameterError(f"--part {path} is given twice, with different capitalisation. Give it once.")
         try:
             values[same] = number(text)
         except pr.ParameterError as error:

@@ -120,7 +120,7 @@ def live(call: Call) -> None:
         warnings.simplefilter("always")
         save_live_page(loaded, target)
     for sentence in dict.fromkeys(str(one.message) for one in caught):
-        common.complain(f"piezomotor: {sentence}")
+        common.complain(f"piezomotor: {sentence}", style="yellow")
     facts = engine_facts()
     document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
     shown = {"page": str(target), "engine": f"ngspice {facts['ngspice']}, {facts['package']}"}

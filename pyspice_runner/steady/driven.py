@@ -37,8 +37,8 @@ from pyspice_runner.steady.period_map import PeriodMap, cores, current, loads
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
-# part of the largest singular value below which a state at the start has faded before the period begins: between those
-# that last, at least 0.02, and the lags of stem and slider, at most 0.001
+# singular value, relative to the largest, below which a state at the start of the run does not affect the period: the
+# other states have 0.02 or more, the lags of stem and slider 0.001 or less
 FADED = 5e-3
 ROUGH = 5e-3  # accuracy from which on steps twice as long may do
 SOLVED = 0.1  # of the accuracy, how near to the solution Newton's method ends, but not nearer than elsewhere

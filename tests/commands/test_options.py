@@ -232,7 +232,7 @@ def test_a_part_of_an_own_driver_may_be_written_in_either_case(tmp_path: Path) -
 def test_a_part_given_twice_in_either_case_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["drive", "bimodal40", "--driver", "linear+inductor", "--part", "inductor.inductance=2e-3"]
     assert run([*words, "--part", "Inductor.Inductance=1e-3"]) == 2
-    assert "--part Inductor.Inductance is given twice, with other capitals. Give it once." in capsys.readouterr().err
+    assert "--part Inductor.Inductance is given twice, with different capitalisation." in capsys.readouterr().err
 
 
 def test_a_motor_saved_with_a_byte_order_mark_is_the_same_motor(tmp_path: Path) -> None:

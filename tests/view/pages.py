@@ -37,6 +37,6 @@ def opened(browser: Browser, file: Path, ready: str, link: str = "", **settings:
     return page, wrong
 
 
-def painted_before_ready(page: Page) -> bool:
-    """Whether the reader saw something before the page was ready."""
-    return bool(page.evaluate(f"{FIRST_PAINT} < window.readyAt"))
+def first_paint_share(page: Page) -> float:
+    """Time of the first paint divided by the time at which the page was ready: it does not depend on the machine."""
+    return float(page.evaluate(f"{FIRST_PAINT} / window.readyAt"))

@@ -33,7 +33,7 @@ from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
 from tests.motors import motor as motor_without_a_beam
-from tests.view.pages import PHONE, opened, painted_before_ready
+from tests.view.pages import PHONE, first_paint_share, opened
 from validation.fuzz.nasty import ATTEMPTS
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("report")]
@@ -84,7 +84,7 @@ def test_the_page_is_small_and_paints_before_all_charts_are_drawn(
     assert page_file.stat().st_size < 8_000_000
     page, wrong = desktop
     assert wrong == []
-    assert painted_before_ready(page)  # READY is the last chart
+    assert first_paint_share(page) < 0.4  # READY is the last chart; measured 0.14
     text = page_file.read_text(encoding="utf-8")
     assert not re.search(r"""<(?:script|img|iframe|link)[^>]+(?:src|href)=["'](?!data:)""", text)
 

@@ -22,7 +22,7 @@ from pyspice_runner.view import live
 from pyspice_runner.view.live import ASSETS, engine_facts, half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import sliding
-from tests.view.pages import PHONE, opened, painted_before_ready
+from tests.view.pages import PHONE, first_paint_share, opened
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]
 
@@ -114,7 +114,8 @@ def test_the_page_is_small_states_its_engine_and_paints_before_its_first_answer(
 ) -> None:
     page, wrong = desktop
     assert page_file.stat().st_size < 12_000_000
-    assert painted_before_ready(page)  # READY is the first answer of the engine
+    # READY is the first answer of the engine; 500 ms of 5 s on an idle machine, measured 0.03 to 0.05
+    assert first_paint_share(page) < 0.1
     footer = page.inner_text("footer")
     for name in ("ngspice", "package", "package_licence", "wasm_sha256", "loader_sha256"):
         assert str(engine_facts()[name]) in footer
