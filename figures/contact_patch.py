@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pressure, traction and displacements in the contact of tip and rotor over the tangential force.
+"""Pressure, traction and displacements in the contact of tip and rotor versus the tangential force.
 
 The closed forms of Hertz, Cattaneo and Mindlin: a ring slips, from the edge inwards, while the centre sticks.
 """
@@ -69,7 +69,9 @@ def draw(folder: Path) -> list[str]:
         stick = patch.stick_radius(share * limit) / a
         axes[1, 0].plot([1.0 - stick**2] * 2, [share, stick], "o", color=colour, ms=5)
     axes[1, 0].set(
-        title="(c) both over the displacement", xlabel="displacement / its limit $u_{\\mathrm{lim}}$", ylim=(0.0, 1.05)
+        title="(c) both versus the displacement",
+        xlabel="displacement / its limit $u_{\\mathrm{lim}}$",
+        ylim=(0.0, 1.05),
     )
     axes[1, 0].legend(loc="lower center")
     caption = (
