@@ -19,7 +19,7 @@ SHORT, WHOLE, WARM_UP = 20e-3, 1.0, 600.0  # s
 
 def main() -> None:
     """Print wall and CPU time of each run, and the ratio of full to averaged."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     pr.simulate_averaged(motor, drive, 1e-3)  # imports all modules
     print(f"{motor.name}, {drive.label}, {WHOLE:g} s of motor time; full: {SHORT * 1e3:g} ms, scaled")
@@ -37,7 +37,7 @@ def main() -> None:
         print(f"{name:8s} {wall:7.2f} s wall, {seconds[name]:7.2f} s CPU, ngspice alone {solver:7.2f} s wall")
     print(f"averaged is {seconds['full'] / seconds['averaged']:.0f} times faster")
     tracker = pr.Tracker(
-        kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0
+        kind="pll", voltage=60.0, phase_deg=drive.phase_deg, frequency=drive.frequency, target_deg=-30.0
     )
     engines: tuple[Engine, ...] = ("compiled", "spice")
     for engine in engines:

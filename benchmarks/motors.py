@@ -57,7 +57,7 @@ class Subject:
 
 
 def subjects() -> Iterator[Subject]:
-    """Return the motors: the paper's two sets, the flagship, a beam, and a plate that is open for 65 % of the time."""
+    """Return the motors: the paper's two sets, the flagship, and a plate that is open for 65 % of the time."""
     for name, drive, first, last in (
         ("andersen2002", pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0), -5.0, 12.0),
         ("andersen2002-unintended-mode", pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0), -10.0, 30.0),
@@ -65,9 +65,8 @@ def subjects() -> Iterator[Subject]:
         motor, speeds = pr.load_motor(name), np.linspace(first, last, 21)
         yield Subject(f"{name}, fixed distance", motor.updated({"mount": None}), drive, speeds)
         yield Subject(f"{name}, mount", motor, drive, speeds)
-    for name, first, last in (("bimodal40", -20.0, 50.0), ("beam40", -20.0, 45.0)):
-        motor = pr.load_motor(name)
-        yield Subject(name, motor, pr.default_drive(motor), np.linspace(first, last, 21))  # type: ignore[arg-type]
+    motor = pr.load_motor("bimodal40")
+    yield Subject(motor.name, motor, pr.default_drive(motor), np.linspace(-20.0, 50.0, 21))  # type: ignore[arg-type]
     plate = pr.load_motor(str(ROOT / "examples" / "plate40.toml"))
     speeds = np.linspace(-0.2, 0.5, 21) / plate.rotor.radius_m
     for voltage in (100.0, 150.0):

@@ -26,7 +26,7 @@ def effects(motor: pr.Motor) -> dict[str, dict[str, Any]]:
         "as in the set": {},
         "no compliance along the rotor": rigid,
         "restitution 1": {"contact.restitution": 1.0},
-        "restitution 0.8 at 0.1 m/s": {"contact.restitution": 0.8, "contact.restitution_velocity_m_s": 0.1},
+        "restitution 0.8": {"contact.restitution": 0.8},
         "sliding friction 0.8 of static, above 50 mm/s": {
             "contact.sliding_ratio": 0.8,
             "contact.stribeck_velocity_m_s": 0.05,

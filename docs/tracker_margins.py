@@ -41,7 +41,7 @@ class Case:
 
     def parts(self) -> tuple[pr.Motor, pr.Tracker, pr.Driver | None]:
         """Return motor, tracker in the middle of its range, and driver."""
-        light = {"andersen2002": 1e-7, "beam40": 1e-6, "bimodal40": 1e-6}[self.motor]  # kg m²
+        light = {"andersen2002": 1e-7, "bimodal40": 1e-6}[self.motor]  # kg m²
         motor = pr.load_motor(self.motor).updated({"rotor.inertia_kg_m2": light})
         start = {"frequency": motor.modes[-1].frequency_hz, **self.tracker}
         tracker = pr.Tracker(kind="pll", **start)
@@ -52,11 +52,11 @@ class Case:
 
 COIL = {"kind": "half-bridge", "network": "inductor"}
 CASES = {
-    "`bimodal40`, 70 V, −30°": Case("bimodal40", {"voltage": 70.0, "phase_deg": 62.0, "target_deg": -30.0}, 20e-3),
+    "`bimodal40`, 60 V, −30°": Case("bimodal40", {"voltage": 60.0, "phase_deg": 90.0, "target_deg": -30.0}, 20e-3),
     "`andersen2002`, 50 V and 100 V, 1 kHz": Case(
         "andersen2002", {"voltage": 50.0, "ratio_b": 2.0, "bandwidth_hz": 1000.0, "ripple_ratio": 2.0}, 8e-3
     ),
-    "`beam40`, 40 V, −20°": Case("beam40", {"voltage": 40.0, "target_deg": -20.0}, 12e-3),
+    "`bimodal40`, 80 V, −40°": Case("bimodal40", {"voltage": 80.0, "phase_deg": 90.0, "target_deg": -40.0}, 20e-3),
     "`andersen2002`, 25 V and 50 V, half bridge with 1.5 mH": Case(
         "andersen2002", {"voltage": 25.0, "ratio_b": 2.0}, 8e-3,
         {**COIL, "settings": {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}},

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, canvas, draft, main, write
 
 import pyspice_runner as pr
+from docs.bimodal40_bands import RATED_FORCE_N, motor_of, stored
 from docs.bimodal40_bands import curve as curve_of
-from docs.bimodal40_bands import motor_of, stored
 from docs.bimodal40_bands import tuned as tuned_as_band
 
 COLOURS = (ORANGE, GREEN, BLUE)
@@ -43,11 +43,11 @@ def draw(folder: Path) -> list[str]:
     assert isinstance(drive, pr.TwoPhaseDrive)
     radius, limits = motor.rotor.radius_m, motor.limits
     assert limits is not None
-    rim = np.array([0.0, 0.3] if draft() else [0.0, 0.15, 0.3, 0.4, 0.5, 0.6, 0.66])
+    rim = np.array([0.0, 0.3] if draft() else [0.0, 0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.74])
     voltages = [drive.voltage] if draft() else [round(part * drive.voltage) for part in (0.6, 0.8, 1.0)]
     family = pr.speed_torque(motor, drive, speeds=rim / radius, over={"drive.voltage": voltages}, audit=False)
     rated = [RATED_SPEED_M_S / radius]
-    preloads = np.array([16.5, 20.0] if draft() else [6.0, 10.0, 13.0, 16.5, 20.0, 25.0])
+    preloads = np.array([18.0, 22.0] if draft() else [8.0, 12.0, 16.0, 22.0, 28.0, 34.0])
     pressed = pr.speed_torque(motor, drive, speeds=[0.0, *rated], over={"contact.preload_n": preloads}, audit=False)
     weak = np.linspace(0.1, 1.0, 2 if draft() else 10) * drive.voltage
     dead = pr.speed_torque(motor, drive, speeds=[0.0], over={"drive.voltage": weak}, audit=False)
@@ -90,7 +90,7 @@ def draw(folder: Path) -> list[str]:
     flat[7].axhline(0.5 * limits.curie_temperature_c - limits.ambient_c, color=BLACK, ls=":", lw=1.0)
     titles = (
         ("(a) force", "force / N"), ("(b) efficiency", "efficiency / %"), ("(c) electrical power", "power / W"),
-        ("(d) force against preload", "force / N"), ("(e) stall force against voltage", "force / N"),
+        ("(d) force versus preload", "force / N"), ("(e) stall force versus voltage", "force / N"),
         ("(f) force and power at 300 mm/s", "force / N"), ("(g) stress of the ceramic, limit dotted", "stress / MPa"),
         ("(h) temperature rise, limit dotted", "temperature rise / K"),
     )  # fmt: skip
@@ -98,8 +98,8 @@ def draw(folder: Path) -> list[str]:
     for index, (axis, (title, unit)) in enumerate(zip(flat, titles, strict=True)):
         axis.set(title=title, ylabel=unit, xlabel=across.get(index, "speed of the rim / (mm/s)"))
     flat[0].set_ylim(bottom=-3.0)
-    for index in (0, 3):
-        flat[index].legend(fontsize=7)
+    flat[0].legend(fontsize=7, loc="lower left")
+    flat[3].legend(fontsize=7)
     full = family.sel({"drive.voltage": voltages[-1]})
     load = full["load_torque_n_m"].values
     free = f"{1e3 * np.interp(0.0, -load, rim):.0f}" if (load < 0.0).any() else f"more than {1e3 * rim[-1]:.0f}"
@@ -113,12 +113,13 @@ def draw(folder: Path) -> list[str]:
     )
     caption = (
         f"{facts} Colours: voltages at the recommended frequency as in (a). Band: 5 to 95 % of {len(tuned_motors())} "
-        "motors with tolerances at 150 V, each at its own frequency, the first from above that gives 3 N at 300 mm/s; "
+        f"motors with tolerances at {drive.voltage:g} V, each at its own frequency, the first from above that gives "
+        f"{RATED_FORCE_N:g} N at 300 mm/s; "
         f"dashed: the nominal motor tuned in this way, {matched.frequency / 1e3:g} kHz. Where the force is "
         "negative, the load drives the motor."
     )
     path = folder / "bimodal40.png"
-    write(figure, path, "bimodal40 at its recommended drive, and 60 motors with tolerances", caption)
+    write(figure, path, "bimodal40 at its recommended drive, and motors with tolerances", caption)
     return [str(path), facts]
 
 

@@ -14,8 +14,8 @@ from pyspice_runner.control.loop import LoopController
 MOTOR = pr.load_motor("bimodal40")
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 60.0})
 SAMPLE_TIME = 0.5e-3  # s; the loop delays by it: half by the mean over the last interval, half by the next
-CROSSOVER, MARGIN = 15.0, 92.0  # Hz, deg
-BEGIN, END = (1.5e-3, 3e-3) if draft() else (16e-3, 32e-3)  # s: of the step, of the run
+CROSSOVER, MARGIN = 40.0, 75.0  # Hz, deg
+BEGIN, END = (1.5e-3, 3e-3) if draft() else (25e-3, 45e-3)  # s: of the step, of the run
 STEP = 3.0  # rad/s
 
 

@@ -76,7 +76,7 @@ def draw(folder: Path) -> list[str]:
         f"{drive_words(drive)}, at full amplitude from t = 0. Steps of {1e6 * run.provenance['run']['step_s']:.2f} µs; "
         f"ngspice {run.ngspice_version}. Last 20 periods without load: {times}."
     )
-    title = "The rotor spins up, pushed a little on every landing of the tip"
+    title = "Friction drives the rotor forward for a part of each period"
     write(figure, folder / "spin_up.png", title, caption, handles)
     speed, under_load = run.mean_rotor_speed_rad_s, loaded.mean_rotor_speed_rad_s
     return [

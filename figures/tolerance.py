@@ -47,7 +47,7 @@ def draw(folder: Path) -> list[str]:
     axes.plot(SPEEDS, median, color=BLUE)
     axes.plot(SPEEDS, 1e3 * nominal, color=BLACK, ls="--")
     axes.axhline(0.0, color=BLACK, lw=0.6)
-    axes.set(title="(a) torque over speed", xlabel="speed / (rad/s)", ylabel="torque / (mN·m)")
+    axes.set(title="(a) torque versus speed", xlabel="speed / (rad/s)", ylabel="torque / (mN·m)")
     axes.set_xlim(SPEEDS[0], SPEEDS[-1])
 
     stall = 1e3 * cloud.sel({"run.speed": SPEEDS[0]})

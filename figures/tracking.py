@@ -11,7 +11,7 @@ import pyspice_runner as pr
 from pyspice_runner.trackers.track import Tracking
 
 MOTOR = pr.load_motor("bimodal40")
-DRIVE = {"voltage": 40.0, "phase_deg": pr.default_drive(MOTOR).phase_deg}
+DRIVE = {"voltage": 60.0, "phase_deg": pr.default_drive(MOTOR).phase_deg}
 NAMES = {"pll": "phase-locked loop", "none": "not tracked"}
 COLOURS = {"pll": BLUE, "none": VERMILION}
 START, OFFSET = 40.65e3, 0.01

@@ -12,9 +12,9 @@ import pyspice_runner as pr
 from pyspice_runner.trackers.tracker import running_resonance
 
 MOTOR = pr.load_motor("bimodal40")
-DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 40.0})
+DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 50.0})
 FIRST, WHOLE = (2.4e-3, 600.0) if draft() else (8e-3, 600.0)
-OFFSET, TARGET = 0.01, -20.0
+OFFSET, TARGET = 0.01, -30.0
 
 
 def draw(folder: Path) -> list[str]:

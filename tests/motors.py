@@ -4,12 +4,23 @@
 from __future__ import annotations
 
 from math import pi, sqrt
+from pathlib import Path
 from typing import Any
 
 from hypothesis import strategies as st
 
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor, Slider
+
+BEAM40 = str(Path(__file__).parent / "data" / "beam40.toml")  # two bending modes of a beam meet at 40 kHz
+
+# of bimodal40 with a cap of alumina on a ring of alumina: the tip hammers
+HARD_TIP = {
+    "contact.preload_n": 16.5, "contact.restitution": 0.9, "contact.restitution_velocity_m_s": 0.1,
+    "contact.materials.tip_radius_m": 6.5e-3, "contact.materials.on_face": False,
+    "contact.materials.rotor_youngs_modulus_pa": 370e9,
+    "contact.materials.rotor_poisson": 0.22,
+}  # fmt: skip
 
 
 def mode(name: str, frequency: float, mass: float, quality: float, **rest: float) -> Mode:

@@ -21,8 +21,10 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.motors import BEAM40
+
 ROOT = Path(__file__).resolve().parent.parent
-MOTORS = ("andersen2002", "andersen2002-unintended-mode", "beam40", "bimodal40")
+MOTORS = ("andersen2002", "andersen2002-unintended-mode", BEAM40, "bimodal40")
 SAME = 1e-6  # relative; below it are rounding and the order of sums
 SHOWN = 5
 AS_COMMAND = {"OPENBLAS_NUM_THREADS": "1"}  # as the command sets it: sums in threads have another order

@@ -12,6 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from tests.motors import BEAM40
 from tests.resonators import resonator, spectrum
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02], reference=25e3)
@@ -197,11 +198,11 @@ def test_a_two_port_file_gives_the_same_motor(bench: Path, tmp_path: Path, capsy
         (["--two-port", "--leads", "none"], "--leads has no effect where both groups are fitted"),
         (["--two-port", "--open", "both.csv"], "--open has no effect"),
         (["--two-port", "--with", "both.csv"], "--with has no effect"),
-        (["--two-port", "--base", "beam40"], "--base has no effect without --mass-kg"),
+        (["--two-port", "--base", BEAM40], "--base has no effect without --mass-kg"),
         (["--two-port", "--connection", "B"], "--connection has no effect where both groups are fitted"),
         (["--two-port", "--mass-kg", "1e-3", "--connection", "B"], "without --velocity-per-current"),
         (["--two-port", "--start", "1e6"], "from 1e+06 Hz to inf Hz"),
-        (["--base", "beam40"], "--base has no effect without --two-port"),
+        (["--base", BEAM40], "--base has no effect without --two-port"),
         (["--load-ohm", "75"], "--load-ohm has no effect without --load"),
     ],
 )

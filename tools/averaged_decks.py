@@ -14,10 +14,10 @@ from pyspice_runner.averaged.library import OPTIONS, SUBCIRCUIT, averaged_librar
 from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.thermal import Thermal, heat_capacity
+from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import read_library
 
-MOTOR = "beam40"
+MOTOR = "bimodal40"
 LIBRARY = f"{SUBCIRCUIT}.lib"
 _FASTER = 100.0  # by which the heat capacity is divided, so that one second warms as much as 100 s do
 _FROM_REST = "* the iteration begins with a rotor at rest: a load torque alone would turn it fast\n.nodeset v(shaft)=0"
@@ -53,8 +53,8 @@ def averaged_library_text() -> str:
 
 
 def _thermal(motor: Motor) -> Thermal:
-    assert motor.structure is not None
-    return Thermal(heat_capacity_j_per_k=float(f"{heat_capacity(motor.structure):.3g}"))
+    found = Thermal.of(motor)
+    return found.model_copy(update={"heat_capacity_j_per_k": float(f"{found.heat_capacity_j_per_k:.3g}")})
 
 
 def _drive(motor: Motor) -> TwoPhaseDrive:
@@ -105,7 +105,12 @@ def _options(*names: str) -> str:
     return ".options " + " ".join(f"{name}={OPTIONS[name]}" for name in names)
 
 
-_STEADY = ("method", "reltol", "vntol", "abstol")
+_TOLERANCES = ("method", "reltol", "vntol", "abstol")
+
+
+def _steady_options() -> str:
+    """Return the options of an operating point: by source steps, since gmin at the shaft brakes the rotor."""
+    return f"{_options(*_TOLERANCES)} gminsteps=0"
 
 
 def _operating_point(motor: Motor) -> str:
@@ -113,12 +118,12 @@ def _operating_point(motor: Motor) -> str:
         "Operating point",
         """Operating point. .op is the steady state of the running motor under a load torque: speed, the power that it
         takes, the power at its shaft, and the heat of the stator.""",
-        _parameters(motor) | {"torque": ("4m", "N.m, load")},
+        _parameters(motor) | {"torque": ("20m", "N.m, load")},
         f"""
 {_AMPLITUDES}
 Iload shaft 0 DC {{torque}}
 {_motor()}
-{_options(*_STEADY)}
+{_steady_options()}
 {_FROM_REST}
 .control
 op
@@ -139,13 +144,13 @@ def _speed_torque(motor: Motor) -> str:
         "Speed and torque",
         """Speed and torque. .dc over the load torque gives the speed at which the motor carries it. To plot, inside
         ngspice: v(shaft) over v(torque).""",
-        _parameters(motor) | {"greatest": ("12m", "N.m, load"), "increment": ("0.5m", "N.m")},
+        _parameters(motor) | {"greatest": ("50m", "N.m, load"), "increment": ("2.5m", "N.m")},
         f"""
 {_AMPLITUDES}
 Vtorque torque 0 DC 0
 Gload shaft 0 torque 0 1
 {_motor()}
-{_options(*_STEADY)}
+{_steady_options()}
 .dc Vtorque 0 {{greatest}} {{increment}}
 .measure dc free_speed_rad_s FIND v(shaft) AT=0
 .measure dc half_load_speed_rad_s FIND v(shaft) AT={{greatest/2}}
@@ -159,16 +164,15 @@ def _frequency_response(motor: Motor) -> str:
     return _deck(
         "Frequency response",
         """Frequency response. .dc over the drive frequency gives the speed of the free shaft at each frequency.
-        Below 39.7 kHz the motion of this motor falls to a smaller one at a jump, which .dc passes only with small
-        increments. To plot, inside ngspice: v(shaft), v(xmotor.open), v(xmotor.check).""",
+        To plot, inside ngspice: v(shaft), v(xmotor.open), v(xmotor.check).""",
         _parameters(motor)
         | {
-            "lowest": ("39.75k", "Hz"), "highest": ("41.5k", "Hz"), "increment": (25, "Hz"),
+            "lowest": ("40.6k", "Hz"), "highest": ("41.5k", "Hz"), "increment": (10, "Hz"),
         },
         f"""
 {_AMPLITUDES}
 {_motor()}
-{_options(*_STEADY)}
+{_steady_options()}
 .dc Vfrequency {{lowest}} {{highest}} {{increment}}
 .measure dc speed_at_frequency_rad_s FIND v(shaft) AT={{frequency}}
 .measure dc greatest_speed_rad_s MAX v(shaft)
@@ -186,14 +190,14 @@ def _small_signal(motor: Motor) -> str:
         rad.""",
         _parameters(motor)
         | {
-            "torque": ("4m", "N.m, load"),  "lowest": (1, "Hz"), "highest": ("1k", "Hz"),
+            "torque": ("20m", "N.m, load"), "lowest": (1, "Hz"), "highest": ("1k", "Hz"),
             "points": (5, "points per decade"),
         },
         f"""
 {_AMPLITUDES}
 Iload shaft 0 DC {{torque}}
 {_motor()}
-{_options(*_STEADY)}
+{_steady_options()}
 {_FROM_REST}
 .ac dec {{points}} {{lowest}} {{highest}}
 .print ac vm(shaft) vp(shaft)
@@ -212,7 +216,7 @@ def _warm_up(motor: Motor) -> str:
         v(temperature).""",
         _parameters(motor)
         | {
-            "torque": ("4m", "N.m, load"), "loaded": (0.1, "s, when the load comes on"),
+            "torque": ("20m", "N.m, load"), "loaded": (0.1, "s, when the load comes on"),
             "capacity": (f"{thermal.heat_capacity_j_per_k / _FASTER:.3g}", "J/K, heat capacity"),
             "resistance": (f"{thermal.thermal_resistance_k_per_w:g}", "K/W, to the surroundings"),
             "stop": (1, "s, end of the run"), "step": ("100u", "s, spacing of printed points"),
@@ -246,7 +250,7 @@ def _speed_loop(motor: Motor) -> str:
         _parameters(motor)
         | {
             "first": (20, "rad/s, target speed at the start"), "second": (30, "rad/s, target speed after the step"),
-            "stepped": (0.2, "s, when the target changes"), "torque": ("3m", "N.m, load"),
+            "stepped": (0.2, "s, when the target changes"), "torque": ("10m", "N.m, load"),
             "loaded": (0.35, "s, when the load comes on"),
             "proportional": (1.5, "V.s/rad, gain"), "integral": (150, "V/rad, gain"),
             "stop": (0.5, "s, end of the run"), "step": ("100u", "s, spacing of printed points"),
@@ -290,7 +294,7 @@ def _position_loop(motor: Motor) -> str:
         | {
             "angle": (0.5, "rad, target"), "returned": (0.2, "s, when the target returns to 0"),
             "gain": (40, "1/rad, of the position"), "damping": (0.2, "s/rad, of the speed"),
-            "dead": (20, "V, amplitude at which the motor hardly turns"),
+            "dead": (37, "V, amplitude at which the motor hardly turns"),
             "stop": (0.4, "s, end of the run"), "step": ("100u", "s, spacing of printed points"),
              "longest_step": ("0.5m", "s, longest time step"),
         },

@@ -16,10 +16,11 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
+from tests.motors import BEAM40
 from validation.campaign import Campaign
 
 SEED = 32
-MOTORS = ("andersen2002", "andersen2002-unintended-mode", "beam40", "bimodal40")
+MOTORS = ("andersen2002", "andersen2002-unintended-mode", BEAM40, "bimodal40")
 VOLTAGES = (20.0, 300.0)  # V
 DETUNED = (0.98, 1.04)  # frequency over the recommended one
 PHASES = (30.0, 150.0)  # deg, either sign: 0 and 180° turn no motor, or either way

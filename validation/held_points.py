@@ -16,11 +16,12 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS
+from tests.motors import BEAM40
 from validation.campaign import Campaign
 
 SEED, COUNT = 47, 200
 EVERY_EFFECT = Path(__file__).parents[1] / "tests" / "data" / "every_effect.toml"
-MOTORS = ("andersen2002", "bimodal40", "beam40", str(EVERY_EFFECT))
+MOTORS = ("andersen2002", "bimodal40", BEAM40, str(EVERY_EFFECT))
 RANDOM_CONTACT = MOTORS[2:]
 RANGES = {"andersen2002": (0.945, 0.975)}  # of the frequency over the nominal one: about 51.7 kHz, where friction holds
 RANGE = (0.99, 1.01)  # of the other motors

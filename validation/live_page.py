@@ -31,14 +31,14 @@ ROOT = Path(__file__).resolve().parents[1]
 RECORD = ROOT / "validation" / "records" / "live_page.json"
 CHANGES, MANY = 50, 200
 SETTINGS: list[tuple[str, dict[str, Any]]] = [
-    ("beam40", {}),
-    ("beam40", {"voltage": 80}),
-    ("beam40", {"frequency": 39.9e3}),
-    ("beam40", {"phase": -120}),
-    ("beam40", {"preload": 9, "friction": 0.25}),
-    ("beam40", {"torque": 4e-3}),
-    ("beam40", {"shaft": "held", "speed": 20}),
-    ("beam40", {"mount": "held"}),
+    ("bimodal40", {}),
+    ("bimodal40", {"voltage": 80}),
+    ("bimodal40", {"frequency": 40.8e3}),
+    ("bimodal40", {"phase": -90}),
+    ("bimodal40", {"preload": 16, "friction": 0.3}),
+    ("bimodal40", {"torque": 20e-3}),
+    ("bimodal40", {"shaft": "held", "speed": 20}),
+    ("bimodal40", {"mount": "held"}),
     ("andersen2002", {"voltage": 100}),
     ("andersen2002", {"voltage": 150, "torque": -1e-3}),
     ("andersen2002", {"voltage": 150, "torque": -5e-4, "law": "brush"}),
@@ -54,7 +54,7 @@ COMPARED = {
 def opened() -> Iterator[tuple[Browser, Page, Path]]:
     """Yield a browser with the live page, after its first answer, and the file."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        file = save_live_page(pr.load_motor("beam40"), Path(folder, "live.html"))
+        file = save_live_page(pr.load_motor("bimodal40"), Path(folder, "live.html"))
         chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 900}, offline=True)
@@ -190,11 +190,11 @@ def task_reverse(page: Page) -> str:
 
 
 def task_preload(page: Page) -> str:
-    """Find the preload with the greatest stall torque at 100 V."""
-    _choose(page, "beam40: stall: the shaft is held")
-    _set(page, "voltage", 100)
+    """Find the preload with the largest stall torque at 60 V."""
+    _choose(page, "bimodal40: stall: the shaft is held")
+    _set(page, "voltage", 60)
     torques = {}
-    for preload in (3, 5, 6, 7, 9):
+    for preload in (10, 16, 22, 28, 34):
         _set(page, "preload", preload)
         torques[preload] = found(page)["torque"]
     best = max(torques, key=lambda one: torques[one])
@@ -204,21 +204,21 @@ def task_preload(page: Page) -> str:
 
 
 def task_lift(page: Page) -> str:
-    """Find the voltage at which the contact begins to open."""
-    _choose(page, "beam40: recommended drive")
-    for voltage in range(70, 125, 5):
-        _set(page, "voltage", voltage)
+    """Find the preload below which the contact opens."""
+    _choose(page, "bimodal40: recommended drive")
+    for preload in range(22, 4, -2):
+        _set(page, "preload", preload)
         if found(page)["open"] > 0.0:
             break
     page.locator("#path").scroll_into_view_if_needed()
-    return f"{voltage} V"
+    return f"{preload} N"
 
 
 def task_back(page: Page) -> str:
     """Make the motor run backwards at the same speed, and see both side by side."""
-    _choose(page, "beam40: recommended drive")
+    _choose(page, "bimodal40: recommended drive")
     answered(page, lambda: page.click("#compare"))
-    _set(page, "phase", -120)
+    _set(page, "phase", -90)
     rows = page.inner_text("#values tr:first-child")
     page.locator("#path").scroll_into_view_if_needed()
     return " ".join(rows.split())
@@ -228,7 +228,7 @@ def task_coil(page: Page) -> str:
     """See what a series inductor of 10 mH does to the speed."""
     if page.locator("#slot-b").is_visible():
         page.click("#compare")
-    _choose(page, "beam40: recommended drive")
+    _choose(page, "bimodal40: recommended drive")
     before = found(page)["speed"]
     page.evaluate("document.getElementById('driver').open = true")
     page.fill("#driver-text", "La source_a a 10m\nLb source_b b 10m")

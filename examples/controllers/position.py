@@ -18,8 +18,8 @@ import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
 
 MOTOR = pr.load_motor("bimodal40")
-DEAD_BAND, HIGHEST = 27.0, 150.0  # V
-PHASE = 62.0  # deg, of the recommended drive
+DEAD_BAND, HIGHEST = 37.0, 120.0  # V
+PHASE = 90.0  # deg, of the recommended drive
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": DEAD_BAND})
 SAMPLE_TIME = 0.25e-3  # s
 
@@ -28,8 +28,8 @@ FASTEST, BRAKING = 10.0, 1000.0  # rad/s, rad/s²: profile of the speed over the
 FEED_FORWARD, PROPORTIONAL = 2.0, 3.0  # V s/rad
 NEAR = 10e-3  # rad, where the drive is switched off
 BURST, LENGTH = 25e-3, 2e-3  # s, when and for how long
-VOLTAGES = (27.5, 30.0, 32.5, 35.0, 37.5, 40.0, 45.0)  # V, of a burst
-ANGLES = (0.49e-3, 1.45e-3, 2.80e-3, 4.51e-3, 6.32e-3, 8.07e-3, 11.92e-3)  # rad, by which it turns the rotor
+VOLTAGES = (27.5, 30.0, 32.5, 35.0, 37.5, 40.0, 45.0, 50.0)  # V, of a burst
+ANGLES = (0.53e-3, 1.03e-3, 1.76e-3, 2.74e-3, 3.92e-3, 5.26e-3, 8.19e-3, 11.35e-3)  # rad, by which it turns the rotor
 
 
 class Controller:

@@ -21,7 +21,7 @@ DRIVE = pr.default_drive(MOTOR).model_copy(update={"frequency": 41.2e3})  # 1.2 
 LOAD_TORQUE = 20e-3  # N·m
 SAMPLE_TIME = 0.5e-3  # s
 
-TARGET = -68.0  # deg, phase of the motional current of group B ahead of its voltage
+TARGET = -66.0  # deg, phase of the motional current of group B ahead of its voltage
 PROPORTIONAL = 1.5  # Hz/deg
 INTEGRAL = 0.75  # Hz/deg for each sample
 LOWEST, HIGHEST = 40.6e3, 42e3  # Hz

@@ -10,8 +10,8 @@
  */
 #include <math.h>
 
-static const double dead_band = 27.0, highest = 150.0; /* V */
-static const double phase = 62.0;                      /* deg */
+static const double dead_band = 37.0, highest = 120.0; /* V */
+static const double phase = 90.0;                      /* deg */
 static const double speed = 10.0, reversal = 25e-3;    /* rad/s, s */
 static const double proportional = 2.0;                /* V s/rad */
 static const double integral = 0.4;                    /* V s/rad for each sample */

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Speed control with dead-band compensation: a PI controller sets the amplitude, and the phase for the direction.
 
-Below about 27 V the motor does not turn. The controller adds this voltage to the magnitude of its output, so that a
+Below about 37 V the motor does not turn. The controller adds this voltage to the magnitude of its output, so that a
 small output has an effect. The sign of the output selects the direction: group B ahead of group A, or behind it. The
 set point reverses at 25 ms. ``speed.c`` is the same controller as firmware.
 
@@ -16,8 +16,8 @@ import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
 
 MOTOR = pr.load_motor("bimodal40")
-DEAD_BAND, HIGHEST = 27.0, 150.0  # V
-PHASE = 62.0  # deg, of the recommended drive
+DEAD_BAND, HIGHEST = 37.0, 120.0  # V
+PHASE = 90.0  # deg, of the recommended drive
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": DEAD_BAND})
 SAMPLE_TIME = 0.5e-3  # s
 

@@ -16,11 +16,11 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.control.run import ControlledRun
 
-MOTOR = pr.load_motor("beam40")
-DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 69.0})
+MOTOR = pr.load_motor("bimodal40")
+DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 60.0})
 SAMPLE_TIME = 0.5e-3  # s
 PARTS = pr.Electronics(
-    encoder_lines=5000, current_bits=12, current_range_a=0.05, voltage_bits=12, voltage_range_v=200.0,
+    encoder_lines=5000, current_bits=12, current_range_a=0.15, voltage_bits=12, voltage_range_v=200.0,
     amplitude_bits=10, amplitude_range_v=128.0, timer_hz=170e6, delay_s=20e-6,
 )  # fmt: skip
 REFERENCE = [(20e-3, 8.0), (20.5e-3, -8.0)]  # s, rad/s: a reversal

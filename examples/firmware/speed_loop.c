@@ -7,11 +7,11 @@
  */
 #include "piezomotor_firmware.h"
 
-static const float dead_band = 45.0f, highest = 90.0f;       /* V */
-static const float phase = 120.0f;                           /* deg, of the recommended drive */
-static const float proportional = 3.0f;                      /* V s/rad */
+static const float dead_band = 37.0f, highest = 90.0f;       /* V */
+static const float phase = 90.0f;                            /* deg, of the recommended drive */
+static const float proportional = 1.0f;                      /* V s/rad */
 static const float integral_rate = 435.0f;                   /* V/rad */
-static const float most_current = 30e-3f;                    /* A, amplitude of a group */
+static const float most_current = 80e-3f;                    /* A, amplitude of a group */
 
 static float sample_time, integral, error, power;
 

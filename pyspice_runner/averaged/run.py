@@ -17,7 +17,7 @@ from pyspice_runner.motor.drive import too_fast
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.dynamometer import GRAZING, STUCK, stuck
-from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, has_settled
 from pyspice_runner.run.window import averaged_to_come
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ ROUNDING_W = 1e-9  # power of a motor without drive
 SMALL_RISE_K = 1.0  # added to a temperature rise to which its change is taken
 TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
 MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
-# a burst of 20 periods turns beam40 by 10 % less than the averaged motor at 70 V and by 4 % less at 110 V, one of 40 by
+# a burst of 20 periods turns a beam by 10 % less than the averaged motor at 70 V and by 4 % less at 110 V, one of 40 by
 # 9 % more and 1 % less, one of 80 by 1 % more and 0.3 % less (docs/tracking.md)
 FEWEST_PERIODS = 60
 # an approach and a correction end with a stop each; a loop that stops more often with its drive on is in a limit cycle
@@ -125,7 +125,7 @@ class RunOverTime(Result):
     def _moving(self) -> str:
         """What has not settled, in words."""
         shares = {word: self.to_come[name] for word, name in self._watched.items()}
-        return ", ".join(word for word, share in shares.items() if share is None or share > SETTLED)
+        return ", ".join(word for word, share in shares.items() if not has_settled(share))
 
 
 @dataclass(frozen=True, repr=False)

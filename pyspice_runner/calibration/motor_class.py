@@ -19,8 +19,8 @@ FRICTION, QUALITY, CAPACITANCE, NORMAL = "contact.friction", "quality factor", "
 FORCE, SPEED = "force", "speed"
 
 # Standard deviation of the logarithm of a value over those of a class, after scaling. Friction: handbooks give 0.2 to
-# 0.5 for dry ceramics, taken as four standard deviations. The others: over andersen2002-unintended-mode, beam40 and
-# bimodal40 as linear stages, at their recommended drives and in the modes within 15 % of these; of a group of values
+# 0.5 for dry ceramics, taken as four standard deviations. The others: over andersen2002-unintended-mode, a beam with
+# two modes at 40 kHz and bimodal40 as linear stages, at their drives and in the modes within 15 % of these; of a group
 # the maximum. Three motors do not make a statistic: the widths are orders of magnitude.
 WIDTHS = {
     "friction": 0.23, "preload_n": 0.3, "damping_n_s_per_m": 1.1, "mass_kg": 2.0, "stiffness_n_per_m": 2.0,

@@ -92,7 +92,7 @@ def motor_module(
     if motor.slider:  # of comments at the beginning of a line, and of the attributes of parameters
         text = re.sub(r"(?m)^//.*|\(\* .*? \*\)", lambda found: slider_words(found[0]), text)
     title = f"// {module}: standing-wave piezomotor {motor.name}"
-    text = text.replace(f"// {SUBCIRCUIT}: standing-wave piezomotor beam40", title, 1)
+    text = text.replace(f"// {SUBCIRCUIT}: standing-wave piezomotor bimodal40", title, 1)
     return re.sub(
         r"(?m)^// STEP .*$", f"// STEP   at most {coarsest_step(motor):.2g} s; slider_time is half of it", text
     )

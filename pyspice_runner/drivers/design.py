@@ -188,7 +188,7 @@ class Design:
         unmatched: the range with the wanted voltages at the pins; the power factor is that of the pins.
         points: the range with the network, behind the fundamental of the stage.
         share: part of the reactance at the operating point that the network cancels, by its design.
-        parts: the parts and what each must bear in the range; with a run the larger of both.
+        parts: the parts and what each must withstand in the range; with a run the larger of both.
         feasible: whether everything was simulated and within its limits.
         reason: why it is not feasible and what can be done, or the explanation of the network.
         starts: whether the motor started from rest behind the driver; ``None`` if that was not simulated.

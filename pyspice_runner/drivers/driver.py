@@ -187,7 +187,7 @@ class Driver(Stated, Source):
             most, borne = ratings(self.mosfet).highest_v, self.swing(group)
             if borne > most:
                 high, low = self.rails(group)
-                twice = ", which bear twice that," if borne > high - low else ""
+                twice = ", which must withstand twice that," if borne > high - low else ""
                 raise ParameterError(
                     f"Driver: {high - low:.4g} V between the rails of the {self.kind} of group {group.upper()} are too "
                     f"high; its transistors {self.mosfet}{twice} take {most:g} V, so lower the voltage or choose "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the parts of a driver and the groups of a motor must bear, how a bridge switches, and events of a run.
+"""What the parts of a driver and the groups of a motor must withstand, how a bridge switches, and events of a run.
 
 Maxima are over a whole run, from power-up on. The leg of a bridge commutates in the dead time: the current of its
 output charges the output capacitances of both transistors. If the voltage across a transistor has not come to zero when
@@ -54,7 +54,7 @@ NO_PARALLEL = 1e-12  # F across a group, which stands for none
 
 @dataclass(frozen=True)
 class PartLoad:
-    """A part of a driver, with its value and what it must bear; ``None`` where that does not apply."""
+    """A part of a driver, with its value and what it must withstand; ``None`` where that does not apply."""
 
     name: str  # with its group
     value: float  # in its unit
@@ -65,8 +65,10 @@ class PartLoad:
     def words(self) -> str:
         """Return value and maxima for a summary."""
         peaks = ((self.value, self.unit), (self.peak_voltage_v, "V"), (self.peak_current_a, "A"))
-        value, *borne = (engineering(much, unit.removesuffix("1")).rstrip() for much, unit in peaks if much is not None)
-        return f"{value}; bears {', '.join(borne)}" if borne else value
+        value, *maxima = (
+            engineering(most, unit.removesuffix("1")).rstrip() for most, unit in peaks if most is not None
+        )
+        return f"{value}; peak {', '.join(maxima)}" if maxima else value
 
     def largest(self, others: Iterable[PartLoad]) -> PartLoad:
         """Return the part with the largest voltage and current of several runs."""
@@ -245,7 +247,7 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
         breakdown = ratings(driver.mosfet).breakdown_v if driver.mosfet in MOSFETS else inf
         if part.name.startswith(TRANSISTOR) and volts > breakdown:
-            notes.append(f"The {part.name} bears {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
+            notes.append(f"The {part.name} is at {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
             winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
             notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)

@@ -41,17 +41,13 @@ from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power, c
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.simulate import JUDGED, CoarserRuns
-from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SETTLED, SMALL_TORQUE, Array
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, Array, has_settled
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
-_MEANS = {
-    "motor_power_w": "power of the motor", "mean_torque_n_m": "mean torque",
-    "mean_rotor_speed_rad_s": "mean rotor speed",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -196,13 +192,10 @@ class DriveReport(Result):
     @property
     def settled(self) -> bool:
         """Whether power, torque and speed would stay within 2 % in a longer run."""
-        return all(share is not None and share <= SETTLED for share in self.to_come.values())
+        return all(map(has_settled, self.to_come.values()))
 
     def _limits(self) -> Iterator[str]:
-        """Yield means that have not settled, powers that are not valid, overloads and limits of the ceramic."""
-        moving = [_MEANS[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
-        if moving:
-            yield f"Not settled at the end of the run: {', '.join(moving)}. Run it longer."
+        """Yield powers that are not valid, overloads and limits of the ceramic."""
         if not self.driver["supplied"] and self.driver["kind"] != "ideal":
             yield "The driver has no supply pins: powers and efficiencies count from its output."
         for group in GROUPS:
@@ -238,20 +231,27 @@ class DriveReport(Result):
         """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
         return self.waveforms
 
+    def _remark(self, name: str) -> str:
+        """Return what stands beside a mean: ", not settled", or nothing."""
+        return "" if has_settled(self.to_come.get(name, 0.0)) else ", not settled"
+
     def summary(self) -> dict[str, str]:
-        """Return driver, powers, losses, efficiency, speed, torque, the parts with what they bear, and the design."""
+        """Return driver, powers, losses, efficiency, speed, torque, the parts with their peaks, and the design."""
         error = self.mean_torque_error_n_m
         found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
             **contact_row(self.run),
             "power put in": engineering(self.power_in_w, "W"),
-            "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %",
+            "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %"
+            + self._remark("motor_power_w"),
             "power factor": f"{self.power_factor:.3f}",
             "shaft power": engineering(self.shaft_power_w, "W"),
-            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s"),
+            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
+            + self._remark("mean_rotor_speed_rad_s"),
             "mean torque": engineering(self.mean_torque_n_m, "N·m")
-            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step"),
+            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
+            + self._remark("mean_torque_n_m"),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
@@ -305,7 +305,7 @@ def drive_report(
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
         events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
-            of a design then bear the largest of all.
+            of a design are then rated for the largest of all.
 
     Raises:
         NoDriverError: if the design has no driver; a ``ParameterError``.

@@ -124,16 +124,17 @@ class Materials(Parameters):
     tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
     rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor, or of the slider", "Pa", ge=1e8, le=2e12)
     rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
+    on_face: bool = Field(default=False, description="whether the tip runs on the flat face of a rotor, not on its rim")
 
     def constants(self, rotor_radius_m: float) -> dict[str, float]:
         """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
 
-        The radius of a flat slider is infinite.
+        The radius of a flat slider is infinite, and so is that of the face of a rotor.
         """
         tip = self.tip_youngs_modulus_pa, self.tip_poisson
         rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
         modulus = contact_law.effective_modulus(*tip, *rotor)
-        radius = contact_law.effective_radius(self.tip_radius_m, rotor_radius_m)
+        radius = contact_law.effective_radius(self.tip_radius_m, inf if self.on_face else rotor_radius_m)
         return {
             "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
             "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
+from math import prod
+
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated
-
-# Specific heats, J/(kg·K): carbon steel, typical; PZT-5A from the data sheet of CTS 3195STD.
-STEEL_SPECIFIC_HEAT = 470.0
-CERAMIC_SPECIFIC_HEAT = 440.0
+from pyspice_runner.motor.solid.materials import materials
+from pyspice_runner.motor.solid.parameters import Solid
 
 
 class Thermal(Stated):
@@ -29,7 +29,7 @@ class Thermal(Stated):
     capacitance_drift_per_k: float = quantity(
         "relative drift of the clamped capacitances", "1/K", default=4e-3, ge=-0.02, le=0.02
     )
-    # derived: masses of beam, plates and tip of andersen2002 with the specific heats above
+    # derived: masses of beam, plates and tip of andersen2002 with the specific heats of steel and PZT-5A
     heat_capacity_j_per_k: float = quantity("heat capacity of the stator", "J/K", default=2.1, ge=1e-9, le=1e6)
     # assumed: 5 cm² of surface in still air and two supports
     thermal_resistance_k_per_w: float = quantity(
@@ -47,6 +47,8 @@ class Thermal(Stated):
             own["thermal_resistance_k_per_w"] = motor.limits.thermal_resistance_k_per_w
         if motor.structure is not None:
             own["heat_capacity_j_per_k"] = heat_capacity(motor.structure)
+        elif motor.solid is not None and all(box.region is None for box in motor.solid.boxes):
+            own["heat_capacity_j_per_k"] = heat_capacity_of_boxes(motor.solid)
         return cls(**own)
 
     @property
@@ -84,4 +86,15 @@ def heat_capacity(structure: Structure) -> float:
         * patch.density_kg_m3
         for patch in structure.patches
     )
-    return STEEL_SPECIFIC_HEAT * steel + CERAMIC_SPECIFIC_HEAT * ceramic
+    heats = materials()
+    return heats["steel"].specific_heat_j_per_kg_k * steel + heats["PZT-5A"].specific_heat_j_per_kg_k * ceramic
+
+
+def heat_capacity_of_boxes(solid: Solid) -> float:
+    """Return the heat capacity in J/K of boxes that do not overlap; those of a plate have its thickness."""
+    found = 0.0
+    for box in solid.boxes:
+        card, (low, high) = materials()[box.material], box.corners
+        volume = prod(b - a for a, b in zip(low, high, strict=True))
+        found += volume * card.density_kg_m3 * card.specific_heat_j_per_kg_k
+    return found

@@ -256,14 +256,10 @@ class Waveforms(Result):
         return Audit(tuple(found["findings"]), done=found["passed"] is not None)
 
     def _limits(self) -> Iterator[str]:
-        """Yield whether the run is inaccurate, not settled or interrupted, and the cautions of the motor."""
+        """Yield whether the run is inaccurate or interrupted, and the cautions of the motor."""
         if self.accurate is False:
             step = 0.5 * self.provenance["run"]["step_s"]
             yield f"{self._inaccuracy} Compare with a run with step = {step:.3g}."
-        if self.settled is False:
-            names = {"mean_rotor_speed_rad_s": "mean rotor speed", "mean_torque_n_m": "mean torque"}
-            moving = [names[name] for name, share in self.to_come.items() if share is None or share > SETTLED]
-            yield f"Not settled at the end of the run: {' and '.join(moving)}. Run it longer."
         if not self.complete:
             yield "The run did not reach its end."
         yield from self.provenance.get("cautions", ())
@@ -327,12 +323,11 @@ class Waveforms(Result):
     @property
     def settled(self) -> bool | None:
         """Whether the means stay within 2 % if the run goes on; ``None`` if neither speed nor torque was recorded."""
-        return all(share is not None and share <= SETTLED for share in self.to_come.values()) if self.to_come else None
+        return all(map(has_settled, self.to_come.values())) if self.to_come else None
 
     def remark(self, name: str) -> str:
         """Return what must stand beside a mean: ", not settled", or nothing."""
-        share = self.to_come.get(name, 0.0)
-        return "" if share is not None and share <= SETTLED else ", not settled"
+        return "" if has_settled(self.to_come.get(name, 0.0)) else ", not settled"
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, means, shares of the contact's states and the energy residual."""
@@ -358,6 +353,11 @@ class Waveforms(Result):
             found["error estimate"] = f"{self.error_estimate:.2g}"
         found["points"] = str(self.points)
         return self._localised(found)
+
+
+def has_settled(share: float | None) -> bool:
+    """Whether a mean with this expected relative change is settled; ``None``: the run is too short to tell."""
+    return share is not None and share <= SETTLED
 
 
 def interpolated(time: Array, values: Array, at: Array | float) -> Array:

@@ -41,7 +41,7 @@ POINTS, DRIVER_POINTS = 100, 160  # steps in the shortest period; a driver's dec
 SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
 DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
 _RADIANS = pi / 180.0
-_SPRUNG = "beam40"  # whose mount the page offers to a motor that has none
+_SPRUNG = "bimodal40"  # whose mount the page offers to a motor that has none
 
 LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
 
@@ -67,7 +67,7 @@ def fastest(motor: Motor) -> float:
 
 
 def mounts(motor: Motor) -> dict[str, Motor]:
-    """Return the motor with its stator held and on springs; a motor without springs gets those of ``beam40``."""
+    """Return the motor with its stator held and on springs; a motor without springs gets those of ``bimodal40``."""
     held = motor.updated({"mount": None})
     if motor.mount:
         return {"held": held, "sprung": motor}

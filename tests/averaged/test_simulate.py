@@ -15,6 +15,7 @@ from pyspice_runner.averaged.run import AveragedRun, short_bursts
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
+from tests.motors import BEAM40
 from tests.runs import simulated
 from tests.selection import mostly
 
@@ -62,7 +63,7 @@ EQUAL = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", mostly(pytest.mark.soak, ["beam40", "bimodal40"], ["bimodal40"]))
+@pytest.mark.parametrize("name", mostly(pytest.mark.soak, [BEAM40, "bimodal40"], ["bimodal40"]))
 def test_the_compiled_motor_settles_where_ngspice_does(name: str) -> None:
     """A thousandth of the greatest value; both errors are those of ngspice's steps, which are 2 ms long there.
 
@@ -92,7 +93,7 @@ def test_the_compiled_motor_spins_up_as_ngspice_does_with_short_steps(monkeypatc
     """0.1 % of the greatest speed at all times; ngspice with a tenth of its usual tolerances."""
     monkeypatch.setitem(OPTIONS, "trtol", "5")
     monkeypatch.setitem(OPTIONS, "reltol", "1e-4")
-    turning = pr.load_motor("beam40")
+    turning = pr.load_motor(BEAM40)
     drive = pr.default_drive(turning).model_copy(update={"voltage": 69.0})
     courses = {"voltage": [(0.0, 69.0), (0.01, 69.0), (0.012, 80.0)], "load_torque": [(0.015, 0.0), (0.0151, 5e-4)]}
     compiled, spice = (
@@ -105,7 +106,7 @@ def test_the_compiled_motor_spins_up_as_ngspice_does_with_short_steps(monkeypatc
 
 @pytest.mark.parametrize(
     ("name", "voltage", "frequency"),
-    mostly(pytest.mark.soak, [("beam40", 30.0, 40.1e3), ("andersen2002", 150.0, 54e3)], [("beam40", 30.0, 40.1e3)]),
+    mostly(pytest.mark.soak, [(BEAM40, 30.0, 40.1e3), ("andersen2002", 150.0, 54e3)], [(BEAM40, 30.0, 40.1e3)]),
 )
 def test_ngspice_turns_the_rotor_as_the_compiled_motor_does(
     name: str, voltage: float, frequency: float, monkeypatch: pytest.MonkeyPatch
@@ -122,7 +123,7 @@ def test_ngspice_turns_the_rotor_as_the_compiled_motor_does(
         for engine in ("compiled", "spice")
     )
     assert spice == pytest.approx(compiled, rel=1e-3)
-    assert (abs(compiled) < 0.5e-6) == (name == "beam40")
+    assert (abs(compiled) < 0.5e-6) == (name == BEAM40)
 
 
 @pytest.mark.soak
@@ -242,7 +243,7 @@ def test_parameters_of_the_x_line_are_those_of_the_motor(motor: pr.Motor, tmp_pa
 @pytest.mark.parametrize(("cycles", "trusted"), mostly(pytest.mark.soak, [(20, False), (80, True)], [(20, False)]))
 def test_a_burst_of_few_periods_is_not_trusted(cycles: int, trusted: bool) -> None:
     """At 70 V the averaged motor turns by 36 % too far in 20 periods, by 0.8 % in 80."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor).model_copy(update={"voltage": 70.0})
     length = cycles / drive.frequency
     end = length + 1.4e-3  # s, until the rotor stands
@@ -277,7 +278,7 @@ LOW_SPEED: dict[str, dict[str, float]] = {
 @pytest.mark.parametrize("name", LOW_SPEED)
 def test_friction_of_the_bearing_and_friction_that_falls_are_those_of_the_full_motor(name: str) -> None:
     """At 69 V the contact stays closed; both change the speed by far more than the error of the averaged motor."""
-    plain = pr.load_motor("beam40")
+    plain = pr.load_motor(BEAM40)
     drive = pr.default_drive(plain).model_copy(update={"voltage": 69.0})
     lossy = plain.updated(LOW_SPEED[name])
     full = pr.simulate(lossy, drive, duration=6e-3, signals=["rotor_speed_rad_s"])
@@ -291,7 +292,7 @@ def test_friction_of_the_bearing_and_friction_that_falls_are_those_of_the_full_m
 
 def test_a_preload_that_presses_the_tip_too_deep_is_an_error() -> None:
     """A phase of the averaged contact stops at 1 mm, where the normal force would be that of a smaller preload."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     softer = (motor.contact.normal_stiffness_n_per_m15 / 4e5) ** (2.0 / 3.0)
     names = [f"tangential_compliance_{body}_m_per_n23" for body in ("tip", "rotor")]
     compliances = {f"contact.{name}": softer * getattr(motor.contact, name) for name in names}
@@ -312,7 +313,7 @@ PLATE = str(Path(__file__).parents[2] / "examples" / "plate40.toml")
         pytest.param(PLATE, {}, (40.0, 41.5e3, -90.0), (0.0,), marks=pytest.mark.soak),
         pytest.param(PLATE, {}, (20.0, 41.5e3, 70.0), (0.02, 0.005), marks=pytest.mark.soak),
         pytest.param(UNINTENDED, {SERIES: 2e-8}, (50.0, 48e3, 180.0), (0.0, 2.0, 5.0), marks=pytest.mark.soak),
-        pytest.param("beam40", SOFT, (60.0, 40.1e3, 120.0), (10.0, 20.0), marks=pytest.mark.soak),
+        pytest.param(BEAM40, SOFT, (60.0, 40.1e3, 120.0), (10.0, 20.0), marks=pytest.mark.soak),
     ],
 )
 def test_a_compliance_in_series_has_the_torque_of_the_full_motor(
@@ -375,7 +376,7 @@ def test_an_averaged_motor_whose_damping_exceeds_its_limit_is_not_trusted(
         assert any("multiplies the normal force" in caution for caution in found.cautions) != trusted
 
 
-@pytest.mark.parametrize(("name", "duration", "settled"), [("beam40", 0.1, False), ("beam40", 0.3, True)])
+@pytest.mark.parametrize(("name", "duration", "settled"), [(BEAM40, 0.1, False), (BEAM40, 0.3, True)])
 def test_a_run_says_what_has_not_settled_as_a_longer_run_shows(name: str, duration: float, settled: bool) -> None:
     motor = pr.load_motor(name)
     drive = pr.default_drive(motor)

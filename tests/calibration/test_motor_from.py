@@ -18,6 +18,7 @@ from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.cli import run
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.harmonic_balance import balanced_states
+from tests.motors import BEAM40
 
 NOISE = 1e-3
 SHEET_ERROR = 0.01
@@ -26,7 +27,7 @@ SHEET_ERROR = 0.01
 # drive of the data sheet and band of the spectra
 SHEETS = {
     "andersen2002": (pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0), (8e3, 90e3)),
-    "beam40": (pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0), (25e3, 60e3)),
+    BEAM40: (pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0), (25e3, 60e3)),
 }
 
 
@@ -136,8 +137,8 @@ def test_the_command_writes_the_motor_and_a_page_with_data_and_model(
 
 def test_tips_are_those_of_the_other_motor_for_one_modal_mass() -> None:
     """The modes of beam40 have masses of 3.3 and 117 g, in coordinates of their own."""
-    base = pr.load_motor("beam40")
-    free = measured(base, 300, 1, SHEETS["beam40"][1])
+    base = pr.load_motor(BEAM40)
+    free = measured(base, 300, 1, SHEETS[BEAM40][1])
     fit = pr.fit_spectrum(free, 2)
     tips = _tips(fit, base)
     assert tips is not None
@@ -150,7 +151,7 @@ def test_tips_are_those_of_the_other_motor_for_one_modal_mass() -> None:
             )
             assert one == pytest.approx(other, rel=5e-3, abs=1e-9)
     assert made.mount == base.mount
-    assert _tips(fit, pr.load_motor("beam40").updated({"modes.0.coupling_b_n_per_v": -0.01})) is None
+    assert _tips(fit, pr.load_motor(BEAM40).updated({"modes.0.coupling_b_n_per_v": -0.01})) is None
 
 
 def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -221,7 +222,7 @@ def test_a_data_sheet_alone_makes_a_stage_with_its_numbers_and_names_the_class_a
     [
         ("bimodal40", "andersen2002-unintended-mode"),
         ("andersen2002-unintended-mode", "bimodal40"),
-        ("beam40", "bimodal40"),
+        (BEAM40, "bimodal40"),
     ],
 )
 def test_the_sheet_of_a_motor_makes_one_of_another_class_with_the_same_numbers(name: str, base: str) -> None:
@@ -246,7 +247,7 @@ def test_the_sheet_of_a_motor_makes_one_of_another_class_with_the_same_numbers(n
 @pytest.mark.soak
 def test_the_widths_of_the_class_are_those_of_the_bundled_motors() -> None:
     logarithms: dict[str, list[float]] = {}
-    for name in ("andersen2002-unintended-mode", "beam40", "bimodal40"):
+    for name in ("andersen2002-unintended-mode", BEAM40, "bimodal40"):
         motor = as_stage(pr.load_motor(name))
         drive = pr.default_drive(motor)
         assert isinstance(drive, pr.TwoPhaseDrive)

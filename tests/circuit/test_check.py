@@ -16,8 +16,9 @@ from pyspice_runner.circuit.motor import coarsest_step, motor_library
 from pyspice_runner.spice.deck_lint import silent_fault
 from pyspice_runner.spice.library import read_library
 from tests.circuit.batch import measured
+from tests.motors import BEAM40
 
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor(BEAM40)
 STEP = coarsest_step(MOTOR)
 PHASES = "Va a 0 SIN(0 110 40.1k)\nVb b 0 SIN(0 110 40.1k 0 0 120)"
 RIGHT = "Xmotor a b 0 shaft piezomotor"

@@ -30,6 +30,7 @@ from pyspice_runner.spice.library import data_path, definitions, parse_library, 
 from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.spice.pyspice import BatchSimulator
 from tests.circuit.batch import measured
+from tests.motors import BEAM40
 
 ROW = read_library("piezomotor_brush")
 
@@ -91,7 +92,7 @@ def test_a_slider_that_sticks_is_displaced_by_the_motion_since_the_tip_touched(a
         assert float(vectors[name][-1].real) == pytest.approx(along * (9.0 - gap / 0.1), rel=2e-4)
 
 
-WORN = load_motor("beam40").contact.model_copy(update={"worn_flat_radius_m": 60e-6, "preload_n": 4.0})
+WORN = load_motor(BEAM40).contact.model_copy(update={"worn_flat_radius_m": 60e-6, "preload_n": 4.0})
 
 
 def test_the_normal_contact_of_a_worn_tip_differs_by_its_force_only() -> None:

@@ -61,13 +61,13 @@ def test_the_toml_of_the_motor_holds_the_parameter(tmp_path: Path) -> None:
 
 def test_a_steady_state_moves_with_the_parameter_as_in_a_sweep() -> None:
     torques = [
-        pr.steady_state(MOTOR.updated({"law.width": width}), DRIVE, speed=20.0, contact="sharp").torque_n_m
+        pr.steady_state(MOTOR.updated({"law.width": width}), DRIVE, speed=0.0, contact="sharp").torque_n_m
         for width in (0.01, 0.05)
     ]
-    assert torques[0] > torques[1]
+    assert torques[0] < 0.99 * torques[1]
     swept = pr.sweep(  # in this process, which alone has the law
         MOTOR, DRIVE, over={"law.width": [0.01, 0.05]}, quantities=["torque_n_m"], analysis=pr.steady_state,
-        executor=ThreadPoolExecutor(1), contact="sharp", speed=20.0,
+        executor=ThreadPoolExecutor(1), contact="sharp", speed=0.0,
     )  # fmt: skip
     np.testing.assert_allclose(swept["torque_n_m"], torques, rtol=1e-9)
     assert swept["law.width"].attrs["units"] == "m/s"

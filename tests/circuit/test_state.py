@@ -12,9 +12,10 @@ from pyspice_runner.circuit.motor import MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation, motion, motion_of, motor_states, state_vectors
 from pyspice_runner.run.kernel import transient
+from tests.motors import BEAM40
 
 STEP = 1e-12  # s: within it no state moves visibly
-SPRUNG = pr.load_motor("beam40").updated({"rotor.bearing_friction_n_m": 1e-4})
+SPRUNG = pr.load_motor(BEAM40).updated({"rotor.bearing_friction_n_m": 1e-4})
 HELD = SPRUNG.updated({"mount": None})
 
 

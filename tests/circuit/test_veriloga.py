@@ -11,6 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.circuit.veriloga import WRITTEN, motor_module
 from pyspice_runner.spice.library import data_path, read_library
+from tests.motors import BEAM40
 
 PARAMETER = re.compile(
     r'^ *\(\* desc="(?P<meaning>[^"]+)"(?:, units="(?P<unit>[^"]+)")? \*\) parameter (?:real|integer) '
@@ -42,15 +43,15 @@ def parameters(text: str) -> dict[str, re.Match[str]]:
     return {found["name"]: found for found in PARAMETER.finditer(text)}
 
 
-def test_the_file_has_the_values_of_beam40() -> None:
+def test_the_file_has_the_values_of_bimodal40() -> None:
     text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
-    assert set(text.splitlines()) <= set(motor_module(pr.load_motor("beam40")).splitlines())
+    assert set(text.splitlines()) <= set(motor_module(pr.load_motor("bimodal40")).splitlines())
 
 
 def test_constants_stand_inside_the_time_derivative() -> None:
     """A constant before ddt has been seen to compile to wrong dynamics in OpenVAF, without a message."""
     for law in WRITTEN:
-        text = motor_module(pr.load_motor("beam40"), contact=law)
+        text = motor_module(pr.load_motor(BEAM40), contact=law)
         assert "ddt(" in text
         assert not re.search(r"\* *ddt\(", text)
 
@@ -58,7 +59,7 @@ def test_constants_stand_inside_the_time_derivative() -> None:
 @pytest.mark.parametrize("name", SAME)
 def test_a_parameter_has_the_unit_and_range_of_the_subcircuit(name: str) -> None:
     law = "coulomb" if name == "creep" else "spring-slider"
-    found = parameters(motor_module(pr.load_motor("beam40"), contact=law))[name]
+    found = parameters(motor_module(pr.load_motor(BEAM40), contact=law))[name]
     library, inner = SAME[name]
     (declared,) = (item for item in read_library(f"piezomotor_{library}").parameters if item.name == inner)
     assert (float(found["least"]), float(found["greatest"])) == (declared.least, declared.greatest)

@@ -106,36 +106,36 @@ def test_an_option_that_an_axis_replaces_is_an_error(
     words: str, over: str, path: str, option: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command, *options = words.split()
-    assert run([command, "beam40", *options, "--over", over]) == 2
+    assert run([command, "bimodal40", *options, "--over", over]) == 2
     assert f"{path} is given twice, by {option} and as an axis. Give it once." in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["steady", "beam40", "--voltage", "50", "--voltage", "60"], "--voltage is given twice"),
-        (["steady", "beam40", "--audit", "--no-audit"], "--audit is given twice"),
-        (["map", "beam40", *VOLTS, "--over", "drive.voltage=60"], "--over drive.voltage is given twice"),
-        (["map", "beam40", *VOLTS, "--limit", "current_a=1e-9", "--limit", "current_a=10"], "--limit current_a is"),
+        (["steady", "bimodal40", "--voltage", "50", "--voltage", "60"], "--voltage is given twice"),
+        (["steady", "bimodal40", "--audit", "--no-audit"], "--audit is given twice"),
+        (["map", "bimodal40", *VOLTS, "--over", "drive.voltage=60"], "--over drive.voltage is given twice"),
+        (["map", "bimodal40", *VOLTS, "--limit", "current_a=1e-9", "--limit", "current_a=10"], "--limit current_a is"),
         (
-            ["show", "beam40", "--set", "contact.friction=1", "--set", "contact.friction =2"],
+            ["show", "bimodal40", "--set", "contact.friction=1", "--set", "contact.friction =2"],
             "--set contact.friction is",
         ),
         (
-            ["drive", "beam40", "--part", "amplifier.headroom=1", "--set", "driver.x=1", "--set", "driver.x=2"],
+            ["drive", "bimodal40", "--part", "amplifier.headroom=1", "--set", "driver.x=1", "--set", "driver.x=2"],
             "--part driver.x is given twice",
         ),
         (["fit", "A.csv", "--no-leads", "--leads", "auto"], "--leads has no effect beside --no-leads"),
         (["fit", "A.csv", "--noise", "z=1,z=2"], "--noise 'z=1,z=2' gives z twice"),
         (["compare", "A.csv", "B.csv", "--tolerance", "5%", "--tolerance", "9%"], "--tolerance of all quantities is"),
-        (["map", "beam40", *VOLTS, "--speed", "3", "--over", "speed=4"], "load.speed is given twice"),
+        (["map", "bimodal40", *VOLTS, "--speed", "3", "--over", "speed=4"], "load.speed is given twice"),
         (
-            ["map", "beam40", *VOLTS, "--load", "1e-3"],
+            ["map", "bimodal40", *VOLTS, "--load", "1e-3"],
             "objective = 'torque' is not valid: the load fixes",
         ),
-        (["map", "beam40", "--over", "drive.voltage=5,6,5"], "drive.voltage has the value 5 more than once"),
-        (["speed-torque", "beam40", "--speeds=5,5,5"], "speeds has the value 5 more than once"),
-        (["report", "beam40", "--speeds=5,0,5"], "speeds has the value 5 more than once"),
+        (["map", "bimodal40", "--over", "drive.voltage=5,6,5"], "drive.voltage has the value 5 more than once"),
+        (["speed-torque", "bimodal40", "--speeds=5,5,5"], "speeds has the value 5 more than once"),
+        (["report", "bimodal40", "--speeds=5,0,5"], "speeds has the value 5 more than once"),
     ],
 )
 def test_what_is_given_twice_or_is_fixed_is_an_error(

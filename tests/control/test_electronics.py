@@ -12,9 +12,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.control.electronics import Rounding
 from pyspice_runner.control.run import ControlledRun
+from tests.motors import BEAM40
 from tests.selection import mostly
 
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor(BEAM40)
 DRIVE = pr.default_drive(MOTOR).model_copy(update={"voltage": 69.0})
 INERTIA = MOTOR.rotor.inertia_kg_m2
 WITHIN = 0.03  # of the greatest sample: what the averaged motor is to be worth in a loop

@@ -15,6 +15,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.control.loop import dead_band
+from tests.motors import BEAM40
 
 MEASURED = run_path(str(Path(__file__).resolve().parents[2] / "docs" / "averaged_loops.py"))
 DESIGNS: dict[str, dict[str, Any]] = MEASURED["DESIGNS"]
@@ -23,12 +24,12 @@ injected, difference = MEASURED["injected"], MEASURED["difference"]
 
 @pytest.fixture(scope="module")
 def motor() -> pr.Motor:
-    return pr.load_motor("beam40")
+    return pr.load_motor("bimodal40")
 
 
 @pytest.fixture(scope="module")
 def drive(motor: pr.Motor) -> pr.TwoPhaseDrive:
-    return pr.default_drive(motor).model_copy(update={"voltage": 69.0})
+    return pr.default_drive(motor).model_copy(update={"voltage": 60.0})
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -62,7 +63,7 @@ def test_the_slow_gain_of_the_plant_is_that_of_two_steady_states(motor: pr.Motor
     loop = pr.control_loop(motor, drive, **DESIGNS["slow speed"])
     speeds = [
         pr.simulate_averaged(motor, drive.model_copy(update={"voltage": volts}), 1.0).rotor_speed_rad_s[-1]
-        for volts in (68.9, 69.1)
+        for volts in (59.9, 60.1)
     ]
     assert abs(loop.plant[0]) == pytest.approx((speeds[1] - speeds[0]) / 0.2, rel=5e-3)
 
@@ -91,31 +92,33 @@ def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhas
 
 
 def test_a_motor_stands_below_its_dead_band_and_turns_above(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
-    """By runs of 0.2 s, 1 V below and above; without slip the contact moves the rotor by some microradians only."""
+    """By runs of 0.2 s, 1 V below and above, without their first half; in stick the contact creeps by microradians."""
     band = dead_band(motor, drive, 0.0)
     for volts, turns in ((band - 1.0, False), (band + 1.0, True)):
         run = pr.simulate_averaged(motor, drive.model_copy(update={"voltage": volts}), 0.2)
-        assert (run.rotor_position_rad[-1] > 1e-3) == turns
-        assert abs(run.rotor_position_rad[-1]) < 20e-6 or turns
+        late = run.rotor_position_rad[-1] - np.interp(0.1, run.time_s, run.rotor_position_rad)
+        assert (late > 1e-3) == turns
+        assert abs(late) < 50e-6 or turns
     assert dead_band(motor, drive, 2e-3) > band
 
 
 @pytest.mark.soak
 def test_the_full_motor_stands_in_the_dead_band_and_turns_above(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
+    """Below, it creeps by 0.06 rad/s: it slips for less than one of the 64 phases of the averaged motor."""
     band = dead_band(motor, drive, 0.0)
     for volts, turns in ((band - 1.5, False), (band + 1.5, True)):
         weak = drive.model_copy(update={"voltage": volts})
-        run = pr.simulate_controlled(motor, weak, lambda _: {}, 20e-3, sample_time=1e-3, averaged=False)
-        late = run.position_rad[-1] - run.position_rad[9]  # after the first oscillations
-        assert (late > 0.2e-3) == turns
-        assert abs(late) < 2e-6 or turns
+        run = pr.simulate_controlled(motor, weak, lambda _: {}, 40e-3, sample_time=1e-3, averaged=False)
+        late = run.position_rad[-1] - run.position_rad[29]  # after the first oscillations
+        assert (late > 5e-3) == turns  # in 10 ms
+        assert abs(late) < 1e-3 or turns
 
 
 @pytest.mark.soak
 def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
     """By a sine in the running loop with the gains of the design; 3 % and 1.5°, as it is not infinitely small."""
     wanted = DESIGNS["slow speed"]
-    loop = pr.control_loop(motor, drive, **wanted, over={"drive.voltage": [20.0, 60.0, 80.0]})
+    loop = pr.control_loop(motor, drive, **wanted, over={"drive.voltage": [20.0, 48.0, 54.0]})
     assert "The motor stands still" in loop.spread[0].reason
     assert any("At 1 of 3 operating points" in caution for caution in loop.cautions)
     for point in loop.spread[1:]:
@@ -159,11 +162,10 @@ def test_a_spread_over_speed_and_load_has_the_amplitude_that_gives_the_speed(
         pr.control_loop(motor, drive, **DESIGNS["slow speed"], over={"speed": [4.0], "drive.voltage": [60.0]})
 
 
-def test_a_vibration_that_averages_do_not_describe_makes_no_loop_unstable(
-    motor: pr.Motor, drive: pr.TwoPhaseDrive
-) -> None:
+def test_a_vibration_that_averages_do_not_describe_makes_no_loop_unstable() -> None:
     """At 60 V the averaged equations have a pole of +599 1/s at 79 kHz, which their integration damps."""
-    weak = drive.model_copy(update={"voltage": 60.0})
+    motor = pr.load_motor(BEAM40)
+    weak = pr.default_drive(motor).model_copy(update={"voltage": 60.0})
     loop = pr.control_loop(motor, weak, **DESIGNS["slow speed"])
     # as of the other designs
     assert np.abs(loop.step_simulated - loop.step_predicted).max() < 0.025
@@ -171,7 +173,7 @@ def test_a_vibration_that_averages_do_not_describe_makes_no_loop_unstable(
 
 
 def test_the_command_prints_the_gains_and_draws_the_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = "loop beam40 --voltage 69 --quantity speed --crossover 100 --margin 60 --sample 250e-6 --json"
+    words = "loop bimodal40 --voltage 60 --quantity speed --crossover 100 --margin 60 --sample 250e-6 --json"
     assert run([*words.split(), "--plot", str(tmp_path / "loop.png"), "--output", str(tmp_path / "loop.csv")]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {"gains", "crossover_hz", "phase_margin_deg", "gain_margin_db", "overshoot"} <= set(found)

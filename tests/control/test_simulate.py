@@ -15,6 +15,7 @@ import pyspice_runner as pr
 from pyspice_runner import simulate_controlled
 from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.control.simulate import Sample
+from tests.motors import BEAM40
 
 DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)
 
@@ -84,7 +85,7 @@ def test_an_error_in_a_controller_ends_ngspice_and_is_raised(motor: pr.Motor) ->
 @pytest.mark.soak
 def test_a_load_step_brakes_the_averaged_motor_as_the_full_one() -> None:
     """Held at its voltage, beam40 loses speed; every sample within 3 % of the greatest."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor).model_copy(update={"voltage": 69.0})
     step = {"load_torque": [(2e-3, 0.0), (2.1e-3, 6e-3)]}
     compiled, spice, full = (
@@ -107,7 +108,7 @@ def test_a_load_step_brakes_the_averaged_motor_as_the_full_one() -> None:
 
 def test_the_power_and_heat_of_a_controlled_run_are_those_of_its_steady_state() -> None:
     """The averaged motor at rest in its loop draws what a run without a controller draws."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor).model_copy(update={"voltage": 69.0})
     run = simulate_controlled(motor, drive, lambda _: {}, duration=2e-3, sample_time=0.5e-3, start="steady")
     settled = pr.simulate_averaged(motor, drive, 0.5)
@@ -149,7 +150,7 @@ def test_a_run_that_ngspice_cannot_follow_is_saved_without_a_netlist(motor: pr.M
 
 def test_the_check_of_the_averaged_motor_is_in_the_result() -> None:
     """At 150 V the contact of beam40 opens; at 60 V it does not."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     for voltage, trusted in ((150.0, False), (60.0, True)):
         drive = pr.default_drive(motor).model_copy(update={"voltage": voltage})
         for engine in ("compiled", "spice"):

@@ -14,24 +14,25 @@ from scipy.io import loadmat
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.control.state_space import StateSpace
+from tests.motors import BEAM40
 
 STEP = 0.2  # V
 
 
 @pytest.fixture(scope="module")
 def drive() -> pr.TwoPhaseDrive:
-    return pr.default_drive(pr.load_motor("beam40")).model_copy(update={"voltage": 69.0})
+    return pr.default_drive(pr.load_motor(BEAM40)).model_copy(update={"voltage": 69.0})
 
 
 @pytest.fixture(scope="module")
 def system(drive: pr.TwoPhaseDrive) -> StateSpace:
-    return pr.state_space(pr.load_motor("beam40"), drive)
+    return pr.state_space(pr.load_motor(BEAM40), drive)
 
 
 def test_a_small_step_of_the_voltage_moves_the_averaged_motor_as_the_system_says(
     system: StateSpace, drive: pr.TwoPhaseDrive
 ) -> None:
-    motor, period = pr.load_motor("beam40"), 1e-3
+    motor, period = pr.load_motor(BEAM40), 1e-3
 
     def controller(sample: pr.Sample) -> dict[str, float]:
         return {"voltage": drive.voltage + STEP * (sample.time_s > 4.5 * period)}
@@ -48,7 +49,7 @@ def test_a_small_step_of_the_voltage_moves_the_averaged_motor_as_the_system_says
     assert np.abs(moved[: len(mean)] - mean).max() < 0.05 * mean.max()
 
 
-@pytest.mark.parametrize("name", ["beam40", "andersen2002"])
+@pytest.mark.parametrize("name", [BEAM40, "andersen2002"])
 def test_no_oscillation_against_the_drive_is_faster_than_half_of_its_frequency(name: str) -> None:
     """Those of modes at harmonics, of 0.7 to 3 times the frequency, would be free motions that no average describes."""
     motor = pr.load_motor(name)
@@ -73,7 +74,7 @@ def test_other_programs_read_the_system_with_its_names(system: StateSpace, tmp_p
 
 
 def test_a_load_torque_acts_on_the_inertia_alone(system: StateSpace) -> None:
-    inertia = pr.load_motor("beam40").rotor.inertia_kg_m2
+    inertia = pr.load_motor(BEAM40).rotor.inertia_kg_m2
     column = system.b[:, list(system.inputs).index("load_torque")]
     assert column[list(system.states).index("speed")] == pytest.approx(-1.0 / inertia, rel=1e-6)
     assert np.count_nonzero(column) == 1
@@ -81,12 +82,12 @@ def test_a_load_torque_acts_on_the_inertia_alone(system: StateSpace) -> None:
 
 def test_the_command_writes_matrices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "plant.mat"
-    assert run(["state-space", "beam40", "--voltage", "69", "--json", "--output", str(target)]) == 0
+    assert run(["state-space", BEAM40, "--voltage", "69", "--json", "--output", str(target)]) == 0
     found = json.loads(capsys.readouterr().out)
     assert np.shape(found["a"]) == (len(found["states"]),) * 2
     assert found["inputs"]["load_torque"] == "N·m"
     assert target.stat().st_size > 1000
     with pytest.raises(pr.ParameterError, match="There is no transfer from wind to speed"):
-        pr.state_space(pr.load_motor("beam40"), pr.default_drive(pr.load_motor("beam40"))).transfer(
+        pr.state_space(pr.load_motor(BEAM40), pr.default_drive(pr.load_motor(BEAM40))).transfer(
             "speed", "wind", np.array([1.0])
         )

@@ -30,7 +30,7 @@ MOTORS: dict[str, dict[str, Any]] = {
 }
 VOLTAGE = 100.0  # where none is published: force, speed, output and mass do not depend on it
 CLASS = "bimodal40"
-NEAR_MOST = np.linspace(0.6, 0.9, 13)  # of the speed without load; the greatest output is to 0.1 % on this grid
+NEAR_MOST = np.linspace(0.4, 0.7, 13)  # of the speed without load; the greatest output is to 0.1 % on this grid
 DIGITS = 2e-3  # of the last printed digit, and of the estimated error of a steady state
 
 
@@ -84,7 +84,7 @@ def held_out(name: str) -> dict[str, float]:
     output = pr.speed_torque(motor, drive, speeds=speeds).shaft_power_w.values
     assert 0 < output.argmax() < len(speeds) - 1
     # all members of the class have one shape of the curve
-    assert output.max() / (MOTORS[name]["force_n"] * MOTORS[name]["speed_m_s"]) == pytest.approx(0.59, abs=0.005)
+    assert output.max() / (MOTORS[name]["force_n"] * MOTORS[name]["speed_m_s"]) == pytest.approx(0.325, abs=0.005)
     free = pr.steady_state(motor, drive)
     return {
         "output_w": float(output.max()), "stator_kg": mass(motor), "preload_n": motor.contact.preload_n,

@@ -44,5 +44,5 @@ def test_the_commands_run_and_the_torque_falls_as_the_page_says(
 
 def test_a_number_may_say_where_it_comes_from(tmp_path: Path) -> None:
     for line in re.findall(r"^    (preload_n = .+)$", PAGE, re.M):
-        (tmp_path / "mine.toml").write_text(MOTORS[0].replace("preload_n = 16.5", line), encoding="utf-8")
-        assert pr.load_motor(tmp_path / "mine.toml").contact.preload_n == 16.5
+        (tmp_path / "mine.toml").write_text(MOTORS[0].replace("preload_n = 22.0", line), encoding="utf-8")
+        assert pr.load_motor(tmp_path / "mine.toml").contact.preload_n == 22.0

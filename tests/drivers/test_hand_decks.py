@@ -21,6 +21,7 @@ import pyspice_runner as pr
 from pyspice_runner.drivers.design import Design
 from pyspice_runner.drivers.loads import NO_BLEEDER
 from pyspice_runner.spice.library import number
+from tests.motors import BEAM40
 
 START, STEADY = 1e-3, 3e-3  # s, of a run from rest, and of one in which the networks settle: they decay in 0.5 ms
 LAST = 0.5e-3  # s of such a run, over which the means are taken
@@ -63,8 +64,8 @@ DRIVES: dict[str, tuple[str, str, str, float | None, float]] = {
     "bimodal40_half_bridge_llcc": ("bimodal40", "half-bridge", "llcc", 100.0, 20.0),
     "bimodal40_linear_llcc": ("bimodal40", "linear", "llcc", None, 20.0),
     "bimodal40_push_pull_inductor": ("bimodal40", "push-pull", "inductor", 24.0, 20.0),
-    "beam40_half_bridge_inductor": ("beam40", "half-bridge", "inductor", 100.0, 30.0),
-    "beam40_full_bridge_llcc": ("beam40", "full-bridge", "llcc", 48.0, 30.0),
+    "beam40_half_bridge_inductor": (BEAM40, "half-bridge", "inductor", 100.0, 30.0),
+    "beam40_full_bridge_llcc": (BEAM40, "full-bridge", "llcc", 48.0, 30.0),
 }
 
 

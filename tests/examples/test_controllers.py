@@ -31,18 +31,20 @@ def examples() -> dict[str, tuple[dict[str, Any], ControlledRun]]:
 
 
 def check_equal_samples(averaged: ControlledRun, full: ControlledRun, motor: pr.Motor) -> None:
-    """Every sample within 3 % of the greatest; the phase of a current where there is a current."""
+    """Every sample within 3 % of the greatest; the currents as phasors, of the greater current."""
     count = len(full.time_s)
     ours = {name: values[:count] for name, values in averaged.samples.items()}
+    theirs = dict(full.samples)
     ours["electrical_power_w"] = ours["electrical_power_w"] + charging_power(full, motor)
-    phases = {"current_phase_deg": full.current_amplitude_a, "current_b_phase_deg": full.current_b_amplitude_a}
-    for name, theirs in full.samples.items():
-        if name in phases:
-            flows = phases[name] > 0.1 * phases[name].max()
-            error = (ours[name] - theirs)[flows]
-            assert np.abs((error + 180.0) % 360.0 - 180.0).max() <= ALLOWED * 180.0, name
-        else:
-            assert np.abs(ours[name] - theirs).max() <= ALLOWED * np.abs(theirs).max(), name
+    greatest = max(full.current_amplitude_a.max(), full.current_b_amplitude_a.max())
+    for group in ("", "_b"):
+        of_group = (f"current{group}_amplitude_a", f"current{group}_phase_deg")
+        currents = [
+            samples.pop(of_group[0]) * np.exp(1j * np.radians(samples.pop(of_group[1]))) for samples in (ours, theirs)
+        ]
+        assert np.abs(currents[0] - currents[1]).max() <= ALLOWED * greatest, of_group
+    for name, values in theirs.items():
+        assert np.abs(ours[name] - values).max() <= ALLOWED * np.abs(values).max(), name
 
 
 def charging_power(full: ControlledRun, motor: pr.Motor) -> np.ndarray[Any, np.dtype[np.float64]]:

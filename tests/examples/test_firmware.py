@@ -70,7 +70,7 @@ def test_the_firmware_holds_the_speed_and_reverses_it(firmware: tuple[str, Path,
     """To a step of the encoder: 0.63 rad/s. The timer's steps are in the result."""
     found = DEFINED["run"](firmware[0], 80e-3)
     resolution = found.to_dict()["run"]["resolution"]
-    assert resolution["frequency_hz"] == pytest.approx(40.1e3**2 / 170e6)
+    assert resolution["frequency_hz"] == pytest.approx(40.7e3**2 / 170e6)
     before = (found.time_s > 15e-3) & (found.time_s < 20e-3)
     assert found.speed_rad_s[before].mean() == pytest.approx(8.0, rel=0.1)
     assert found.speed_rad_s[-20:].mean() == pytest.approx(-8.0, abs=resolution["speed_rad_s"])

@@ -26,6 +26,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.export.fmu import fmu_texts
 from pyspice_runner.export.fmu_description import Version, state_count
 from pyspice_runner.spice.compiler import compile_library
+from tests.motors import BEAM40
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("fmu")
@@ -70,7 +71,7 @@ class Unit:
 
 @pytest.fixture(scope="module")
 def motor() -> pr.Motor:
-    return pr.load_motor("beam40")
+    return pr.load_motor(BEAM40)
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +163,7 @@ def test_without_a_compiler_the_export_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert run(["export", "beam40", "--output", str(tmp_path / "motor.fmu")]) == 3
+    assert run(["export", BEAM40, "--output", str(tmp_path / "motor.fmu")]) == 3
     assert "No C compiler was found on the PATH (cc, gcc, clang)" in capfd.readouterr().err
     assert not (tmp_path / "motor.fmu").exists()
 

@@ -18,11 +18,12 @@ from fmpy.validation import validate_fmu
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.export.fmu_description import Version
+from tests.motors import BEAM40
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("fmu")
 END, SAMPLE = 0.01, 1e-3  # s
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor(BEAM40)
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +158,7 @@ def test_version_3_is_called_after_each_internal_step_and_returns_early(units: d
 @pytest.mark.soak
 def test_the_command_writes_version_3(tmp_path: Path) -> None:
     target = tmp_path / "motor.fmu"
-    assert run(["export", "beam40", "--fmi", "3", "--output", str(target)]) == 0
+    assert run(["export", BEAM40, "--fmi", "3", "--output", str(target)]) == 0
     with zipfile.ZipFile(target) as archive:
         names = set(archive.namelist())
     assert {"binaries/x86_64-linux/piezomotor_averaged.so", "sources/buildDescription.xml"} <= names
@@ -166,7 +167,7 @@ def test_the_command_writes_version_3(tmp_path: Path) -> None:
 def test_the_command_rejects_another_version_and_another_file(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["export", "beam40", "--fmi", "4", "--output", str(tmp_path / "motor.fmu")]) == 2
+    assert run(["export", BEAM40, "--fmi", "4", "--output", str(tmp_path / "motor.fmu")]) == 2
     assert "fmi = 4 is not valid: it must be 2 or 3" in capfd.readouterr().err
-    assert run(["export", "beam40", "--fmi", "3", "--output", str(tmp_path / "motor.lib")]) == 2
+    assert run(["export", BEAM40, "--fmi", "3", "--output", str(tmp_path / "motor.lib")]) == 2
     assert "fmi = 3 has no effect on a .lib: give a file name that ends in .fmu." in capfd.readouterr().err

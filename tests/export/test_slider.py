@@ -14,9 +14,9 @@ from pyspice_runner.averaged.library import averaged_library
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.export.fmu import fmu_texts
-from tests.motors import sliding, turning
+from tests.motors import BEAM40, sliding, turning
 
-STAGE = sliding(pr.load_motor("beam40"), guide_friction_n=0.1)
+STAGE = sliding(pr.load_motor(BEAM40), guide_friction_n=0.1)
 ROTARY = turning(STAGE, 1.0)
 ROTOR = re.compile(r"rad/s|N\.m\b|kg\.m2|torque|rotor|rad\b|inertia of|speed_rad_s")
 

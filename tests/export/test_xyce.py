@@ -16,6 +16,7 @@ from pyspice_runner.averaged.library import averaged_library
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run
 from pyspice_runner.export.xyce import xyce_library
+from tests.motors import BEAM40
 
 # Reference Guide, table of arithmetic functions; those with one, two or any number of arguments
 FUNCTIONS = {"ABS": 1, "ATAN": 1, "COS": 1, "EXP": 1, "LN": 1, "SIN": 1, "SQRT": 1, "STP": 1, "TANH": 1, "URAMP": 1,
@@ -112,7 +113,7 @@ LOSSES = {
     "contact.sliding_ratio": 0.8, "contact.series_compliance_m_per_n": 2e-9, "rotor.bearing_friction_n_m": 3e-4,
     "modes.0.softening_per_m2": 1e9, "modes.1.damping_growth_per_m2": 1e10,
 }  # fmt: skip
-BIMODAL = pr.load_motor("beam40")
+BIMODAL = pr.load_motor(BEAM40)
 CASES = {
     "spring-slider": lambda: motor_library(BIMODAL),
     "losses of a real motor": lambda: motor_library(BIMODAL.updated(LOSSES)),
@@ -168,13 +169,13 @@ def test_the_translation_means_the_same(case: str, tmp_path: Path) -> None:
 
 def test_the_command_writes_the_dialect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "motor.lib"
-    assert run(["export", "beam40", "--dialect", "xyce", "--output", str(target)]) == 0
+    assert run(["export", BEAM40, "--dialect", "xyce", "--output", str(target)]) == 0
     assert target.read_text(encoding="utf-8") == xyce_library(motor_library(BIMODAL))
     assert "*   .options timeint method=gear\n" in xyce_library(averaged_library(BIMODAL))
-    assert run(["export", "beam40", "--dialect", "xyce", "--output", str(tmp_path / "motor.va")]) == 2
-    assert run(["export", "beam40", "--dialect", "hspice"]) == 2
-    assert run(["export", "beam40", "--rotational", "--output", str(target)]) == 2
-    assert run(["export", "beam40", "--rotational", "--output", str(target.with_suffix(".va"))]) == 0
+    assert run(["export", BEAM40, "--dialect", "xyce", "--output", str(tmp_path / "motor.va")]) == 2
+    assert run(["export", BEAM40, "--dialect", "hspice"]) == 2
+    assert run(["export", BEAM40, "--rotational", "--output", str(target)]) == 2
+    assert run(["export", BEAM40, "--rotational", "--output", str(target.with_suffix(".va"))]) == 0
     assert "    rotational_omega shaft;\n" in target.with_suffix(".va").read_text(encoding="utf-8")
     said = capsys.readouterr().err
     assert "dialect = 'xyce' has no effect on a .va: give a file name that ends in .lib." in said

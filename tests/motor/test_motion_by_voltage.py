@@ -15,7 +15,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.harmonic_balance import balanced_states
 
 MOTOR = pr.load_motor("bimodal40")
-DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=40.7e3, phase_deg=62.0)
+DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=40.7e3, phase_deg=90.0)
 NAMES = [f"piezo.motion_{axis}_{group}_m_per_v" for axis in "xy" for group in "ab"]
 STILL = MOTOR.updated(dict.fromkeys(NAMES, 0.0))
 QUANTITIES = ("torque_n_m", "power_a_w", "power_b_w", "current_a_rms_a", "current_b_rms_a")
@@ -47,7 +47,7 @@ def test_the_flagship_has_the_motion_that_its_finite_elements_give() -> None:
 
 
 def test_the_steady_state_is_that_with_modes_far_above_the_drive() -> None:
-    moved, fast = (pr.steady_state(one, DRIVE, speed=40.0).to_dict() for one in (MOTOR, with_fast_modes(6e5)))
+    moved, fast = (pr.steady_state(one, DRIVE, speed=30.0).to_dict() for one in (MOTOR, with_fast_modes(6e5)))
     for name in QUANTITIES:  # the modes are dynamic by (40 kHz)²/(600 kHz)², and have a loss of their own
         assert moved[name] == pytest.approx(fast[name], rel=6e-3), name
     losses = sum(moved[name] for name in ("dielectric_loss_w", "damping_loss_w", "friction_loss_w", "normal_loss_w"))
@@ -61,7 +61,7 @@ def test_harmonic_balance_moves_the_tip_by_the_voltages() -> None:
     moved, still, fast = (one.values for one in found if one)
     assert moved["torque_n_m"] < 0.97 * still["torque_n_m"]
     for name in QUANTITIES:
-        assert moved[name] == pytest.approx(fast[name], rel=2e-3), name
+        assert moved[name] == pytest.approx(fast[name], rel=5e-4), name
 
 
 def test_a_run_balances_its_energy() -> None:
@@ -93,7 +93,7 @@ def test_both_springs_together_leave_the_groups_a_capacitance() -> None:
         STILL.updated(moved)
 
 
-def test_the_averaged_motor_follows_within_one_and_a_half_per_cent() -> None:
+def test_the_averaged_motor_follows_within_half_a_per_cent() -> None:
     strong = MOTOR.updated(dict(zip(NAMES, 3.0 * np.ravel(MOTOR.piezo.motion), strict=True)))
     balanced = balanced_states([Point.of(one, DRIVE, speed=40.0) for one in (STILL, strong)], [None] * 2)
     still, moved = (one.values["torque_n_m"] for one in balanced if one)
@@ -101,6 +101,6 @@ def test_the_averaged_motor_follows_within_one_and_a_half_per_cent() -> None:
         pr.simulate_averaged(one, DRIVE, duration=0.03, speed=40.0, phases=256).to_dict() for one in (STILL, strong)
     ]
     before, after = (one["mean_torque_n_m"] for one in averaged)
-    assert moved / still == pytest.approx(0.857, abs=2e-3)
-    assert after / before == pytest.approx(moved / still, abs=0.015)
+    assert moved / still == pytest.approx(0.894, abs=2e-3)
+    assert after / before == pytest.approx(moved / still, abs=5e-3)
     assert averaged[1]["energy_residual"] < 1e-3

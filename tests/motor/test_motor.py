@@ -190,6 +190,7 @@ def test_the_contact_follows_the_radius_of_the_rotor_and_the_materials(name: str
             (pair.tip_youngs_modulus_pa, pair.tip_poisson), (pair.rotor_youngs_modulus_pa, pair.rotor_poisson)
         )
     ]  # fmt: skip
+    base = base.updated({"contact.materials.on_face": False})
     there = base.updated({"rotor.radius_m": 0.003, "contact.materials.tip_radius_m": 0.006})
     assert there.contact.effective_radius_m == pytest.approx(0.002, rel=1e-12)
     stiffness = 4.0 / 3.0 / sum(compliances) * sqrt(0.002)  # Hertz
@@ -206,9 +207,18 @@ def test_the_contact_follows_the_radius_of_the_rotor_and_the_materials(name: str
 
 def test_a_constant_of_the_contact_that_was_set_does_not_follow() -> None:
     own = load_motor("bimodal40").updated({"contact.normal_stiffness_n_per_m15": 2e10})
-    there = own.updated({"rotor.radius_m": 0.012})
+    there = own.updated({"rotor.radius_m": 0.012, "contact.materials.on_face": False})
     assert there.contact.normal_stiffness_n_per_m15 == 2e10
-    assert there.contact.effective_radius_m == pytest.approx(1.0 / (1.0 / 0.0065 + 1.0 / 0.012))
+    assert there.contact.effective_radius_m == pytest.approx(1.0 / (1.0 / 0.01456 + 1.0 / 0.012))
+
+
+def test_on_the_face_of_a_rotor_the_effective_radius_is_that_of_the_tip() -> None:
+    face = load_motor("bimodal40")
+    assert face.contact.effective_radius_m == pytest.approx(0.01456, rel=1e-12)
+    assert face.updated({"rotor.radius_m": 0.012}).contact == face.contact
+    again = load_motor("andersen2002").updated({"contact.materials.on_face": True})
+    assert again.materials is not None
+    assert again.contact.effective_radius_m == pytest.approx(again.materials.tip_radius_m, rel=1e-12)
 
 
 def test_a_saved_motor_keeps_the_materials_of_its_contact(tmp_path: Path) -> None:

@@ -6,13 +6,16 @@ from __future__ import annotations
 import pytest
 
 import pyspice_runner as pr
+from tests.motors import BEAM40
 
 
 def test_a_motor_heats_by_its_own_resistance_and_capacity() -> None:
     """Steel of 470 and ceramic of 440 J/(kg K); the unintended mode has no beam, and keeps the default capacity."""
     assert pr.Thermal.of(pr.load_motor("andersen2002")).heat_capacity_j_per_k == pytest.approx(2.1, rel=0.02)
-    small = pr.Thermal.of(pr.load_motor("beam40"))
+    plate = 41e-3 * 11.8e-3 * 3e-3 * 7500.0 * 440.0 + 2e-3 * 4e-3 * 3e-3 * 3900.0 * 880.0  # with its tip of alumina
+    assert pr.Thermal.of(pr.load_motor("bimodal40")).heat_capacity_j_per_k == pytest.approx(plate)
+    small = pr.Thermal.of(pr.load_motor(BEAM40))
     assert small.thermal_resistance_k_per_w == 60.0
     assert small.time_constant == pytest.approx(60.0 * small.heat_capacity_j_per_k)
     assert pr.Thermal.of(pr.load_motor("andersen2002-unintended-mode")) == pr.Thermal()
-    assert pr.Thermal.of(pr.load_motor("beam40").updated({"limits": None})).thermal_resistance_k_per_w == 100.0
+    assert pr.Thermal.of(pr.load_motor(BEAM40).updated({"limits": None})).thermal_resistance_k_per_w == 100.0

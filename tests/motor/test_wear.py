@@ -15,13 +15,14 @@ from pyspice_runner.motor import strength
 from pyspice_runner.motor.contact import contact_radius
 from pyspice_runner.motor.motor import Materials
 from pyspice_runner.motor.parameters import Contact
+from tests.motors import BEAM40
 
 ALUMINA = Materials(
     tip_radius_m=0.005, tip_youngs_modulus_pa=370e9, tip_poisson=0.22,
     rotor_youngs_modulus_pa=370e9, rotor_poisson=0.22,
 )  # fmt: skip
 NEW = Contact(**ALUMINA.constants(0.015), friction=0.3, preload_n=6.5, specific_wear_rate_m3_per_n_m=1e-15)
-FLAGSHIP = pr.load_motor("beam40")
+FLAGSHIP = pr.load_motor(BEAM40)
 OF_CONTACT = ("The peak pressure", "Friction puts", "The results are those of a")
 
 

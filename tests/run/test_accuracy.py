@@ -13,6 +13,7 @@ from pyspice_runner.run.kernel import Outcome
 from pyspice_runner.run.point import Point as OperatingPoint
 from pyspice_runner.run.simulate import TIP, CoarserRuns
 from pyspice_runner.run.waveforms import Waveforms
+from tests.motors import BEAM40
 from tests.run.test_reference import DURATION, POINTS, Point, trajectory_error, two_phase
 from tests.selection import mostly
 
@@ -129,7 +130,7 @@ def test_a_default_run_whose_estimated_error_exceeds_one_per_cent_says_so() -> N
     assert abs(fine.mean_rotor_speed_rad_s - run.mean_rotor_speed_rad_s) <= run.speed_error_rad_s
 
 
-@pytest.mark.parametrize("name", ["beam40", "andersen2002"])
+@pytest.mark.parametrize("name", [BEAM40, "andersen2002"])
 def test_a_weak_drive_has_the_relative_error_of_a_stronger_one(name: str) -> None:
     """A tip that sticks moves in proportion to the voltage, to 1e-3 at 0.1 V; the place of rest does not count."""
     motor = pr.load_motor(name)

@@ -11,13 +11,14 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.trackers.tracker import Tracker, sensing
+from tests.motors import BEAM40
 from tests.reference.integrator import integrate
 from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
 # unlike groups, so that the two directions differ
-WITHOUT = pr.load_motor("beam40").updated({"piezo.capacitance_b_f": 3e-10})
+WITHOUT = pr.load_motor(BEAM40).updated({"piezo.capacitance_b_f": 3e-10})
 DRIVE = pr.TwoPhaseDrive(voltage=60.0, ratio_b=0.75, frequency=40.1e3, phase_deg=120.0)
 PHASORS = np.array([60.0, 45.0 * np.exp(1j * np.radians(120.0))])
 

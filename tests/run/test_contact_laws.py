@@ -140,7 +140,8 @@ def test_page_has_the_torque_and_the_efficiency_of_the_flagship(law: str) -> Non
     motor = pr.load_motor("bimodal40")
     found = pr.speed_torque(motor, pr.default_drive(motor), speeds=[0.0, 20.0, 30.0], contact=law, audit=False)
     values = [*(1e3 * found["torque_n_m"].values), 100 * float(found["efficiency"][-1])]
-    assert [float(cell) for cell in row] == pytest.approx(values, abs=0.06)
+    cells = [float(cell.replace("−", "-").replace("–", "nan")) for cell in row]  # no efficiency where it brakes
+    assert cells == pytest.approx(values, abs=0.06, nan_ok=True)
 
 
 def test_driver_runs_by_the_law_it_was_asked_for(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,7 @@ from pyspice_runner.motor.contact import (
 )
 from pyspice_runner.run.audit import delivering
 from pyspice_runner.run.waveforms import Waveforms
+from tests.motors import BEAM40
 from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, integrate
 from tests.runs import simulated
@@ -294,7 +295,7 @@ def test_a_loss_that_is_negative_has_its_sentence_with_the_largest_share() -> No
 
 
 def test_a_stalled_motor_whose_friction_delivers_power_says_so_and_the_brush_does_not() -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     spring, brush = (pr.steady_state(motor, drive, speed=0.0, contact=law) for law in ("spring-slider", "brush"))
     assert spring.friction_loss_w < 0.0 < brush.friction_loss_w

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from tests.motors import BEAM40
 from tests.selection import mostly
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("mount")]
@@ -23,9 +24,9 @@ POINTS = {  # set, voltage, frequency, phase, preload, speed of the rotor in rad
     "opens, 10 kHz": ("andersen2002", 150.0, 10e3, 45.0, 2.0, 0.0),
     "unintended mode, 44.5 kHz": ("andersen2002-unintended-mode", 100.0, 44.5e3, 180.0, 5.0, 0.0),
     "unintended mode, 46 kHz": ("andersen2002-unintended-mode", 100.0, 46e3, 180.0, 5.0, 0.0),
-    "beam40, stall": ("beam40", 115.0, 40.1e3, 120.0, 6.5, 0.0),
-    FULL: ("beam40", 130.0, 39.8e3, 120.0, 6.5, 20.0),
-    "beam40, 200 mm/s": ("beam40", 115.0, 40.1e3, 120.0, 6.5, 13.3),
+    "beam40, stall": (BEAM40, 115.0, 40.1e3, 120.0, 6.5, 0.0),
+    FULL: (BEAM40, 130.0, 39.8e3, 120.0, 6.5, 20.0),
+    "beam40, 200 mm/s": (BEAM40, 115.0, 40.1e3, 120.0, 6.5, 13.3),
 }
 
 

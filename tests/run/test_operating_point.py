@@ -9,8 +9,9 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.run.point import Point
+from tests.motors import BEAM40
 
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor(BEAM40)
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=40e3)
 POINT = Point.of(MOTOR, DRIVE)
 

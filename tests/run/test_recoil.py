@@ -15,13 +15,14 @@ from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.run.kernel import transient
+from tests.motors import BEAM40
 from tests.reference.integrator import integrate
 from tests.runs import simulated
 
 pytestmark = pytest.mark.xdist_group("reference")  # the integrator is compiled once there
 
 RECOIL, CARRIER = 4e-3, 0.05  # kg
-FLAGSHIP = pr.load_motor("beam40").updated(
+FLAGSHIP = pr.load_motor(BEAM40).updated(
     {"modes.0.mass_kg": 3.32e-3, "modes.0.stiffness_n_per_m": 1.935e8, "modes.0.recoil_kg": RECOIL,
      "modes.1.recoil_kg": 0.0, "mount.mass_kg": CARRIER}
 )  # fmt: skip
@@ -154,7 +155,7 @@ def test_a_run_with_recoil_follows_the_independent_integrator(name: str) -> None
 
 def test_the_steady_state_and_the_averaged_motor_brake_where_the_recoil_detunes_the_mode() -> None:
     # the beam's own recoil raises mode 1 by fifteen half bandwidths; a separate circuit model gave -12 mN·m
-    motor = changed_motor("beam40", {"beam.recoil": True})
+    motor = changed_motor(BEAM40, {"beam.recoil": True})
     assert [mode.recoil_kg for mode in motor.modes] == pytest.approx([3.889e-3, 0.0], rel=1e-3)
     drive = pr.default_drive(motor)
     state = pr.steady_state(motor, drive, speed=15.0)
@@ -184,7 +185,7 @@ def test_steady_state_and_averaged_motor_agree_on_a_carrier_that_moves_along_the
 
 
 def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
-    unknown = pr.load_motor("beam40")
+    unknown = pr.load_motor(BEAM40)
     said = pr.steady_state(unknown, pr.default_drive(unknown), speed=15.0).cautions
     assert any("The recoil of mode bending-1 on the carrier is not known: one of 3.3 g" in one for one in said)
     assert pr.admittance(unknown, **BAND).cautions == unknown.cautions == said[: len(unknown.cautions)]
@@ -193,14 +194,14 @@ def test_an_unknown_recoil_that_may_detune_a_mode_is_a_caution() -> None:
 
 @pytest.mark.parametrize("motion", [5e-324, 1e-160, 1e-9])
 def test_no_recoil_is_estimated_for_a_tip_at_a_node(motion: float) -> None:
-    unknown = pr.load_motor("beam40").updated({"modes.0.tip_x": 0.0, "modes.0.tip_y": motion})
+    unknown = pr.load_motor(BEAM40).updated({"modes.0.tip_x": 0.0, "modes.0.tip_y": motion})
     assert not any("recoil of mode bending-1 on" in one for one in unknown.cautions)
 
 
 def test_modes_that_shake_more_than_the_carrier_are_refused() -> None:
     with pytest.raises(pr.ParameterError, match=r"shakes 0.271 kg, .* mount.mass_kg = 0.05 kg"):
-        pr.load_motor("beam40").updated({"modes.0.recoil_kg": 0.03})
+        pr.load_motor(BEAM40).updated({"modes.0.recoil_kg": 0.03})
     with pytest.raises(pr.ParameterError, match=r"needs tangential_stiffness_n_per_m and tangential_damping"):
         FLAGSHIP.updated({"mount.tangential_stiffness_n_per_m": 1e4})
     with pytest.raises(pr.ParameterError, match=r"beam.recoil = 3 is not valid: it must be true or false"):
-        changed_motor("beam40", {"beam.recoil": 3})
+        changed_motor(BEAM40, {"beam.recoil": 3})

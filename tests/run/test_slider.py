@@ -14,10 +14,10 @@ import pyspice_runner as pr
 from pyspice_runner.datasets import Curves, WorkingPoints
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.units import linear_name, with_linear
-from tests.motors import sliding, turning
+from tests.motors import BEAM40, sliding, turning
 from tests.runs import simulated
 
-SHEET: Motor = pr.load_motor("beam40")
+SHEET: Motor = pr.load_motor(BEAM40)
 STAGE = sliding(SHEET)
 DRIVE = pr.default_drive(SHEET)
 COARSE: dict[str, Any] = {"step": 4e-7, "accuracy": 0.1}  # both motors have the same error by the step

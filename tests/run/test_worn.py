@@ -11,9 +11,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.motor.contact import contact_radius
 from pyspice_runner.steady.speed_torque import held_point
+from tests.motors import BEAM40
 from tests.reference.integrator import integrate
 
-MOTOR = pr.load_motor("beam40").updated({"contact.worn_flat_radius_m": 60e-6})
+MOTOR = pr.load_motor(BEAM40).updated({"contact.worn_flat_radius_m": 60e-6})
 DRIVE = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
 
 

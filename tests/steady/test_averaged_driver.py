@@ -12,9 +12,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run as command
 from pyspice_runner.spice import Engine
+from tests.motors import BEAM40
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor(BEAM40)
 DRIVE = pr.default_drive(MOTOR)
 OMEGA, CLAMPED = 2.0 * np.pi * DRIVE.frequency, MOTOR.piezo.capacitance_a_f
 
@@ -160,10 +161,10 @@ def test_the_command_runs_the_averaged_motor_behind_a_driver(capsys: pytest.Capt
     """With the parts stated, the amplitude at the group is that of the same driver in Python."""
     parts = ["--part", "inductor.inductance=12e-3", "--part", "inductor.resistance=60", "--no-match"]
     driver = ["--driver", "ideal+inductor", "--voltage", "55", *parts]
-    assert command(["simulate", "beam40", "--averaged", "--duration", "5e-3", *driver, "--json"]) == 0
+    assert command(["simulate", BEAM40, "--averaged", "--duration", "5e-3", *driver, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["end"]["amplitude_a_v"] == pr.simulate_averaged(MOTOR, INDUCTOR, 5e-3).amplitude_a_v[-1]
-    assert command(["simulate", "beam40", "--driver", "linear"]) == 2
+    assert command(["simulate", BEAM40, "--driver", "linear"]) == 2
     assert "no effect without --averaged" in capsys.readouterr().err
 
 

@@ -15,6 +15,7 @@ from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import start_point
+from tests.motors import BEAM40
 
 PLATE = str(Path(__file__).parents[2] / "examples" / "plate40.toml")
 STEPS = 72
@@ -35,7 +36,7 @@ def gap(plant: Plant, state: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("law", [Law(), pytest.param(Law("brush", 8), marks=pytest.mark.soak)])
-@pytest.mark.parametrize("name", ["bimodal40", "beam40", "andersen2002", PLATE])
+@pytest.mark.parametrize("name", ["bimodal40", BEAM40, "andersen2002", PLATE])
 def test_a_motor_starts_near_its_steady_state_however_it_lifts_off(name: str, law: Law) -> None:
     motor = pr.load_motor(name)
     plants = [Plant(motor, pr.default_drive(motor), Load(0.1 * at / motor.rotor.radius_m), law) for at in (-1, 0, 3)]
@@ -71,6 +72,6 @@ def test_a_free_shaft_starts_at_its_speed() -> None:
 
 
 def test_a_free_tip_and_a_law_without_sliders_have_no_such_start() -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     plants = [Plant(motor, pr.default_drive(motor), Load(1.0), law) for law in (None, Law("coulomb"))]
     assert balanced(plants) == [None, None]

@@ -17,6 +17,7 @@ from pyspice_runner.steady.copies import Copy, Plant
 from pyspice_runner.steady.monodromy import Derivative, derivatives, differentiable
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.shooting import Orbit, Shooting, start_balanced, start_point
+from tests.motors import BEAM40
 
 STEPS = 72
 PERTURBATION = 3e-5  # of the scale of each state
@@ -26,7 +27,7 @@ TOLERANCE = 2e-5
 PAPER = pr.load_motor("andersen2002")
 PAPERS_DRIVE = pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0)
 FLAGSHIP = pr.load_motor("bimodal40")
-SHAKEN = pr.load_motor("beam40").updated({
+SHAKEN = pr.load_motor(BEAM40).updated({
     "modes.0.recoil_kg": 1e-3, "modes.1.recoil_x_kg": -2e-3, "mount.mass_kg": 0.02,
     "mount.tangential_stiffness_n_per_m": 3e6, "mount.tangential_damping_n_s_per_m": 20.0,
 })  # fmt: skip

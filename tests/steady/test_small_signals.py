@@ -28,6 +28,7 @@ from pyspice_runner.steady.small_signals import ACCURATE, INPUTS, OUTPUTS, Small
 from pyspice_runner.steady.steady import steady_states
 from pyspice_runner.trackers.loop import LockedPoint, running_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
+from tests.motors import BEAM40
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 
@@ -193,7 +194,7 @@ def test_short_steps_of_a_transient_show_the_extrapolated_transfer_functions() -
 
 def test_the_slow_gain_is_that_of_two_steady_states() -> None:
     """Measured 0.05 %; test_every_effect.py has the motor with every effect."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     found = small_signals(motor, drive, frequencies=[0.01], speed=15.0)
     ends = [Point.of(motor, drive.updated({"voltage": drive.voltage + step}), speed=15.0) for step in (-2.0, 2.0)]
@@ -224,7 +225,7 @@ def test_slow_modulation_follows_the_steady_states() -> None:
 @pytest.mark.soak
 def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states_within_its_error() -> None:
     """Two modes meet: the drive of the set is near the frequency of the greatest speed."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     assert isinstance(drive, pr.TwoPhaseDrive)
     found = small_signals(motor, drive, frequencies=[0.5])
@@ -277,7 +278,7 @@ def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> No
 
 @pytest.mark.soak
 def test_the_error_of_the_hot_admittance_is_that_of_the_time_step() -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive, at = pr.default_drive(motor), [100.0, 1000.0]
     found = small_signals(motor, drive, frequencies=at)
     finer = small_signals(motor, drive, frequencies=at, step=0.5 * found.state.step_s)

@@ -24,6 +24,7 @@ from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
+from tests.motors import BEAM40
 from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
@@ -136,7 +137,7 @@ def test_a_period_of_a_steady_state_counts_as_settled() -> None:
 
 @pytest.mark.parametrize("sliders", [16, pytest.param(32, marks=[pytest.mark.slow, pytest.mark.soak])])
 def test_sliders_that_slip_add_no_multipliers(sliders: int) -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, sliders))
     assert many.stable
@@ -166,7 +167,7 @@ def linear_multipliers(motor: pr.Motor, period: float, *, turns: bool) -> np.nda
     return np.exp(np.linalg.eigvals(system) * period)
 
 
-@pytest.mark.parametrize("name", ["andersen2002", "beam40"])
+@pytest.mark.parametrize("name", ["andersen2002", BEAM40])
 @pytest.mark.parametrize("speed", [0.0, None])
 def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str, speed: float | None) -> None:
     motor = pr.load_motor(name)
@@ -247,13 +248,17 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
     [
         pytest.param("andersen2002", 6.0, 51.7e3, marks=pytest.mark.soak),
         ("andersen2002", 10.0, 51.7e3),
-        ("bimodal40", 10.0, 40.7e3),
+        ("bimodal40", 3.0, 40.7e3),
     ],
 )
 def test_a_held_shaft_whose_contact_does_not_slip_has_an_interval_of_torques_about_that_of_a_run_from_rest(
     name: str, volts: float, frequency: float
 ) -> None:
-    """At 10 V the contact of the paper's motor grazes its limit of stick on one side, where the torque is greatest."""
+    """At 10 V the contact of the paper's motor grazes its limit of stick on one side, where the torque is greatest.
+
+    The path of the flagship's tip encloses an area, by which the contact creeps along the rotor while it sticks: in the
+    duration of the run by 5e-3 of the limit at 10 V, and with the square of the voltage.
+    """
     motor = pr.load_motor(name)
     drive = pr.TwoPhaseDrive(voltage=volts, frequency=frequency, phase_deg=90.0)
     state = pr.steady_state(motor, drive, speed=0.0)
@@ -300,8 +305,8 @@ def test_sliders_that_a_slow_shaft_drags_begin_at_their_limits(speed: float) -> 
 @pytest.mark.parametrize(
     ("name", "voltage", "speed"),
     [
-        ("beam40", 110.0, 20.0),
-        ("beam40", 110.0, 50.0),
+        (BEAM40, 110.0, 20.0),
+        (BEAM40, 110.0, 50.0),
         ("andersen2002-unintended-mode", 60.0, 5.0),
         ("andersen2002-unintended-mode", 100.0, 0.0),
         (str(Path(__file__).parents[2] / "examples" / "plate40.toml"), 100.0, 0.0),

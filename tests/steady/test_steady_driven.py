@@ -19,6 +19,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, Copy, Plant, driven_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.speed_torque import held_point
+from tests.motors import BEAM40
 
 pytestmark = pytest.mark.xdist_group("steady states")
 
@@ -55,7 +56,7 @@ def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | Non
 @pytest.mark.soak
 def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
     """The charges of the plates fade within the start of a run, all but a few ten-thousandths: they count as well."""
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     settings = {"inductance": 22e-3, "resistance": 55.4, "capacitance": 716e-12, "bleeder": 560e3}
     tuned = pr.Driver(
@@ -69,12 +70,8 @@ def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
 
 
 def test_what_fades_before_the_period_begins_is_no_unknown_where_the_contact_stays_closed() -> None:
-    """The plate on a soft rotor. With the lags of slider and stem as unknowns, Newton's method did not end here."""
-    soft = pr.load_motor("bimodal40").updated({
-        "contact.materials.tip_radius_m": 10.0, "contact.materials.rotor_youngs_modulus_pa": 22e9,
-        "contact.materials.rotor_poisson": 0.36, "contact.restitution": 0.95,
-        "contact.restitution_velocity_m_s": 0.7, "contact.preload_n": 22.0,
-    })  # fmt: skip
+    """With the lags of slider and stem as unknowns, Newton's method does not end here."""
+    soft = pr.load_motor("bimodal40")
     coil = {"inductance": 7.03e-3, "resistance": 25.8, "capacitance": 2.2e-9, "bleeder": 180e3}
     tuned = pr.Driver(
         kind="linear", network="inductor", voltage=104.5, frequency=40.7e3, phase_deg=90.6,

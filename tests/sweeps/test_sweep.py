@@ -579,7 +579,7 @@ def test_sweep_prints_one_json_object_and_writes_the_requested_files(
 FROM_PYTHON = """
 import sys
 import pyspice_runner as pr
-motor = pr.load_motor("beam40")
+motor = pr.load_motor("bimodal40")
 pr.sweep(motor, pr.default_drive(motor), over={"drive.voltage": [10.0]}, duration=5e-5, speed=1.0, store=sys.argv[1],
          workers=1, progress=lambda done, total: print(done, total))
 """
@@ -587,7 +587,7 @@ pr.sweep(motor, pr.default_drive(motor), over={"drive.voltage": [10.0]}, duratio
 
 @pytest.mark.soak
 def test_a_sweep_stored_by_the_command_is_found_from_python_with_more_threads(in_folder: Path) -> None:
-    words = ["sweep", "beam40", "--duration", "5e-5", "--speed", "1", "--over", "drive.voltage=10", *ALONE]
+    words = ["sweep", "bimodal40", "--duration", "5e-5", "--speed", "1", "--over", "drive.voltage=10", *ALONE]
     assert processes.command(*words, "--store", "points", cwd=in_folder, OPENBLAS_NUM_THREADS="1")[0] == 0
     script = [sys.executable, "-c", FROM_PYTHON, "points"]
     status, said, _ = processes.command(*script, cwd=in_folder, shell=True, OPENBLAS_NUM_THREADS="2")

@@ -144,7 +144,7 @@ def test_a_parameter_that_is_edited_on_the_drawing_changes_the_motor(tool: str, 
     motor = pr.load_motor("bimodal40")
     forces = []
     for preload in (motor.contact.preload_n, 4.0):
-        x1 = " ".join(parts["X1"]).replace(f"preload={motor.contact.preload_n!r} ", f"preload={preload!r} ")
+        x1 = " ".join(parts["X1"]).replace(f"preload={motor.contact.preload_n:g} ", f"preload={preload:g} ")
         lines = ["edited", f".include {EXAMPLES / tool / 'motor.lib'}", f"X1 {x1}"]
         lines += ["V1 a 0 SIN(0 1 40.7k)", "V2 b 0 SIN(0 1 40.7k)", ".tran 100n 20u 0 100n uic"]
         lines += [".measure tran normal FIND v(x1.normal) AT=50n", ".end"]

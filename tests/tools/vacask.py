@@ -11,9 +11,10 @@ from scipy.interpolate import CubicSpline
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import Law
+from tests.motors import BEAM40
 from tests.tools import second_simulator
 
-MOTOR = pr.load_motor("beam40")
+MOTOR = pr.load_motor(BEAM40)
 CASES: dict[str, tuple[pr.Motor, dict[str, Any], Law]] = {
     "free shaft": (MOTOR, {}, Law()),
     "held shaft": (MOTOR, {"speed": 5.0}, Law()),
@@ -39,7 +40,7 @@ def test_a_transient_in_vacask_is_that_of_ngspice(case: str) -> None:
     assert theirs.energy_residual < 1e-3
 
 
-@pytest.mark.parametrize("name", ["beam40", "andersen2002-unintended-mode"])
+@pytest.mark.parametrize("name", [BEAM40, "andersen2002-unintended-mode"])
 def test_the_admittance_in_vacask_is_that_of_ngspice(name: str) -> None:
     motor = pr.load_motor(name)
     ours = pr.admittance(motor, start=30e3, stop=60e3, points=121, state="preloaded")

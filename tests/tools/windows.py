@@ -12,13 +12,14 @@ import numpy as np
 from fmpy import read_model_description, simulate_fmu
 
 import pyspice_runner as pr
+from tests.motors import BEAM40
 
 STEPS = 20  # of 1 ms
 
 
 def test_the_motor_runs_on_windows_as_on_linux(tmp_path: Path) -> None:
     """Within 1e-9: the C libraries round functions such as the sine differently."""
-    unit = pr.export_motor(pr.load_motor("beam40"), tmp_path / "motor.fmu", fmi=3)
+    unit = pr.export_motor(pr.load_motor(BEAM40), tmp_path / "motor.fmu", fmi=3)
     with zipfile.ZipFile(unit) as archive:
         (tmp_path / "motor.dll").write_bytes(archive.read("binaries/x86_64-windows/piezomotor_averaged.dll"))
     source, program = Path(__file__).with_name("fmu_windows.c"), tmp_path / "run.exe"

@@ -15,6 +15,7 @@ from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
 from pyspice_runner.trackers.tracker import running_resonance
+from tests.motors import BEAM40
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
 pytestmark = pytest.mark.xdist_group("trackers")
@@ -70,7 +71,7 @@ CHANGING = {
 
 
 def beam40_tracked(engine: Engine, **settings: Any) -> pr.Tracking:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     chosen = pr.Tracker(
         kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0
@@ -151,7 +152,7 @@ def test_what_has_no_averaged_model_is_an_error(motor: pr.Motor, changes: dict[s
 
 @pytest.mark.soak
 def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones_do_not() -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     cold = pr.Tracker(kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0)
     warm = cold.model_copy(update={"copies_drift_per_k": pr.Thermal.of(motor).capacitance_drift_per_k})
@@ -168,7 +169,7 @@ def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones
 
 
 def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[str]) -> None:
-    command = "track beam40 --averaged --disturb warm-up --target -20 --duration 60 --json"
+    command = f"track {BEAM40} --averaged --disturb warm-up --target -20 --duration 60 --json"
     assert run(command.split()) == 0
     told = capsys.readouterr()
     found = json.loads(told.out)

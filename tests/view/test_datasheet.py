@@ -32,6 +32,7 @@ from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
+from tests.motors import BEAM40
 from tests.motors import motor as motor_without_a_beam
 from tests.view.pages import PHONE, first_paint_share, opened
 from validation.fuzz.nasty import ATTEMPTS
@@ -265,7 +266,7 @@ def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report
     assert 'data-figure="loop"' not in lost
     assert 'id="tracker"' not in datasheet(report)
     with pytest.raises(pr.ParameterError, match="tracking is a run of bimodal40 with other parameters than beam40"):
-        pr.report(pr.load_motor("beam40"), drive, tracking=tracking)
+        pr.report(pr.load_motor(BEAM40), drive, tracking=tracking)
 
 
 @pytest.mark.soak
@@ -377,7 +378,7 @@ def without_load(curve: xarray.Dataset) -> float:
 def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rotor of beam40 still accelerates when the run ends."""
     monkeypatch.setattr("pyspice_runner.view.report.SPEEDS", 5)
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     report = pr.report(motor, drive, duration=1e-3)
     figures = {name: value or np.nan for name, value in report.key_figures.items()}
@@ -414,7 +415,7 @@ def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
 
 @pytest.mark.soak
 def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_rotor() -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     rough = motor.updated({"rotor.bearing_friction_n_m": 1e-3})
     free = no_load_state(rough, drive)

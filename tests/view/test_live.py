@@ -21,7 +21,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.view import live
 from pyspice_runner.view.live import ASSETS, engine_facts, half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
-from tests.motors import sliding
+from tests.motors import BEAM40, sliding
 from tests.view.pages import PHONE, first_paint_share, opened
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]
@@ -33,7 +33,7 @@ READY = "html:not([data-state=loading]), #status.failed"  # after the first answ
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("live") / "live.html"
-    assert run(["live", "beam40", "--output", str(target)]) == 0
+    assert run(["live", BEAM40, "--output", str(target)]) == 0
     return target
 
 
@@ -133,7 +133,7 @@ def test_speed_and_limits_are_those_of_the_steady_state(desktop: tuple[Page, lis
     page, _ = desktop
     recommended = "beam40: recommended drive"
     found = answered(page, lambda: preset(page, recommended), settled=True)
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     steady = pr.steady_state(motor, drive, load_torque=half_load(motor))
     assert found["settled"] == "true"
@@ -153,7 +153,7 @@ def test_speed_and_limits_are_those_of_the_steady_state(desktop: tuple[Page, lis
 @pytest.mark.soak
 def test_exceeded_limits_are_named_as_by_the_package(desktop: tuple[Page, list[str]]) -> None:
     page, _ = desktop
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     answered(page, lambda: preset(page, "beam40: recommended drive"))
     hot = pr.steady_state(motor, drive.updated({"voltage": 180.0}), load_torque=half_load(motor))
@@ -242,7 +242,7 @@ def test_every_control_reaches_the_deck(desktop: tuple[Page, list[str]]) -> None
 
 @pytest.mark.soak
 def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser, tmp_path: Path) -> None:
-    motor = sliding(pr.load_motor("beam40"))
+    motor = sliding(pr.load_motor(BEAM40))
     assert "rad/s" not in "".join(live_decks(motor).values())
     file = save_live_page(motor, tmp_path / "live.html")
     page, wrong = opened(browser, file, READY, reduced_motion="reduce")
@@ -344,7 +344,7 @@ def test_speed_over_frequency_shows_hysteresis(drawn: tuple[Page, list[str]]) ->
 
 @pytest.mark.soak
 def test_the_page_names_the_folds_of_the_full_motor() -> None:
-    motor = pr.load_motor("beam40")
+    motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor).updated({"frequency": 39.73e3})
     branch = pr.steady_branch(motor, drive, follow="drive.frequency", start=39.73e3, stop=39.55e3)
     assert branch.attrs["ended"] == "It reaches stop."
@@ -355,7 +355,7 @@ def test_the_page_names_the_folds_of_the_full_motor() -> None:
 @pytest.mark.soak
 def test_a_motor_that_the_preview_does_not_describe_runs_cycle_by_cycle(browser: Browser, tmp_path: Path) -> None:
     light = {"contact.worn_flat_radius_m": 2e-5, "rotor.inertia_kg_m2": 1e-6}  # settles soon
-    motor = pr.load_motor("beam40").updated(light)
+    motor = pr.load_motor(BEAM40).updated(light)
     file = tmp_path / "live.html"
     file.write_text(live_page(motor, []), encoding="utf-8")
     page, wrong = opened(browser, file, READY, reduced_motion="reduce")

@@ -32,6 +32,7 @@ class Material:
 
     name: str
     density_kg_m3: float
+    specific_heat_j_per_kg_k: float
     stiffness_pa: Array  # cᴱ, at constant field: (6, 6)
     stress_constants_c_m2: Array  # e: (3, 6); zero without piezoelectricity
     permittivity_f_m: Array  # εˢ, at constant strain: (3, 3); zero in a conductor
@@ -77,7 +78,8 @@ def _material(name: str, card: dict[str, Any]) -> Material:
     permittivity = VACUUM * np.diag([relative["k11"], relative["k11"], relative["k33"]])
     stiffness = np.asarray(np.linalg.inv(compliance), dtype=np.float64)
     stress = charge @ stiffness
-    return Material(name, card["density_kg_m3"], stiffness, stress, permittivity - charge @ stress.T, card["source"])
+    inertial = card["density_kg_m3"], card["specific_heat_j_per_kg_k"]
+    return Material(name, *inertial, stiffness, stress, permittivity - charge @ stress.T, card["source"])
 
 
 def _poled(card: dict[str, Any]) -> Array:

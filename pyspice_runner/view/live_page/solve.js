@@ -201,7 +201,7 @@ const DRIVER_BLOCK = 100, COLD_BLOCK = 120; // with a driver, whose own state st
 const MOST_BLOCKS = 24, MOST_SPINNING = 72;
 const SWINGS = 4; // of the torque about zero, after which the rotor alone moves the speed
 const LIGHT = 20; // periods in which the speed of a light rotor settles, for a run from rest
-const RESONANT_VELOCITY = 1.3; // m/s, of the tip of beam40 at resonance; a lighter rotor lags less behind a ramp
+const RESONANT_VELOCITY = 1.3; // m/s, of the tip of a motor at resonance; a lighter rotor lags less behind a ramp
 const SETTLED = 0.001; // change of the speed that is left, over the speed
 
 /**
