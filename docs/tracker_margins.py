@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measure the margins of five trackers and write a table of ``docs/accuracy.md``: ``python -m docs.tracker_margins``.
+"""Measure the margins of four trackers and write a table of ``docs/accuracy.md``: ``python -m docs.tracker_margins``.
 
 The printed margin is that of ``track``. The measured one is the ratio of returned to injected voltage of a small sine
 in front of the oscillator, in a run of its own. It takes some minutes of one core.
@@ -56,7 +56,6 @@ CASES = {
     "`andersen2002`, 50 V and 100 V, 1 kHz": Case(
         "andersen2002", {"voltage": 50.0, "ratio_b": 2.0, "bandwidth_hz": 1000.0, "ripple_ratio": 2.0}, 8e-3
     ),
-    "`bimodal40`, 80 V, −40°": Case("bimodal40", {"voltage": 80.0, "phase_deg": 90.0, "target_deg": -40.0}, 20e-3),
     "`andersen2002`, 25 V and 50 V, half bridge with 1.5 mH": Case(
         "andersen2002", {"voltage": 25.0, "ratio_b": 2.0}, 8e-3,
         {**COIL, "settings": {"inductor.inductance": 1.5e-3, "inductor.resistance": 15.0}},

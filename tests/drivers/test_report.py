@@ -336,6 +336,16 @@ def test_a_rail_beyond_the_transistors_is_a_reason_and_no_driver() -> None:
         pr.drive_report(motor(), spec)
 
 
+def test_a_transformer_that_raises_the_output_resistance_beyond_a_part_is_a_reason_and_no_driver() -> None:
+    """Seen from the pins, the resistance of a stage on 16 V is multiplied by the square of the ratio, 100."""
+    motor = pr.load_motor("bimodal40")
+    spec = pr.DriverSpec(pr.default_drive(motor), "linear", "inductor", 16.0)  # type: ignore[arg-type]
+    found = pr.design(motor, spec, speed=26.0)
+    assert found.driver is None
+    assert "resistance = 1" in found.reason
+    assert "Take another stage" in found.reason
+
+
 @pytest.mark.soak  # as the full bridge above
 def test_an_llcc_filter_takes_harmonics_and_reactive_current() -> None:
     found = full_bridge(SETTLED)
