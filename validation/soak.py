@@ -36,6 +36,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.trackers.tracker import DisturbanceKind
+from tests.motors import BEAM40
 from validation.campaign import Campaign
 
 COUNT, SEED = 2000, 7
@@ -225,7 +226,7 @@ _OF_MATERIALS = ("contact.effective_radius_m", "contact.poisson")  # cannot be c
 
 
 def _near(rng: np.random.Generator) -> Motor:
-    motor = pr.load_motor(str(rng.choice(pr.available_motors())))
+    motor = pr.load_motor(str(rng.choice([*pr.available_motors(), BEAM40])))
     parts: dict[str, Parameters] = {name: getattr(motor, name) for name in ("piezo", "contact", "rotor")}
     parts |= {f"modes.{index}": mode for index, mode in enumerate(motor.modes)}
     drawn = {f"{path}.{name}": x for path, part in parts.items() for name, x in _scaled(rng, part, 0.1).items()}

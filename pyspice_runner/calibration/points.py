@@ -129,7 +129,7 @@ class Points:
                 if not low <= value <= high:
                     raise ParameterError(
                         f"{where} is {value:g} Hz; the modes of the motor allow {low:.4g} to {high:.4g} Hz. Give it in "
-                        "Hz, or state the unit in the heading: Resonance (kHz)."
+                        "Hz, or specify the unit in the heading: Resonance (kHz)."
                     )
 
 

@@ -170,7 +170,7 @@ class Calibration(Result):
                 f"calibrated with {self.sources}: {one.path} = {one.value:.5g} ± {100.0 * share:.2g} %, 95 % interval "
                 f"{low:.4g} to {high:.4g}"
             )
-            note += "" if one.identifiable else "; the data do not decide it"
+            note += "" if one.identifiable else "; the data do not identify it"
             provenance[f"{section}.{ALIASES.get(key, key)}"] = Provenance("derived", note)
         return self.calibrated.model_copy(update={"provenance": provenance})
 
@@ -281,7 +281,7 @@ class Calibration(Result):
             unit = "" if one.unit == "1" else f" {one.unit}"
             low, high = one.interval_95
             text = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
-            found[one.path] = text if one.identifiable else f"{text} (not decided by the data)"
+            found[one.path] = text if one.identifiable else f"{text} (not identified by the data)"
         found["RMS residual"] = f"{self.rms_residual:.3g} standard errors, {len(self.measured)} values"
         return found | {f"law {one.law}": self._against(one) for one in self.rivals}
 
@@ -293,7 +293,7 @@ class Calibration(Result):
             return f"not comparable: it has {other.freedom - self.freedom:+d} values, where it has a steady state"
         by = other.aicc - self.aicc
         verdict = f"{self.law if by > 0.0 else other.law} fits better by {abs(by):.3g} in AICc"
-        verdict += "" if abs(by) > NO_SUPPORT else ", which does not decide"
+        verdict += "" if abs(by) > NO_SUPPORT else ", which is not conclusive"
         return verdict + (f"; {other.law} does not explain {' and '.join(other.misfits)}" if other.misfits else "")
 
     def _curve(self, curve: Curve, places: slice) -> dict[str, Any]:

@@ -129,7 +129,7 @@ def bands_of(spectra: Sequence[Any], connection: Connection, error: float) -> tu
         values = {str(key): _checked(str(key), value, where) for key, value in dict(given).items()}
         if "level" in values and state != "free":
             raise ParameterError(
-                f"{where}: level goes with a free stator: on the rotor the contact decides on the amplitude. Leave it "
+                f"{where}: level goes with a free stator: on the rotor the contact determines the amplitude. Leave it "
                 "out, or measure the free stator."
             )
         places = np.unique(np.linspace(0, len(spectrum.frequency_hz) - 1, SPECTRUM_POINTS).round().astype(int))

@@ -213,10 +213,10 @@ def _undecided(estimates: Sequence[Estimate], place: int, correlations: Array) -
     one = estimates[place]
     unit = "" if one.unit == "1" else f" {one.unit}"
     low, high = one.interval_95
-    text = f"The data do not decide {one.path}: any value from {low:.3g} to {high:.3g}{unit} explains them."
+    text = f"The data do not identify {one.path}: any value from {low:.3g} to {high:.3g}{unit} explains them."
     others = np.abs(correlations) * (np.arange(len(estimates)) != place)
     if others.max(initial=0.0) > 0.9:
         other = int(np.argmax(others))
         text += f" It goes together with {estimates[other].path} (correlation {correlations[other]:+.3f})."
     experiment = next((words for path, words in _EXPERIMENTS.items() if one.path.startswith(path)), "measure more")
-    return f"{text} To decide it, {experiment}, or leave it out of free."
+    return f"{text} To identify it, {experiment}, or leave it out of free."

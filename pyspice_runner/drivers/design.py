@@ -173,7 +173,7 @@ class DriverSpec:
         design = design_driver(motor, self, contact=contact, **settings)
         if design.driver is None or not design.feasible:
             raise ParameterError(
-                f"No network for the {self.name}: {design.reason} State its parts by --part, or add --no-match."
+                f"No network for the {self.name}: {design.reason} Specify its parts by --part, or add --no-match."
             )
         return design.driver
 
@@ -609,7 +609,7 @@ class _Search:
                 driver = self._supplied(driver.updated(self._values(driver, share)))
                 if self.choose:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
-            assert driver.equivalent  # refused where a transformer raises the stage's resistance beyond that of a part
+            _ = driver.equivalent  # refused where a transformer raises the stage's resistance beyond that of a part
         except ParameterError as error:
             raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
         return driver

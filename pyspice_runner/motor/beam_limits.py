@@ -57,7 +57,7 @@ def beam_cautions(beam: Beam, patches: tuple[Patch, ...], tip: Tip, count: int) 
         found.append(
             f"The height of the beam is {said} of the half waves of its modes, more than {HIGHEST:g}: by its "
             f"dimensions its frequencies have an estimated error of {frequencies}."
-            + (' State theory = "timoshenko".' if beam.theory != "timoshenko" else "")
+            + (' Specify theory = "timoshenko".' if beam.theory != "timoshenko" else "")
         )
     if lagging:
         worst = patches[int(np.argmin(shares))]

@@ -92,7 +92,7 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
     if constant > LARGEST_LOSS_TANGENT:
         raise ParameterError(
             f"{path.name}: the constant part of loss_tangent = {circuit.loss_tangent:g} is too large: it must be at "
-            f"most {LARGEST_LOSS_TANGENT:g}. State a part of it as loss_tangent_falling or loss_tangent_rising."
+            f"most {LARGEST_LOSS_TANGENT:g}. Specify a part of it as loss_tangent_falling or loss_tangent_rising."
         )
     return circuit
 
@@ -118,7 +118,7 @@ def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> 
 def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
     value = table.get(key, 0.0 if key in _MAY_BE_MISSING else None)
     if value is None:
-        raise ParameterError(f"{where}: {path} is missing. State it.")
+        raise ParameterError(f"{where}: {path} is missing. Specify it.")
     least = 0.0 if key in _MAY_BE_ZERO else _LEAST
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= _MOST:
         allowed = f"a number ≥ {least:g} and ≤ {_MOST:g}"

@@ -195,7 +195,7 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     if capacitances is not None:
         if given := [key for key in capacitances if key in piezo]:
             raise ParameterError(
-                f"{where}: piezo.{given[0]} follows from {_FROM[way]}; leave it out or state the modes directly."
+                f"{where}: piezo.{given[0]} follows from {_FROM[way]}; leave it out or specify the modes directly."
             )
         piezo.update(capacitances)
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
@@ -334,15 +334,15 @@ def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, wh
     check_keys(entry, (*Mode.model_fields, *ALIASES), where, path)
     for alias, field in ALIASES.items():
         if alias in entry and field in entry:
-            raise ParameterError(f"{where}: {path} states both {alias} and {field}; state one.")
+            raise ParameterError(f"{where}: {path} specifies both {alias} and {field}; specify one.")
     if "mass_kg" not in entry:
-        raise ParameterError(f"{where}: {path}.mass_kg is missing (modal mass m, in kg). State it.")
+        raise ParameterError(f"{where}: {path}.mass_kg is missing (modal mass m, in kg). Specify it.")
     if "frequency_hz" not in entry and "stiffness_n_per_m" not in entry:
-        raise ParameterError(f"{where}: {path} has no frequency. State frequency_hz or stiffness_n_per_m.")
+        raise ParameterError(f"{where}: {path} has no frequency. Specify frequency_hz or stiffness_n_per_m.")
     entry = with_constants(entry, path, where, damping)
     if "damping_n_s_per_m" not in entry:
         raise ParameterError(
-            f"{where}: {path} has no damping. State quality_factor or damping_n_s_per_m, or [damping] for all."
+            f"{where}: {path} has no damping. Specify quality_factor or damping_n_s_per_m, or [damping] for all."
         )
     return entry
 

@@ -217,7 +217,7 @@ class Motor(Shown, Parameters):
         if not isinstance(values, Mapping) or values.get("slider") is None:
             return values
         if "rotor" in values:
-            raise ValueError("a motor has a rotor or a slider, not both: state one of them")
+            raise ValueError("a motor has a rotor or a slider, not both: specify one of them")
         slider = Slider.model_validate(values["slider"])
         return {**values, "slider": slider, "rotor": slider.as_rotor}
 

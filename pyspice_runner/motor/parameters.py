@@ -337,7 +337,7 @@ class Contact(Parameters):
         if self.worn_flat_radius_m and self.effective_radius_m is None:
             raise ValueError(
                 f"worn_flat_radius_m = {self.worn_flat_radius_m:g} m needs effective_radius_m, the effective radius of "
-                "the new tip; state it, or [contact.materials]"
+                "the new tip; specify it, or [contact.materials]"
             )
         if self.effective_radius_m is not None and self.worn_flat_radius_m > FLATTEST_TIP * self.effective_radius_m:
             raise ValueError(
@@ -354,7 +354,7 @@ class Contact(Parameters):
             raise ValueError(
                 "normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
                 f"{softness:.3g}; of two elastic bodies it is 1 to 1.5, and it must be {SOFTNESS[0]:g} to "
-                f"{SOFTNESS[1]:g}, so state [contact.materials] or correct the one that is off"
+                f"{SOFTNESS[1]:g}, so specify [contact.materials] or correct the one that is off"
             )
         return self
 

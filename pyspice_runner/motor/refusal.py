@@ -104,7 +104,7 @@ def refusal(error: ValidationError, kind: type[Parameters], path: str, where: st
     if first["type"] == "missing":
         unit = f", in{_unit(kind, name)}" if _unit(kind, name) else ""
         meaning = f" ({field.description}{unit})" if field else ""
-        return ParameterError(f"{where}: {full} is missing{meaning}. State it.")
+        return ParameterError(f"{where}: {full} is missing{meaning}. Specify it.")
     kinds = {"float_type": "a number", "string_type": "a text"}  # of what stands within a field
     allowed = allowed_range(kind, name) if field else kinds.get(first["type"], first["msg"])
     return _invalid(first["input"], full, where, allowed, _unit(kind, name))

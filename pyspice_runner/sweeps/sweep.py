@@ -141,7 +141,7 @@ def _check_settings(given: set[str], arguments: set[str], analysis: Analysis) ->
             raise unknown(name, [*own, *named], "argument") if name in arguments else unknown(f"run.{name}", known)
     for name, setting in named.items():
         if setting.default is setting.empty and name not in given:
-            raise ParameterError(f"The setting {name} is missing. State it, or sweep over run.{name}.")
+            raise ParameterError(f"The setting {name} is missing. Specify it, or sweep over run.{name}.")
 
 
 def _dataset(

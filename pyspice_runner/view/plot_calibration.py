@@ -48,7 +48,7 @@ def calibration(result: Calibration) -> Sheet:
 
 
 def _values(result: Calibration, ax: Axes) -> None:
-    """Draw each value with its 95 % interval over the value at the start; a hollow ring is not decided by the data."""
+    """Draw each value with its 95 % interval over the value at the start; hollow: not identified by the data."""
     for place, one in enumerate(reversed(result.estimates)):
         low, high, value = (number / one.start if one.start else number for number in (*one.interval_95, one.value))
         colour = BLUE if one.identifiable else VERMILION
@@ -60,7 +60,7 @@ def _values(result: Calibration, ax: Axes) -> None:
         ax.set_xscale("log")
         for set_formatter in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
             set_formatter("{x:g}")
-    dress(ax, "value over that at the start", "", "Values with 95 % intervals (ring: not decided by the data)")
+    dress(ax, "value over that at the start", "", "Values with 95 % intervals (ring: not identified by the data)")
 
 
 def _curves(result: Calibration) -> dict[tuple[tuple[str, float | None], ...], list[int]]:

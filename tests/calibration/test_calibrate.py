@@ -76,7 +76,7 @@ def test_a_spectrum_gives_back_a_quality_factor_and_leaves_the_friction_open(tmp
     assert quality.identifiable
     assert not friction.identifiable  # a free tip touches nothing
     assert friction.value == pytest.approx(0.3, rel=1e-3)
-    (warning,) = [one for one in result.warnings if "do not decide contact.friction" in one]
+    (warning,) = [one for one in result.warnings if "do not identify contact.friction" in one]
     assert "measure the torque at speeds at which the contact slips" in warning
     (curve,) = Record.read(result.save(tmp_path / "result.json")).curves
     assert (curve.data, curve.along) == ("free.csv (free)", "frequency_hz")
@@ -106,8 +106,8 @@ def test_spectra_give_back_quality_factors_and_stiffness_and_leave_the_friction_
     assert not found["contact.friction"].identifiable
     assert found["contact.friction"].value == pytest.approx(0.3, rel=1e-3)
     told = " ".join(result.warnings)
-    assert "do not decide modes.0.quality_factor" in told
-    assert "do not decide contact.friction" in told
+    assert "do not identify modes.0.quality_factor" in told
+    assert "do not identify contact.friction" in told
 
 
 @pytest.mark.soak

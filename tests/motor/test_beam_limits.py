@@ -89,7 +89,7 @@ def test_cautions_state_ratios_and_errors() -> None:
     assert height == (
         "The height of the beam is 0.49 and 0.98 of the half waves of its modes, more than 0.1: by its dimensions its "
         f"frequencies have an estimated error of {100 * frequencies[0]:+.0f} % and {100 * frequencies[1]:+.0f} %. "
-        'State theory = "timoshenko".'
+        'Specify theory = "timoshenko".'
     )
     assert lag == (
         "Shear lag leaves 52 % of the laminate's force in a patch 2.8 times as long as thick: by its dimensions the "

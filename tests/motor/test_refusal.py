@@ -73,9 +73,9 @@ def test_wrong_value_is_named(name: str, values: dict[str, Any], said_of_it: str
 
 def test_missing_value_is_described() -> None:
     without = {key: value for key, value in GOOD.items() if key != "size"}
-    assert said(without) == "shelf.toml: things.0.size is missing (how large it is, in m). State it."
+    assert said(without) == "shelf.toml: things.0.size is missing (how large it is, in m). Specify it."
     without = {key: value for key, value in GOOD.items() if key != "share"}
-    assert said(without) == "shelf.toml: things.0.share is missing (how much of it). State it."
+    assert said(without) == "shelf.toml: things.0.share is missing (how much of it). Specify it."
 
 
 def test_misspelt_name_is_recognised() -> None:

@@ -77,7 +77,7 @@ def test_a_mistake_is_named(motor: Motor, changes: dict[str, Any], reason: str) 
 
 def test_a_motor_has_a_rotor_or_a_slider() -> None:
     parts = {name: getattr(rotary(), name) for name in ("name", "modes", "piezo", "contact", "rotor")}
-    with pytest.raises(ValueError, match="a motor has a rotor or a slider, not both: state one of them"):
+    with pytest.raises(ValueError, match="a motor has a rotor or a slider, not both: specify one of them"):
         Motor(**parts, slider=Slider(**STAGE))
 
 

@@ -45,7 +45,7 @@ def test_the_page_of_the_motor_has_the_numbers_new_and_run_in() -> None:
         preload, rim = motor.contact.preload_n, motor.rotor.radius_m
         mean = preload / np.pi / contact_radius(motor.contact, preload) ** 2
         states = [pr.steady_state(motor, pr.default_drive(motor), speed=speed) for speed in (0.0, None)]
-        found = (1e-9 * mean, states[0].torque_n_m / rim, states[1].speed_rad_s * rim)
+        found = (1e-6 * mean, states[0].torque_n_m / rim, states[1].speed_rad_s * rim)
         for cell, value in zip((pressure, stall, free), found, strict=True):
             told = cell.split()[0]
             assert float(told) == pytest.approx(value, abs=0.6 * 10.0 ** -len(told.partition(".")[2])), (flat, cell)

@@ -301,7 +301,7 @@ def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_pat
     torques = [(1, 0.011, 0.0112), (2, 0.0061, 0.006), (3, 0.004, None)]
     record = Record(
         motor="andersen2002", data="points.csv <b>", contact="brush", parameters={"contact.friction": value},
-        rms_residual=1.1, warnings=["The data do not decide contact.friction <img src=x onerror=alert(1)>"],
+        rms_residual=1.1, warnings=["The data do not identify contact.friction <img src=x onerror=alert(1)>"],
         fits=[SetFit(data="points.csv", values=3, squares=5.0, expected=2.0, probability=0.08)],
         points=[RecordedPoint(point=number, quantity="torque_n_m", measured=measured, predicted=predicted, error=1e-4)
                 for number, measured, predicted in torques],

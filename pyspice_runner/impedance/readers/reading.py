@@ -356,7 +356,7 @@ def _reject_nonsense(reading: Reading, matrix: Complexes) -> None:
         fault = "the admittances are not those of a passive part; columns may be swapped, or a sign reversed"
     if fault:
         of_device = matrix.shape[-1] == 2 and reading.format == "Touchstone"
-        hint = " (if one device lies between the ports, state through = series or shunt)" if of_device else ""
+        hint = " (if one device lies between the ports, specify through = series or shunt)" if of_device else ""
         raise SpectrumError(f"{reading.text.name}: {fault}{hint}.")
 
 

@@ -60,7 +60,7 @@ def read(text: Text, through: str | None) -> Reading | None:
     values = _parameters(option.form, rows)
     device = through
     if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
-        cautions.append(f"{_ASSUMED[device]} State through = series or shunt if that is wrong.")
+        cautions.append(f"{_ASSUMED[device]} Specify through = series or shunt if that is wrong.")
     with np.errstate(all="ignore"):
         matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(option, values)
     if option.side != "s" and option.reference != 1.0:

@@ -77,11 +77,11 @@ class Placed(Parameters):
         given = [name for name in ("from_m", "to_m") if getattr(self, name) is not None]
         if self.region is not None:
             if given:
-                raise ValueError(f"region = {quoted(self.region)} takes the place of {given[0]}; state one of them")
+                raise ValueError(f"region = {quoted(self.region)} takes the place of {given[0]}; specify one of them")
             return self
         if len(given) < 2:
             missing = "to_m" if given == ["from_m"] else "from_m"
-            raise ValueError(f"{missing} is missing (a corner, in m); state it, or with a mesh the region")
+            raise ValueError(f"{missing} is missing (a corner, in m); specify it, or with a mesh the region")
         for axis, low, high in zip("xyz", *self.corners, strict=True):
             if low > high:
                 raise ValueError(f"from_m has {axis} = {low:g} m above {high:g} m of to_m; exchange the two")
@@ -109,7 +109,7 @@ class Box(Placed):
             if low == high:
                 raise ValueError(f"from_m and to_m have the same {axis} = {low:g} m; a box has a volume")
         if self.region is None and self.thickness_m is not None:
-            raise ValueError("thickness_m belongs to a region; leave it out, as from_m and to_m state it")
+            raise ValueError("thickness_m belongs to a region; leave it out, as from_m and to_m specify it")
         return self
 
     @property
@@ -192,16 +192,16 @@ class Solid(Parameters):
 
     def _check_mesh(self) -> None:
         if (self.mesh is None) == (self.element_m is None):
-            raise ValueError("element_m (maximum edge of an element, in m) or a mesh is needed; state one of them")
+            raise ValueError("element_m (maximum edge of an element, in m) or a mesh is needed; specify one of them")
         for name, item in self.placed.items():
             if (self.mesh is None) != (item.region is None):
-                raise ValueError(f"{name}: a region goes with a mesh, and from_m and to_m without one; state the other")
+                raise ValueError(f"{name}: a region goes with a mesh, from_m and to_m without one; specify the other")
         if self.mesh is not None and self.theory == "plate":
             for name, item in self.placed.items():
                 if isinstance(item, Box) and item.thickness_m is None:
-                    raise ValueError(f"{name}.thickness_m is missing (thickness of the plate, in m); state it")
+                    raise ValueError(f"{name}.thickness_m is missing (thickness of the plate, in m); specify it")
                 if isinstance(item, Electrode) and item.side is None:
-                    raise ValueError(f'{name}.side is missing: the face of the plate, "+z" or "-z"; state it')
+                    raise ValueError(f'{name}.side is missing: the face of the plate, "+z" or "-z"; specify it')
 
     def _check_plate(self) -> None:
         middles = {round(sum(corner[2] for corner in box.corners), 9) for box in self.boxes if box.region is None}

@@ -293,7 +293,7 @@ def _check_points(points: Array, dimension: int) -> None:
     size = np.ptp(points, axis=0)
     if size.max() > 2.0 * LARGEST:
         raise ParameterError(
-            f"The mesh is {size.max():g} m long; the limit is {2.0 * LARGEST:g} m. State solid.mesh_unit_m, the "
+            f"The mesh is {size.max():g} m long; the limit is {2.0 * LARGEST:g} m. Specify solid.mesh_unit_m, the "
             "unit of its file: 0.001 for mm."
         )
     if dimension == 2 and size[2:].any() and size[2] > _NEAR * size.max():

@@ -13,7 +13,7 @@ from pyspice_runner.impedance.readers.quantities import Complexes
 from tests.data.spectra import make
 
 ASSUMED = {
-    "series": "The two ports are those of one device in series between them, and it was read as one port. State ",
+    "series": "The two ports are those of one device in series between them, and it was read as one port. Specify ",
     "shunt": "The two ports are those of one device from the line to ground (a shunt), and it was read as one port. ",
 }
 
@@ -73,7 +73,7 @@ def test_a_file_with_the_transmission_alone_needs_the_device_stated(tmp_path: Pa
     s = scattering("shunt")
     s[:, [0, 0, 1], [0, 1, 1]] = 0.0
     path = write(tmp_path, s)
-    with pytest.raises(pr.SpectrumError, match="if one device lies between the ports, state through = series or shunt"):
+    with pytest.raises(pr.SpectrumError, match="between the ports, specify through = series or shunt"):
         pr.read_spectrum(path)
     assert pr.read_spectrum(path, through="shunt").admittance_s == pytest.approx(make.admittance(), rel=1e-9)
 

@@ -260,14 +260,14 @@ CONTACT = {"normal": "+x", "tangent": "+y"}
     [
         ({"mesh": "none.msh"}, r"solid.mesh: Cannot read the mesh 'none.msh': No such file.*Give the path"),
         ({"mesh": 3}, r"solid.mesh = 3 is not valid: it must be the path of a file"),
-        ({"element_m": 0.001}, r"element_m .* or a mesh is needed; state one of them"),
+        ({"element_m": 0.001}, r"element_m .* or a mesh is needed; specify one of them"),
         ({"contact": CONTACT | {"region": "tip"}}, r"region = 'tip' is not a physical group .* 'boxes.0', 'boxes.1'"),
         ({"contact": CONTACT | {"region": "boxes.1"}}, r"'boxes.1' is a group of surfaces; it must be one of curves"),
         ({"contact": CONTACT}, r"solid.contact.from_m is missing .* or with a mesh the region"),
         ({"contact": CONTACT | {"from_m": [0, 0, 0], "to_m": [0, 0, 0]}}, r"contact: a region goes with a mesh"),
         ({"contact": CONTACT | {"region": "contact", "to_m": [0, 0, 0]}}, r"'contact' takes the place of to_m"),
         ({"theory": "solid"}, r"The mesh has surfaces, and theory solid takes volumes"),
-        ({"mesh_unit_m": 1.0}, r"The mesh is 22 m long; the limit is 2 m. State solid.mesh_unit_m"),
+        ({"mesh_unit_m": 1.0}, r"The mesh is 22 m long; the limit is 2 m. Specify solid.mesh_unit_m"),
         (without("electrodes"), r'electrodes.0.side is missing: the face of the plate, "\+z" or "-z"'),
     ],
 )  # fmt: skip
