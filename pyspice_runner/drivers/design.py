@@ -609,7 +609,7 @@ class _Search:
                 driver = self._supplied(driver.updated(self._values(driver, share)))
                 if self.choose:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
-            _ = driver.equivalent  # refused where a transformer raises the stage's resistance beyond that of a part
+            _ = driver.equivalent  # raises if the resistance of the stage, times the ratio squared, is out of range
         except ParameterError as error:
             raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
         return driver

@@ -41,7 +41,7 @@ from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power, c
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.simulate import JUDGED, CoarserRuns
-from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, Array, has_settled
+from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, Array, has_settled, remark
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering
 
@@ -231,10 +231,6 @@ class DriveReport(Result):
         """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
         return self.waveforms
 
-    def _remark(self, name: str) -> str:
-        """Return what stands beside a mean: ", not settled", or nothing."""
-        return "" if has_settled(self.to_come.get(name, 0.0)) else ", not settled"
-
     def summary(self) -> dict[str, str]:
         """Return driver, powers, losses, efficiency, speed, torque, the parts with their peaks, and the design."""
         error = self.mean_torque_error_n_m
@@ -244,14 +240,14 @@ class DriveReport(Result):
             **contact_row(self.run),
             "power put in": engineering(self.power_in_w, "W"),
             "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %"
-            + self._remark("motor_power_w"),
+            + remark(self.to_come["motor_power_w"]),
             "power factor": f"{self.power_factor:.3f}",
             "shaft power": engineering(self.shaft_power_w, "W"),
             "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
-            + self._remark("mean_rotor_speed_rad_s"),
+            + remark(self.to_come.get("mean_rotor_speed_rad_s", 0.0)),
             "mean torque": engineering(self.mean_torque_n_m, "N·m")
             + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
-            + self._remark("mean_torque_n_m"),
+            + remark(self.to_come["mean_torque_n_m"]),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):

@@ -129,7 +129,7 @@ class Materials(Parameters):
     def constants(self, rotor_radius_m: float) -> dict[str, float]:
         """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
 
-        The radius of a flat slider is infinite, and so is that of the face of a rotor.
+        A flat slider and the face of a rotor have an infinite radius.
         """
         tip = self.tip_youngs_modulus_pa, self.tip_poisson
         rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson

@@ -91,7 +91,7 @@ def heat_capacity(structure: Structure) -> float:
 
 
 def heat_capacity_of_boxes(solid: Solid) -> float:
-    """Return the heat capacity in J/K of boxes that do not overlap; those of a plate have its thickness."""
+    """Return the heat capacity in J/K of a solid whose boxes do not overlap."""
     found = 0.0
     for box in solid.boxes:
         card, (low, high) = materials()[box.material], box.corners

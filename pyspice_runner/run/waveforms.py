@@ -326,8 +326,8 @@ class Waveforms(Result):
         return all(map(has_settled, self.to_come.values())) if self.to_come else None
 
     def remark(self, name: str) -> str:
-        """Return what must stand beside a mean: ", not settled", or nothing."""
-        return "" if has_settled(self.to_come.get(name, 0.0)) else ", not settled"
+        """Return the remark on a mean by its name, as :func:`remark`."""
+        return remark(self.to_come.get(name, 0.0))
 
     def summary(self) -> dict[str, str]:
         """Return motor, drive, means, shares of the contact's states and the energy residual."""
@@ -358,6 +358,11 @@ class Waveforms(Result):
 def has_settled(share: float | None) -> bool:
     """Whether a mean with this expected relative change is settled; ``None``: the run is too short to tell."""
     return share is not None and share <= SETTLED
+
+
+def remark(share: float | None) -> str:
+    """Return the words after a mean with this expected relative change: ", not settled", or none."""
+    return "" if has_settled(share) else ", not settled"
 
 
 def interpolated(time: Array, values: Array, at: Array | float) -> Array:

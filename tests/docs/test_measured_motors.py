@@ -30,7 +30,7 @@ MOTORS: dict[str, dict[str, Any]] = {
 }
 VOLTAGE = 100.0  # where none is published: force, speed, output and mass do not depend on it
 CLASS = "bimodal40"
-NEAR_MOST = np.linspace(0.4, 0.7, 13)  # of the speed without load; the greatest output is to 0.1 % on this grid
+NEAR_MOST = np.linspace(0.4, 0.7, 13)  # of the speed without load; this grid has the maximum output to 0.1 %
 DIGITS = 2e-3  # of the last printed digit, and of the estimated error of a steady state
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -197,20 +198,30 @@ def test_a_deck_written_by_hand_has_the_parts_of_the_design(name: str) -> None:
     assert parameters["ahead"] == pytest.approx(values["phase_deg"], rel=1e-5)
 
 
+BEYOND = {  # 1.1 to 1.3 % apart; behind filters and linear stages, which leave less distortion, they agree
+    ("bimodal40_full_bridge_inductor", "no load"), ("bimodal40_push_pull_inductor", "stall"),
+    ("bimodal40_push_pull_inductor", "operating point"),
+}  # fmt: skip
+
+
 @pytest.mark.soak
-@pytest.mark.parametrize("state", STATES)
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize(
+    ("name", "state"),
+    [
+        pytest.param(*both, marks=[pytest.mark.xfail(strict=True, reason="1.1 to 1.3 % apart")] * (both in BEYOND))
+        for both in product(DRIVES, STATES)
+    ],
+)
 def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_the_design(
     name: str, state: str, tmp_path: Path
 ) -> None:
-    """Within 1 %; behind bimodal40's series coils, which leave a distortion of 13 % at the pins, within 1.5 %.
+    """Within 1 %.
 
     The design counts the fundamental of the stage alone; the deck has switching edges, dead time of 200 ns (0.03 % of
     the fundamental) and harmonics. It settles until the slowest mode has decayed to 0.4 %, that of beam40 to 6 %.
     """
-    allowed = 1.5 if name in ("bimodal40_full_bridge_inductor", "bimodal40_push_pull_inductor") else 1.0
     for quantity, (deck, design, bound) in compared(name, state, tmp_path).items():
-        assert deck == pytest.approx(design, abs=allowed * bound), quantity
+        assert deck == pytest.approx(design, abs=bound), quantity
 
 
 def started(name: str, folder: Path, duration: float = START) -> dict[str, tuple[float, float, float]]:

@@ -113,6 +113,6 @@ def test_a_motor_of_the_bands_is_computed_again(number: int) -> None:
 
 @pytest.mark.soak
 def test_the_speed_without_load_is_that_of_the_page() -> None:
-    (told,) = re.findall(r"\| speed without load \| (\d+) mm/s", PAGE)
+    (printed,) = re.findall(r"\| speed without load \| (\d+) mm/s", PAGE)
     free = pr.steady_state(MOTOR, DRIVE)
-    assert 1e3 * free.speed_rad_s * MOTOR.rotor.radius_m == pytest.approx(float(told), rel=0.01)
+    assert 1e3 * free.speed_rad_s * MOTOR.rotor.radius_m == pytest.approx(float(printed), rel=0.01)

@@ -254,7 +254,7 @@ def test_a_contact_that_sticks_at_a_standstill_has_no_unique_torque_and_every_re
 def test_a_held_shaft_whose_contact_does_not_slip_has_an_interval_of_torques_about_that_of_a_run_from_rest(
     name: str, volts: float, frequency: float
 ) -> None:
-    """At 10 V the contact of the paper's motor grazes its limit of stick on one side, where the torque is greatest.
+    """At 10 V the contact of the paper's motor reaches its limit of stick for one step only.
 
     The path of the flagship's tip encloses an area, by which the contact creeps along the rotor while it sticks: in the
     duration of the run by 5e-3 of the limit at 10 V, and with the square of the voltage.

@@ -219,18 +219,21 @@ def test_a_network_changes_the_loop_of_a_tracker() -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("name", list(MARGINS["CASES"]))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason="5.4 %, by the step: docs/tracking.md"))
+        if "bimodal40" in name
+        else name
+        for name in MARGINS["CASES"]
+    ],
+)
 def test_the_margin_that_is_printed_is_the_one_that_is_measured(name: str) -> None:
-    """±3° and 5 % of the crossover: a finite sine and the detector's edges take some of both.
-
-    On the flagship the difference is 5.4 % and 3.2°: its loop gain is nearly flat there, and depends on the step
-    (docs/tracking.md).
-    """
-    allowed = (0.07, 4.0) if "bimodal40" in name else (0.05, 3.0)
+    """±3° and 5 % of the crossover; a finite sine and the detector's edges take some of both."""
     found = MARGINS["measured"](MARGINS["CASES"][name])
     (printed_hz, printed_deg), (measured_hz, measured_deg) = found.printed, found.measured
-    assert printed_hz == pytest.approx(measured_hz, rel=allowed[0])
-    assert printed_deg == pytest.approx(measured_deg, abs=allowed[1])
+    assert printed_hz == pytest.approx(measured_hz, rel=0.05)
+    assert printed_deg == pytest.approx(measured_deg, abs=3.0)
 
 
 @pytest.mark.soak
