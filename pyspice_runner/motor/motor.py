@@ -223,7 +223,7 @@ class Motor(Shown, Parameters):
 
     @model_serializer(mode="wrap")
     def _without_other(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return the document with the rotor or the slider, as the motor was stated."""
+        """Return the document with the rotor or the slider, as the motor was specified."""
         document: dict[str, Any] = write(self)
         document.pop("rotor" if self.slider else "slider", None)
         if not self.law:
@@ -240,6 +240,8 @@ class Motor(Shown, Parameters):
         names = [mode.name for mode in self.modes]
         if len(set(names)) != len(names):
             raise ValueError(f"two modes share a name in {names}; give each its own")
+        if self.slider and self.materials and self.materials.on_face:
+            raise ValueError("contact.materials.on_face is for a rotor, and a slider is flat anyway: leave it out")
         for mode in self.modes:
             _check_mode(mode)
         lowest, highest = (bound(mode.frequency_hz for mode in self.modes) for bound in (min, max))

@@ -17,7 +17,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Provenance
 from tests.motor.toml_text import reads_well
-from tests.motors import mode, motor
+from tests.motors import mode, motor, sliding
 
 
 def leaves(document: dict[str, Any]) -> dict[str, float]:
@@ -219,6 +219,14 @@ def test_on_the_face_of_a_rotor_the_effective_radius_is_that_of_the_tip() -> Non
     again = load_motor("andersen2002").updated({"contact.materials.on_face": True})
     assert again.materials is not None
     assert again.contact.effective_radius_m == pytest.approx(again.materials.tip_radius_m, rel=1e-12)
+
+
+def test_the_face_of_a_rotor_is_refused_on_a_slider() -> None:
+    with pytest.raises(ValueError, match=r"contact\.materials\.on_face is for a rotor.*leave it out"):
+        sliding(load_motor("bimodal40"))
+    off_face = load_motor("bimodal40").updated({"contact.materials.on_face": False})
+    with pytest.raises(ParameterError, match=r"contact\.materials\.on_face is for a rotor.*leave it out"):
+        sliding(off_face).updated({"contact.materials.on_face": True})
 
 
 def test_a_saved_motor_keeps_the_materials_of_its_contact(tmp_path: Path) -> None:
