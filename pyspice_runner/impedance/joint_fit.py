@@ -93,7 +93,7 @@ class JointFit(Fit):
         return found
 
 
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def fit_jointly(
     spectra: Sequence[Spectrum],
     modes: int | None = None,

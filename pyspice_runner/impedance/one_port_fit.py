@@ -240,7 +240,7 @@ def _shown(item: object, name: str, deviations: Mapping[str, float | None]) -> s
     return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
 
 
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def fit_one_port(
     spectrum: Spectrum,
     modes: int | None = None,

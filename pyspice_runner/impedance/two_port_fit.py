@@ -215,7 +215,7 @@ class TwoPortFit(Fit):
         return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
 
 
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def fit_groups(
     spectra: Spectrum | Mapping[Connection, Spectrum],
     modes: int | None = None,

@@ -143,7 +143,7 @@ class Resonator:
         return np.asarray(-np.sin(np.multiply.outer(x_m, k)) @ (smooth[:, None] * bent))
 
 
-@one_thread  # the modes enter decks and the addresses of stored points
+@one_thread()  # the modes enter decks and the addresses of stored points
 def solve_resonator(
     beam: Beam, patches: Sequence[Patch], tip: Tip, *, count: int = 2, shapes: int = SHAPES
 ) -> Resonator:

@@ -81,7 +81,7 @@ class Stator:
         ]
 
 
-@one_thread_of_scipy  # the modes enter decks and the addresses of stored points
+@one_thread_of_scipy()  # the modes enter decks and the addresses of stored points
 def solve_stator(solid: Solid) -> Stator:
     """Return the modes of a stator. Raise ParameterError if its parts do not fit together or it has no modes there."""
     geometry = build_geometry(solid)
