@@ -345,41 +345,31 @@ def _sections(beam: Beam, patches: Sequence[Patch], tip: Tip | None = None) -> l
 
 def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float, foot: _Layer | None = None) -> _Section:
     """Laminate the beam with the patches, and the foot, that lie between ``start`` and ``end``."""
-    mass = beam.density_kg_m3 * beam.width_m * beam.thickness_m
-    axial = beam.youngs_modulus_pa * beam.width_m * beam.thickness_m
-    mixed = 0.0
-    bending = axial * beam.thickness_m**2 / 12
     force = np.zeros(2)
     moment = np.zeros(2)
     capacitance = np.zeros(2)
     layers = [_Layer.of(beam, 0.0)]
     for patch in patches:
         group = GROUPS.index(patch.group)
-        thickness = patch.thickness_m
-        stretch = patch.youngs_modulus_pa * patch.width_m * thickness
         per_volt = patch.youngs_modulus_pa * patch.piezoelectric_constant_m_per_v * patch.layers * patch.width_m
         clamped_permittivity = (
             patch.permittivity_f_m - patch.piezoelectric_constant_m_per_v**2 * patch.youngs_modulus_pa
         )
         for side in SIDES[patch.faces]:
-            middle = side * 0.5 * (beam.thickness_m + thickness)
+            middle = side * 0.5 * (beam.thickness_m + patch.thickness_m)
             layers.append(_Layer.of(patch, middle))
-            mass += patch.density_kg_m3 * patch.width_m * thickness
-            axial += stretch
-            mixed += stretch * middle
-            bending += stretch * (middle**2 + thickness**2 / 12)
             force[group] += side * per_volt
             moment[group] += side * per_volt * middle
-            capacitance[group] += clamped_permittivity * patch.layers**2 * patch.width_m / thickness
-    if foot is not None:
-        layers.append(foot)
-        axial += foot.stiffness * foot.thickness
-        mixed += foot.stiffness * foot.thickness * foot.middle
-        bending += foot.stiffness * foot.thickness * (foot.middle**2 + foot.thickness**2 / 12)
+            capacitance[group] += clamped_permittivity * patch.layers**2 * patch.width_m / patch.thickness_m
+    layers += [foot] if foot is not None else []
+    mass = sum(layer.mass for layer in layers)
+    axial = sum(layer.stretch for layer in layers)
+    mixed = sum(layer.stretch * layer.middle for layer in layers)
+    bending = sum(layer.stretch * (layer.middle**2 + layer.thickness**2 / 12) for layer in layers)
     bending -= mixed**2 / axial
-    moment -= force * (mixed / axial)
-    capacitance += force**2 / axial
     neutral = mixed / axial
+    moment -= force * neutral
+    capacitance += force**2 / axial
     shear = _shear_stiffness(layers, neutral, bending)
     rotary = sum(layer.mass * ((layer.middle - neutral) ** 2 + layer.thickness**2 / 12) for layer in layers)
     return _Section(start, end, mass, bending, moment, capacitance, shear, rotary)
@@ -394,6 +384,11 @@ class _Layer:
     mass: float  # per length
     stiffness: float  # E b, per height
     shear_compliance: float  # (12 + 11 ν)/(6 E b): Cowper's, 1/(G b) times 5/6 of his 1/κ
+
+    @property
+    def stretch(self) -> float:
+        """E b t: axial stiffness."""
+        return self.stiffness * self.thickness
 
     @classmethod
     def of(cls, part: Beam | Patch, middle: float) -> _Layer:
@@ -419,7 +414,7 @@ def _shear_stiffness(layers: Sequence[_Layer], neutral: float, bending: float) -
         down = 0.5 * layer.thickness * (1.0 + nodes)  # from the top of the layer
         flow = above + layer.stiffness * down * (top - 0.5 * down)
         compliance += 0.5 * layer.thickness * layer.shear_compliance * float(weights @ flow**2)
-        above += layer.stiffness * layer.thickness * (layer.middle - neutral)
+        above += layer.stretch * (layer.middle - neutral)
     return bending**2 / compliance
 
 
