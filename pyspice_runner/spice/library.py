@@ -174,8 +174,7 @@ def parse_library(name: str, text: str) -> Library:
         text=text,
         needs=header.needs(),
         **facts,
-        **header.powers(),
-        **header.law(text[begin.end() : end.start()]),
+        **header.insides(text[begin.end() : end.start()]),
     )
 
 
@@ -225,12 +224,8 @@ class Header:
             found.append(LibraryParameter(key, unit, default, least, greatest, meaning))
         return tuple(found)
 
-    def powers(self) -> dict[str, Any]:
-        """Return name and meaning of the ``LOSS``, ``FEED`` and ``STORE`` lines, by the fields of :class:`Library`."""
-        return {field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()}
-
-    def law(self, body: str) -> dict[str, Any]:
-        """Return what a contact law states about itself, by the fields of :class:`Library`.
+    def insides(self, body: str) -> dict[str, Any]:
+        """Return powers and stores, and what a contact law states about itself, by the fields of :class:`Library`.
 
         Without ``STATE`` lines the states are the nodes of the capacitors to ground in the ``body`` of the subcircuit;
         without a line ``SPRING`` a law with states has a spring.
@@ -239,6 +234,7 @@ class Header:
         states = [node for node, _, _ in self.entries("STATE", 3)] or capacitors
         words = {key: " ".join(text for (text,) in self.entries(key)).split() for key in ("SLIDERS", "SPRING", "FORMS")}
         return {
+            **{field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()},
             "states": tuple(map(str.lower, states)),
             "sliders": tuple(words["SLIDERS"]),
             "spring": words["SPRING"][0] == "yes" if words["SPRING"] else bool(states),
