@@ -26,6 +26,7 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, independent_points, rms
 from pyspice_runner.impedance.identify.errors import RESONANT_QUALITY, UNDETERMINED
+from pyspice_runner.impedance.identify.selection import Progress
 from pyspice_runner.impedance.noise import noise_of
 from pyspice_runner.impedance.one_port_fit import Fit, FittedArm, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
@@ -222,7 +223,7 @@ def fit_groups(
     *,
     noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> TwoPortFit:
     """Fit modes with their couplings to both groups; see :func:`~.fit.fit_spectrum`.
 
@@ -334,7 +335,7 @@ class _Problem:
         worst, place = max(doubts)
         return place if worst > UNDETERMINED else None
 
-    def start(self, modes: int | None, timeout: float | None, progress: Callable[[int, int], object] | None) -> Vector:
+    def start(self, modes: int | None, timeout: float | None, progress: Progress | None) -> Vector:
         """Fit Y_AA + Y_BB, which shows every mode, and divide each arm between the groups by the other connections."""
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz

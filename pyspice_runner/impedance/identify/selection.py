@@ -19,7 +19,7 @@ from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 SEARCHED_ARMS = 8  # tried when their number is not given
 MOST_RANK = 2  # of the coupling; each column adds the complex residues of the poles of Y, and more say little
 _COUPLED = 1e-4  # relative decrease of the sum of squares that ends a descent with coupled damping
-_FINAL_STEPS, _FINAL = 100, 1e-5  # of the last descents with a stated number of arms
+_FINAL = 1e-5  # relative decrease that ends the last descents with a stated number of arms
 _EXHAUSTED = 1e-5  # relative residual below which there is nothing to find
 _MISFIT = 1e-3  # relative residual above which damping may be coupled; analysers are accurate to half of it at best
 _DISPERSION = 5e-3  # largest relative residual of a dielectric with another dispersion than the model
@@ -80,7 +80,8 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
             solutions += wider(problem, best)
         else:
             problem = problem.reaching(best)
-            solutions += polished(problem, best)
+            widest = problem.descend(replace(best, clamped=True), tolerance=_FINAL)
+            solutions += [widest, *(problem.descend(more, tolerance=_FINAL) for more in wider(problem, widest))]
     candidates: list[Candidate] = []
     for solution in solutions:
         error = problem.rms_relative_error(solution)
@@ -256,13 +257,6 @@ def wider(problem: Problem, solution: Solution) -> list[Solution]:
         parameters = np.concatenate([solution.parameters[: solution.last], tail])
         found.append(problem.descend(replace(solution, parameters=parameters), tolerance=_COUPLED))
     return found
-
-
-def polished(problem: Problem, solution: Solution) -> list[Solution]:
-    """Return fits with the widest coupling, from one with as many arms."""
-    found = problem.descend(replace(solution, clamped=True), steps=_FINAL_STEPS, tolerance=_FINAL)
-    rest = [problem.descend(more, steps=_FINAL_STEPS, tolerance=_FINAL) for more in wider(problem, found)]
-    return [found, *rest]
 
 
 # --- loss and leads ---
