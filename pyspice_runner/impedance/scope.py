@@ -80,13 +80,10 @@ class Recording:
         from scipy.optimize import least_squares  # takes long to load
 
         kept = self.time_s >= (self.time_s[0] if after_s is None else after_s)
-        time, values = (
-            self.time_s[kept] - self.time_s[kept][0] if kept.any() else self.time_s[:0],
-            self.channel(channel),
-        )
-        values = values[kept]
+        time, values = self.time_s[kept], self.channel(channel)[kept]
         if len(time) < 3 * _FEWEST_POINTS:
             raise SpectrumError(f"{self.source} has {len(time)} points of a ring-down; record at least 24.")
+        time = time - time[0]
         rough = _peak_frequency(time, values)
         if rough * time[-1] < _RINGS:
             raise SpectrumError(f"{self.source} has less than {_RINGS:g} periods of a ring-down; record more.")

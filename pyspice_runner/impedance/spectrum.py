@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.errors import SpectrumError
+from pyspice_runner.files import write_rows
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering
 
@@ -196,8 +197,7 @@ class Spectrum(Result):
     def _write_csv(self, path: Path) -> None:
         columns = self.columns()
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-        lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        write_rows(path, [list(columns), *(list(map(repr, row)) for row in rows)])
 
     @property
     def _name(self) -> str:

@@ -53,13 +53,6 @@ class Reading:
     cautions: list[str] = field(default_factory=list)  # omissions and choices of the reader
 
 
-def cut_caution(index: int | None) -> list[str]:
-    """Return the caution for an omitted last line, counted from 0, if there is one."""
-    if index is None:
-        return []
-    return [f"Line {index + 1}, the last, has no line end and may be cut short, so it was left out."]
-
-
 def steady(values: Floats) -> bool:
     """Whether values rise, or fall, from each to the next."""
     steps = np.diff(values[np.isfinite(values)])
@@ -119,7 +112,7 @@ def from_headings(
     values = table.numbers([frequency, *usable])
     scale = headings[frequency].scale or 1.0
     reading = Reading(table.text, format_name, values[0] * scale, np.array(table.indices), metadata=metadata)
-    reading.cautions += cut_caution(table.cut)
+    reading.cautions += table.cut
     places: dict[str, int] = {}
     for column, raw in zip(usable, values[1:], strict=True):
         item = headings[column]

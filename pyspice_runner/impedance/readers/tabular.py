@@ -27,7 +27,7 @@ import numpy as np
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.impedance.readers.quantities import Heading, heading
-from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, cut_caution, from_header, swept, wants_memory
+from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, from_header, swept, wants_memory
 from pyspice_runner.impedance.readers.text import Floats, Text, clean, number, quote, read_table, separator, split
 
 
@@ -150,7 +150,7 @@ def read_aim(text: Text) -> Reading | None:
     frequency, r, x, size, angle = table.numbers([0, 2, 3, 4, 5])
     columns = {"r": r, "x": x, "abs_z": size, "phase_z": np.deg2rad(angle)}
     indices = np.array(table.indices)
-    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, cautions=cut_caution(table.cut)))
+    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, cautions=table.cut))
 
 
 def _is_aim_point(line: str) -> bool:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pyspice_runner.impedance.readers.quantities import Complexes
-from pyspice_runner.impedance.readers.reading import Reading, cut_caution
+from pyspice_runner.impedance.readers.reading import Reading
 from pyspice_runner.impedance.readers.text import Text, described, number, quote
 
 FORMAT = "Touchstone"
@@ -50,7 +50,8 @@ def read(text: Text, through: str | None) -> Reading | None:
         raise text.refusal(first, "Touchstone 2", "version 1, which every analyser and simulator can write")
     if len(line) > 200 or not _OPTION.fullmatch(line + " "):
         return None
-    rows, indices, cautions = _rows(text, first + 1)
+    rows, indices = _rows(text, first + 1)
+    cautions = text.cut
     ports = _PORTS[len(rows[0])]
     option = _option(text, first, line)
     frequency = np.array([row[0] for row in rows]) * option.hertz
@@ -77,12 +78,11 @@ def read(text: Text, through: str | None) -> Reading | None:
     return reading
 
 
-def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[str]]:
-    """Return the points without noise parameters, their lines and cautions."""
+def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int]]:
+    """Return the points without noise parameters, and their lines."""
     rows: list[list[float]] = []
     indices: list[int] = []
-    last = len(text.lines) - (0 if text.ended else 1)
-    for index in range(start, last):
+    for index in range(start, len(text.lines) - len(text.cut)):
         line = text.lines[index].partition("!")[0]
         cells = line.split()
         if not cells or line.lstrip().startswith("#"):
@@ -99,7 +99,7 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[st
         indices.append(index)
     if len(rows) < 2:
         raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
-    return rows, indices, cut_caution(None if text.ended else last)
+    return rows, indices
 
 
 def _option(text: Text, index: int, line: str) -> _Option:
