@@ -90,11 +90,8 @@ class Drive(Stated):
         """Return U_A and U_B just after t = 0, in V."""
         if self.soft_start > 0.0:
             return 0.0, 0.0
-        volts = [0.0, 0.0]
-        for place, tones in enumerate(self.tones):
-            for tone in tones:
-                volts[place] += tone.amplitude * sin(tone.phase)
-        return volts[0], volts[1]
+        volts_a, volts_b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in self.tones)
+        return volts_a, volts_b
 
 
 class TwoPhaseDrive(Drive):
