@@ -7,7 +7,6 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Mapping
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import wraps
 from math import inf, pi, sqrt
@@ -436,10 +435,6 @@ class Motor(Shown, Parameters):
         An effect that is off, such as a coefficient of restitution of 1, is left out. A mode has its recoil also where
         it is 0, and ``None`` where it is not known.
         """
-        return deepcopy(self._document())
-
-    @derived
-    def _document(self) -> dict[str, Any]:
         document = self.model_dump()
         for section in ("piezo", "contact", "mount", "rotor", "slider"):
             table: dict[str, Any] = document.get(section) or {}
