@@ -22,7 +22,6 @@ from pyspice_runner.impedance.readers.quantities import (
     admittance,
     contradiction,
     heading,
-    negative_modulus,
     pair_of,
     with_named_phase,
 )
@@ -128,7 +127,8 @@ def from_headings(
         reading.columns[kind] = converted
         if DIMENSION[kind] == "angle":
             reading.angle_unit = "rad" if item.scale == 1.0 else "deg"
-    if pair_of(with_named_phase(reading.columns)) is None:
+    reading.columns = with_named_phase(reading.columns)
+    if pair_of(reading.columns) is None:
         raise _no_quantities(table.text, header, headings)
     return reading
 
@@ -171,15 +171,14 @@ def spectrum_of(reading: Reading) -> Spectrum:
 
 def _one_port(reading: Reading) -> tuple[Complexes, bool]:
     """Return the admittance matrix of the columns, and whether they are modulus and phase."""
-    columns = with_named_phase(reading.columns)
+    columns, pair = reading.columns, pair_of(reading.columns)
+    assert pair is not None  # as every format makes sure
     angles = [kind for kind in columns if DIMENSION[kind] == "angle"]
-    pair = pair_of(columns)
-    if pair is None:
-        raise SpectrumError(f"{reading.text.name} has no two quantities that make an admittance.")
     if angles:
         _check_unit(reading, columns[angles[0]], columns)
-    if (place := negative_modulus(pair, columns)) is not None:
-        index = int(reading.indices[place])
+    below = columns[pair[0]] < 0.0  # a modulus is the first of a pair
+    if pair[0].startswith("abs") and below.any():
+        index = int(reading.indices[below.argmax()])
         raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
     y = admittance(pair, reading.frequency_hz, columns)
     if (odd := contradiction(pair, y, columns)) is not None:

@@ -51,8 +51,7 @@ class Text:
 
     def find(self, accept: Callable[[str], object], start: int = 0, stop: int | None = None) -> int | None:
         """Return the index of the first line that is accepted, or ``None``."""
-        last = len(self.lines) if stop is None else min(stop, len(self.lines))
-        return next((index for index in range(start, last) if accept(self.lines[index])), None)
+        return next((index for index, line in enumerate(self.lines[start:stop], start) if accept(line)), None)
 
 
 def load(path: str | Path) -> Text:

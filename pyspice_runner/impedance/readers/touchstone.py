@@ -24,10 +24,7 @@ _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 _GROUP = dict.fromkeys(_HERTZ, "unit") | dict.fromkeys(_SIDES, "side") | dict.fromkeys(("ri", "ma", "db"), "form")
 _PORTS = {3: 1, 9: 2}
 _ONE_DEVICE = 0.1  # error of the rule of one device as a share of S₂₁, for fixture and calibration
-_ASSUMED = {
-    "series": "The two ports are those of one device in series between them, and it was read as one port.",
-    "shunt": "The two ports are those of one device from the line to ground (a shunt), and it was read as one port.",
-}
+_ASSUMED = {"series": "in series between them", "shunt": "from the line to ground (a shunt)"}
 _NOISE = 5  # numbers in a line of noise parameters, which may follow the points of a two-port
 
 
@@ -61,7 +58,10 @@ def read(text: Text, through: str | None) -> Reading | None:
     values = _parameters(option.form, rows)
     device = through
     if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
-        cautions.append(f"{_ASSUMED[device]} Specify through = series or shunt if that is wrong.")
+        cautions.append(
+            f"The two ports are those of one device {_ASSUMED[device]}, and it was read as one port. Specify through = "
+            "series or shunt if that is wrong."
+        )
     with np.errstate(all="ignore"):
         matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(option, values)
     if option.side != "s" and option.reference != 1.0:
