@@ -32,11 +32,8 @@ def half_power(
 ) -> HalfPower | None:
     """Return the peak of the conductance about a resonance; ``None`` if the points do not show it.
 
-    Args:
-        frequency_hz: rising.
-        device_s: measured admittance in S, without leads.
-        resonance_hz: of the resonance that is meant.
-        quality_factor: of it; both set the range that is searched.
+    ``device_s`` is the measured admittance in S without leads, over rising frequencies. Resonance and quality factor
+    set the range that is searched.
     """
     reach = _REACH * resonance_hz / quality_factor
     near = np.flatnonzero(np.abs(frequency_hz - resonance_hz) < reach)

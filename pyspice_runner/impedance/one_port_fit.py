@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.errors import ParameterError, SpectrumError, require
+from pyspice_runner.errors import SpectrumError, require
 from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.impedance.half_power import HalfPower, half_power
 from pyspice_runner.impedance.identify import errors
@@ -254,10 +254,8 @@ def fit_one_port(
     require(timeout is None or timeout > 0.0, "timeout", timeout, "a number of seconds > 0")
     deadline = inf if timeout is None else time.monotonic() + timeout
     ohm, henry = (0.0, 0.0) if isinstance(leads, bool) else map(float, leads)
-    if not (0.0 <= ohm <= 1e6 and 0.0 <= henry <= 1.0):
-        raise ParameterError(
-            f"leads = {leads!r} is not valid: it must be a resistance of 0 to 1e6 Ω and an inductance of 0 to 1 H."
-        )
+    plausible = 0.0 <= ohm <= 1e6 and 0.0 <= henry <= 1.0
+    require(plausible, "leads", leads, "a resistance of 0 to 1e6 Ω and an inductance of 0 to 1 H")
     name = spectrum.source or "The spectrum"
     _check(spectrum, name, modes or 1)
     noise_model = noise_of(noise, spectrum.admittance_s)
@@ -397,12 +395,9 @@ def _misfits(problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], 
 
 
 def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, ...]) -> bool:
-    """Whether the choice among descriptions of loss and leads makes most of an arm's error.
+    """Whether the choice among descriptions of loss and leads, by its ``shifts``, makes most of an arm's error.
 
-    Args:
-        shifts: as the outcome of the selection has them.
-        order: the fit's arms by rising frequency.
-        arms: the arms in that order.
+    The ``order`` of the arms is that by rising frequency.
     """
     by_choice = np.linalg.norm(shifts, axis=0)[len(errors.GLOBAL_NAMES) :].reshape(len(arms), -1)[order]
     shares = by_choice[:, errors.ARM_NAMES.index("inductance_h")]

@@ -198,10 +198,8 @@ class TwoPortFit(Fit):
         what = "velocity_per_current" if mass_kg is None else "mass_kg"
         given = velocity_per_current if mass_kg is None else mass_kg
         values = np.ravel(np.asarray(given, float)).tolist()
-        if len(values) not in (1, len(self.modes)) or not all(0.0 < value < 1e18 for value in values):
-            raise ParameterError(
-                f"{what} = {given!r} is not valid: it must be a number > 0, or one for each of {len(self.modes)} modes."
-            )
+        valid = len(values) in (1, len(self.modes)) and all(0.0 < value < 1e18 for value in values)
+        require(valid, what, given, f"a number > 0, or one for each of {len(self.modes)} modes")
         if mass_kg is None:  # θ = |tip| i/v, and θ/√m is known
             for index, (velocity, mode, tip) in enumerate(zip(values, self.modes, tips, strict=False)):
                 groups = np.array([mode.coupling_a_n_per_v_kg05, mode.coupling_b_n_per_v_kg05])

@@ -126,11 +126,6 @@ class Resonator:
         k = self.wavenumbers
         return np.asarray(np.cos(np.multiply.outer(x_m, k)) @ (k[:, None] * self.coefficients))
 
-    def rotation(self, x_m: ArrayLike) -> Array:
-        """Rotation ψ = w′ − γ of the sections (1/m) at the positions ``x_m``: (len(x), modes)."""
-        k = np.concatenate(([0.0], self.wavenumbers))[: len(self.shears)]
-        return np.asarray(self.slope(x_m) - np.cos(np.multiply.outer(x_m, k)) @ self.shears)
-
     def curvature(self, x_m: ArrayLike) -> Array:
         """Curvature ψ′ (1/m²) at the positions ``x_m``: (len(x), modes).
 
@@ -307,10 +302,9 @@ def clamped_capacitances(beam: Beam, patches: Sequence[Patch]) -> tuple[float, f
     Raise ParameterError if the patches do not fit the beam or each other, or a group has none.
     """
     _require_both_groups(patches)
-    capacitances = np.zeros(2)
-    for section in _sections(beam, patches):
-        capacitances += section.capacitance_per_length * (section.end - section.start)
-    return float(capacitances[0]), float(capacitances[1])
+    each = [section.capacitance_per_length * (section.end - section.start) for section in _sections(beam, patches)]
+    of_a, of_b = np.sum(each, axis=0).tolist()
+    return of_a, of_b
 
 
 @dataclass(frozen=True)

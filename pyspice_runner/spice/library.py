@@ -23,7 +23,7 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
-from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.units import linear_words
 
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
@@ -105,10 +105,8 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
 
 def check_name(name: str) -> str:
     """Return a name that every SPICE accepts and no part of another export may have; else raise ParameterError."""
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
-        raise ParameterError(
-            f"name = {name!r} is not valid: it must be at most 40 letters, digits and _, the first a letter."
-        )
+    accepted = re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name)
+    require(accepted, "name", name, "at most 40 letters, digits and _, the first a letter")
     suffixes = {part.removeprefix(PREFIX) for part in library_names() if part.startswith(f"{PREFIX}_")} | {LAW}
     taken = next((suffix for suffix in sorted(suffixes) if name.lower().endswith(suffix)), "")
     if taken and name != f"{PREFIX}_thermal":
