@@ -331,13 +331,11 @@ class Motor(Shown, Parameters):
         )
 
     @property
-    @derived
     def deflection_m(self) -> float:
         """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
         return float(self.contact.preload_n * self.stator.flexibility[1, 1])
 
     @property
-    @derived
     def sway_m(self) -> float:
         """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 
@@ -380,7 +378,6 @@ class Motor(Shown, Parameters):
         return "rotor.bearing_friction_n_m", self.rotor.bearing_friction_n_m, "N·m"
 
     @property
-    @derived
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
         return self.carried_stator.decay_s

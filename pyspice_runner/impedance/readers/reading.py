@@ -192,7 +192,11 @@ def _one_port(reading: Reading) -> tuple[Complexes, bool]:
             "the printed digits."
         )
     if pair in POLAR:
-        _note_wraps(reading, columns[pair[1]])
+        order = np.argsort(reading.frequency_hz, kind="stable")
+        jumps = np.flatnonzero(np.abs(np.diff(columns[pair[1]][order])) > 1.5 * np.pi)
+        if jumps.size:
+            first = reading.frequency_hz[order][jumps[0]]
+            reading.cautions.append(f"The phase wraps by 360°, first at {first:g} Hz; it was unwrapped.")
     return y[:, None, None], pair in POLAR
 
 
@@ -234,14 +238,6 @@ def _magnitude_varies(frequency: Floats, columns: dict[str, Floats]) -> bool:
     logarithm, octaves = np.log(size[good]), np.ptp(np.log(frequency[good]))
     low, high = np.percentile(logarithm, [5.0, 95.0])
     return bool(high - low > 0.1 + 0.1 * octaves)
-
-
-def _note_wraps(reading: Reading, angle: Floats) -> None:
-    order = np.argsort(reading.frequency_hz, kind="stable")
-    jumps = np.flatnonzero(np.abs(np.diff(angle[order])) > 1.5 * np.pi)
-    if jumps.size:
-        first = reading.frequency_hz[order][jumps[0]]
-        reading.cautions.append(f"The phase wraps by 360°, first at {first:g} Hz; it was unwrapped.")
 
 
 def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:
