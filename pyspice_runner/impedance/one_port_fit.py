@@ -18,14 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.errors import SpectrumError, require
 from pyspice_runner.export.circuit import CircuitExport
-from pyspice_runner.impedance.half_power import HalfPower, half_power
 from pyspice_runner.impedance.identify import errors
 from pyspice_runner.impedance.identify.arms import GLOBALS, Solution
 from pyspice_runner.impedance.identify.descent import Vector, rms
 from pyspice_runner.impedance.identify.problem import Problem
 from pyspice_runner.impedance.identify.selection import Candidate, Outcome, Progress, fit_arms, missing, select
 from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
-from pyspice_runner.impedance.spectrum import Spectrum, band_of
+from pyspice_runner.impedance.spectrum import HalfPower, Spectrum, band_of, half_power
 from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit
 from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.result import Result
