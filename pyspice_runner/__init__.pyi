@@ -26,13 +26,13 @@ from .impedance.readers import read_spectrum as read_spectrum
 from .impedance.spectrum import Spectrum as Spectrum
 from .motor.circuit_file import load_circuit as load_circuit
 from .motor.drive import Load as Load
+from .motor.drive import ShaftLoad as ShaftLoad
 from .motor.drive import TwoPhaseDrive as TwoPhaseDrive
 from .motor.drive import TwoToneDrive as TwoToneDrive
 from .motor.drive import default_drive as default_drive
 from .motor.load import available_motors as available_motors
 from .motor.load import load_motor as load_motor
 from .motor.motor import Motor as Motor
-from .motor.shaft import ShaftLoad as ShaftLoad
 from .motor.thermal import Thermal as Thermal
 from .operating_point import OperatingPoint as OperatingPoint
 from .run.simulate import simulate as simulate

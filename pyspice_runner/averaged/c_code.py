@@ -19,9 +19,9 @@ from pyspice_runner.averaged.library import HARMONICS, PHASES, Terms, default_tw
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import data_path, slider_words

@@ -25,8 +25,8 @@ from pyspice_runner.averaged.c_source import NETWORK, TRACKER, Parts, circuit_pa
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
+from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.compiler import cached_library

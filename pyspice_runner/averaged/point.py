@@ -31,9 +31,8 @@ from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.fixtures import add_cooling
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.drive import TwoPhaseDrive, check_together
+from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad, TwoPhaseDrive, check_together
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.shaft import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import simulator
 from pyspice_runner.run.point import Point

@@ -20,10 +20,9 @@ from pyspice_runner.averaged.schedules import ScheduleLike
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import Drive, ideal_drive
+from pyspice_runner.motor.drive import Drive, ShaftLoad, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.motor.shaft import ShaftLoad
 from pyspice_runner.motor.strength import peak_of_amplitudes, temperature_rise
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit

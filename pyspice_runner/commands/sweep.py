@@ -18,9 +18,8 @@ from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import spec_of
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVERS, LAW, LOAD, TARGETS, Call, command, option
 from pyspice_runner.errors import did_you_mean
-from pyspice_runner.sweeps.answers import FLAGS
 from pyspice_runner.sweeps.plan import Distribution, Sampling
-from pyspice_runner.sweeps.specification import met
+from pyspice_runner.sweeps.sweep import FLAGS, met
 from pyspice_runner.units import linear_name
 
 _DRIVEN = "driver part mosfet rail"

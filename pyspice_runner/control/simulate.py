@@ -42,10 +42,9 @@ from pyspice_runner.control.plants import (
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, require
-from pyspice_runner.motor.drive import FASTEST_DRIVE, SLOWEST_DRIVE, TwoPhaseDrive
+from pyspice_runner.motor.drive import FASTEST_DRIVE, SLOWEST_DRIVE, ShaftLoad, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.motor.shaft import ShaftLoad
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import transient_timing
 from pyspice_runner.run.point import Point, Solver

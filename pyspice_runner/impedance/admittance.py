@@ -129,7 +129,7 @@ BAND_HZ = 5e3, 100e3  # of an admittance by default
 
 
 @checked
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def admittance(
     motor: Motor,
     *,

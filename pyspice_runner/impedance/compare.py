@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot, inf, isfinite, sqrt
+from math import hypot, inf, isfinite, isnan, nan
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -136,8 +136,8 @@ class Comparison(_Tabulated):
             "reference": self.reference.source,
             **self._entries("modes", "extra_hz"),
             "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
-            **self._entries("clamped_capacitance_deviation", "clamped_capacitance_deviation_error", "rms_deviation"),
-            **self._entries("cautions"),
+            **self._entries("clamped_capacitance_deviation", "clamped_capacitance_deviation_error"),
+            **self._entries("rms_deviation", "cautions"),
         }
 
     def rows(self) -> list[list[str]]:
@@ -416,8 +416,8 @@ def _deviation(
     )  # fmt: skip
 
 
-def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float | None]:
-    """Return the relative standard errors of the quantities of an arm.
+def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float]:
+    """Return the relative standard errors of the quantities of an arm; NaN for one that is not determined.
 
     That of the coupling factor follows from k² = C/(C + C₀), with the correlation of both capacitances.
     """
@@ -425,20 +425,19 @@ def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float | None]:
     found = {name: _share(errors[path], getattr(arm, path)) for name, path in _VALUES.items() if path in errors}
     arm_share = _share(errors["capacitance_f"], arm.capacitance_f)
     clamped_share = _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
-    share = None
-    if arm_share is not None and clamped_share is not None:
-        place = next(number for number, one in enumerate(fit.arms) if one is arm)
-        names = (f"arms.{place}.capacitance_f", "clamped_capacitance_f")
-        common = fit.correlation[tuple(map(fit.correlation_names.index, names))]
-        spread = arm_share**2 + clamped_share**2 - 2.0 * common * arm_share * clamped_share
-        share = 0.5 * (1.0 - arm.characteristics.coupling_factor**2) * sqrt(max(spread, 0.0))
+    place = next(number for number, one in enumerate(fit.arms) if one is arm)
+    names = (f"arms.{place}.capacitance_f", "clamped_capacitance_f")
+    common = fit.correlation[tuple(map(fit.correlation_names.index, names))]
+    spread = arm_share**2 + clamped_share**2 - 2.0 * common * arm_share * clamped_share
+    share = 0.5 * (1.0 - arm.characteristics.coupling_factor**2) * float(np.sqrt(np.maximum(spread, 0.0)))
     return found | {"coupling_factor": share}
 
 
-def _share(error: float | None, value: float) -> float | None:
-    return None if error is None else abs(error / value)
+def _share(error: float | None, value: float) -> float:
+    return nan if error is None else abs(error / value)
 
 
-def _error(deviation: float, measured: float | None, reference: float | None) -> float | None:
-    """Return the standard error of a deviation from the relative ones of both values."""
-    return None if measured is None or reference is None else (1.0 + deviation) * hypot(measured, reference)
+def _error(deviation: float, measured: float, reference: float) -> float | None:
+    """Return the standard error of a deviation from the relative ones of both values; ``None`` if one is NaN."""
+    error = (1.0 + deviation) * hypot(measured, reference)
+    return None if isnan(error) else error

@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.impedance.identify.selection import Progress
 from pyspice_runner.impedance.joint_fit import JointFit, fit_jointly
 from pyspice_runner.impedance.one_port_fit import SpectrumFit, fit_one_port
 from pyspice_runner.impedance.spectrum import Connection, Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_groups
 from pyspice_runner.motor.refusal import checked
-
-Progress = Callable[[int, int], object]
 
 
 @checked

@@ -19,7 +19,7 @@ The start is the fit of the spectrum with the lowest level. The weights follow f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import pi
 
@@ -28,6 +28,7 @@ import numpy as np
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, rms
+from pyspice_runner.impedance.identify.selection import Progress
 from pyspice_runner.impedance.noise import estimate
 from pyspice_runner.impedance.one_port_fit import POOR_FIT, SKEWED, Fit, SpectrumFit, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import Spectrum
@@ -93,7 +94,7 @@ class JointFit(Fit):
         return found
 
 
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def fit_jointly(
     spectra: Sequence[Spectrum],
     modes: int | None = None,
@@ -101,7 +102,7 @@ def fit_jointly(
     voltages: Sequence[float] | None = None,
     temperatures: Sequence[float] | None = None,
     timeout: float | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> JointFit:
     """Fit one circuit to several spectra of one device; see :func:`~.fit.fit_spectrum`."""
     for name, values in (("voltages", voltages), ("temperatures", temperatures)):

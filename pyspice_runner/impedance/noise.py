@@ -21,7 +21,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError, require
+from pyspice_runner.errors import require
 from pyspice_runner.impedance.identify.descent import Complexes, Vector, rms
 
 KINDS = ("proportional", "s11", "z")
@@ -61,10 +61,8 @@ def noise_of(noise: Mapping[str, float] | None, y: Complexes) -> Noise:
     """Return the error model, as stated or else estimated. Raise ParameterError for other kinds or values."""
     if noise is None:
         return estimate(y)
-    if not noise or not noise.keys() <= set(KINDS) or len(noise.keys() - {"proportional"}) > 1:
-        raise ParameterError(
-            f"noise = {dict(noise)!r} is not valid: it must have proportional, s11 or z, or proportional and one other."
-        )
+    valid = noise and noise.keys() <= set(KINDS) and len(noise.keys() - {"proportional"}) < 2
+    require(valid, "noise", dict(noise), "a σ of proportional, s11 or z, or of proportional and one other")
     for kind, sigma in noise.items():
         require(0.0 < sigma < 1e6, f"noise: {kind}", sigma, "a number > 0 and < 1e6")
     return Noise({kind: float(sigma) for kind, sigma in noise.items()}, stated=True)

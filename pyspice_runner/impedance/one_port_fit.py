@@ -16,17 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.errors import ParameterError, SpectrumError, require
+from pyspice_runner.errors import SpectrumError, require
 from pyspice_runner.export.circuit import CircuitExport
-from pyspice_runner.impedance.half_power import HalfPower, half_power
 from pyspice_runner.impedance.identify import errors
 from pyspice_runner.impedance.identify.arms import GLOBALS, Solution
 from pyspice_runner.impedance.identify.descent import Vector, rms
-from pyspice_runner.impedance.identify.duffing import skewed_arms
 from pyspice_runner.impedance.identify.problem import Problem
-from pyspice_runner.impedance.identify.selection import Candidate, Outcome, fit_arms, missing, select
+from pyspice_runner.impedance.identify.selection import Candidate, Outcome, Progress, fit_arms, missing, select
 from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
-from pyspice_runner.impedance.spectrum import Spectrum, band_of
+from pyspice_runner.impedance.spectrum import HalfPower, Spectrum, band_of, half_power
 from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit
 from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.result import Result
@@ -240,7 +238,7 @@ def _shown(item: object, name: str, deviations: Mapping[str, float | None]) -> s
     return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
 
 
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def fit_one_port(
     spectrum: Spectrum,
     modes: int | None = None,
@@ -248,17 +246,19 @@ def fit_one_port(
     leads: bool | tuple[float, float] = True,
     noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> SpectrumFit:
     """Fit clamped capacitance with loss, motional arms and leads; see :func:`~.fit.fit_spectrum`."""
     require(modes is None or 1 <= modes <= MOST_MODES, "modes", modes, f"a whole number from 1 to {MOST_MODES}")
     require(timeout is None or timeout > 0.0, "timeout", timeout, "a number of seconds > 0")
     deadline = inf if timeout is None else time.monotonic() + timeout
-    stated = (0.0, 0.0) if isinstance(leads, bool) else _leads(leads)
+    ohm, henry = (0.0, 0.0) if isinstance(leads, bool) else map(float, leads)
+    plausible = 0.0 <= ohm <= 1e6 and 0.0 <= henry <= 1.0
+    require(plausible, "leads", leads, "a resistance of 0 to 1e6 Ω and an inductance of 0 to 1 H")
     name = spectrum.source or "The spectrum"
     _check(spectrum, name, modes or 1)
     noise_model = noise_of(noise, spectrum.admittance_s)
-    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, noise_model, stated, deadline=deadline)
+    whole = Problem(spectrum.frequency_hz, spectrum.admittance_s, noise_model, (ohm, henry), deadline=deadline)
     whole, noise_model, outcome = _searched(whole, modes, leads is True, progress)
     problem, best = outcome.problem, outcome.best
     if not outcome.finds_resonance():
@@ -280,7 +280,8 @@ def fit_one_port(
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
     solution, circuit, global_errors, values, correlation = errors.estimates(whole, best, outcome.shifts)
     low, high = spectrum.frequency_hz[[0, -1]].tolist()
-    device = _device(spectrum, circuit)
+    leads_ohm = circuit.lead_resistance_ohm + 2j * np.pi * spectrum.frequency_hz * circuit.lead_inductance_h
+    device = np.asarray(1.0 / (spectrum.impedance_ohm - leads_ohm), dtype=complex)
     arms = tuple(
         FittedArm(
             **arm,
@@ -319,7 +320,7 @@ def fit_one_port(
 
 
 def _searched(
-    whole: Problem, modes: int | None, leads: bool, progress: Callable[[int, int], object] | None
+    whole: Problem, modes: int | None, leads: bool, progress: Progress | None
 ) -> tuple[Problem, Noise, Outcome]:
     """Select the circuit; return the problem with the weights of the selection, the final error model, the outcome."""
     outcome = select(whole.thinned(), modes, leads, progress)
@@ -334,22 +335,6 @@ def _searched(
         whole = whole.reweighted(better, whole.admittance(best) * whole.unit_s)
         outcome = select(whole.thinned(), modes, leads, progress)
     return whole, better, outcome
-
-
-def _device(spectrum: Spectrum, circuit: EquivalentCircuit) -> NDArray[np.complex128]:
-    """Return the measured admittance in S behind the fitted leads."""
-    leads = circuit.lead_resistance_ohm + 2j * np.pi * spectrum.frequency_hz * circuit.lead_inductance_h
-    return np.asarray(1.0 / (1.0 / spectrum.admittance_s - leads), dtype=complex)
-
-
-def _leads(leads: tuple[float, float]) -> tuple[float, float]:
-    """Check the stated resistance and inductance of the leads."""
-    ohm, henry = (float(value) for value in leads)
-    if not (0.0 <= ohm <= 1e6 and 0.0 <= henry <= 1.0):
-        raise ParameterError(
-            f"leads = {leads!r} is not valid: it must be a resistance of 0 to 1e6 Ω and an inductance of 0 to 1 H."
-        )
-    return ohm, henry
 
 
 def _check(spectrum: Spectrum, name: str, modes: int) -> None:
@@ -400,7 +385,7 @@ def _misfits(problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], 
             yield misfit(POOR_FIT, error)
         if modes is not None and missing(problem, solution)[0][0] >= 2 * errors.SIGNIFICANT:
             yield "The residuals hide at least one more arm; try a greater number of modes."
-    for place in skewed_arms(problem, solution):
+    for place in errors.skewed_arms(problem, solution):
         yield (
             f"The resonance at {arms[place].series_resonance_hz:.6g} Hz {SKEWED}: its values hold at no level. Repeat "
             "at a lower level, or specify the level by voltages (fit --voltages) for its softening and its growth of "
@@ -409,12 +394,9 @@ def _misfits(problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], 
 
 
 def _undecided(shifts: Vector, order: NDArray[np.intp], arms: tuple[FittedArm, ...]) -> bool:
-    """Whether the choice among descriptions of loss and leads makes most of an arm's error.
+    """Whether the choice among descriptions of loss and leads, by its ``shifts``, makes most of an arm's error.
 
-    Args:
-        shifts: as the outcome of the selection has them.
-        order: the fit's arms by rising frequency.
-        arms: the arms in that order.
+    The ``order`` of the arms is that by rising frequency.
     """
     by_choice = np.linalg.norm(shifts, axis=0)[len(errors.GLOBAL_NAMES) :].reshape(len(arms), -1)[order]
     shares = by_choice[:, errors.ARM_NAMES.index("inductance_h")]

@@ -62,9 +62,14 @@ class Recording:
         for name, value in (("ampere_per_volt", ampere_per_volt), ("volt_per_volt", volt_per_volt)):
             require(np.isfinite(value) and value != 0.0, name, value, "a number other than 0")
         volts, amperes = volt_per_volt * self.channel(voltage), ampere_per_volt * self.channel(current)
-        step = float(np.median(np.diff(self.time_s)))
         rough = _peak_frequency(self.time_s, volts) if frequency_hz is None else float(frequency_hz)
-        self._check(rough)
+        length, step = self.time_s[-1] - self.time_s[0], float(np.median(np.diff(self.time_s)))
+        if not rough * length >= _FEWEST_PERIODS:
+            raise SpectrumError(f"{self.source} has {rough * length:.3g} periods of {rough:.6g} Hz; record at least 2.")
+        if not rough * step * _FEWEST_POINTS <= 1.0:
+            raise SpectrumError(
+                f"{self.source} has {1.0 / (rough * step):.3g} points in a period of {rough:.6g} Hz; record at least 8."
+            )
         orders = np.arange(1, min(HARMONICS, int(0.5 / (rough * step))) + 1)
         fundamental = self._fundamental(volts, rough, orders) if frequency_hz is None else rough
         fits = [_harmonics(self.time_s, values, fundamental, orders) for values in (volts, amperes)]
@@ -80,13 +85,10 @@ class Recording:
         from scipy.optimize import least_squares  # takes long to load
 
         kept = self.time_s >= (self.time_s[0] if after_s is None else after_s)
-        time, values = (
-            self.time_s[kept] - self.time_s[kept][0] if kept.any() else self.time_s[:0],
-            self.channel(channel),
-        )
-        values = values[kept]
+        time, values = self.time_s[kept], self.channel(channel)[kept]
         if len(time) < 3 * _FEWEST_POINTS:
             raise SpectrumError(f"{self.source} has {len(time)} points of a ring-down; record at least 24.")
+        time = time - time[0]
         rough = _peak_frequency(time, values)
         if rough * time[-1] < _RINGS:
             raise SpectrumError(f"{self.source} has less than {_RINGS:g} periods of a ring-down; record more.")
@@ -122,18 +124,6 @@ class Recording:
             bounds=(max(rough - reach, 0.1 * rough), rough + reach), method="bounded", options={"xatol": 1e-8 * rough},
         )  # fmt: skip
         return float(found.x)
-
-    def _check(self, frequency: float) -> None:
-        length, step = self.time_s[-1] - self.time_s[0], float(np.median(np.diff(self.time_s)))
-        if not frequency * length >= _FEWEST_PERIODS:
-            raise SpectrumError(
-                f"{self.source} has {frequency * length:.3g} periods of {frequency:.6g} Hz; record at least 2."
-            )
-        if not frequency * step * _FEWEST_POINTS <= 1.0:
-            raise SpectrumError(
-                f"{self.source} has {1.0 / (frequency * step):.3g} points in a period of {frequency:.6g} Hz; record at "
-                "least 8."
-            )
 
 
 @dataclass(frozen=True)
@@ -190,7 +180,8 @@ def read_recording(path: str | Path) -> Recording:
     width = len(_cells(text.lines[first], mark))
     header = [line for line in text.lines[:first] if len(split(line, separator(line))) >= 2][-2:]
     rows = [split(line, separator(line)) for line in header]
-    named = next((row for row in rows if _names_time(row[0])), rows[-1] if rows else [])
+    of_time = ("time", "x", "source", "t_", "t (")  # starts of the name of the first column
+    named = next((row for row in rows if row[0].strip().lower().startswith(of_time)), rows[-1] if rows else [])
     names = [clean(name, 40) for name in named[:width]]
     if len(names) < width or not all(names):
         names = ["time", *(f"CH{number}" for number in range(1, width))]
@@ -225,10 +216,6 @@ def _cells(line: str, mark: str | None) -> list[str]:
 def _is_row(line: str) -> bool:
     cells = _cells(line, separator(line))
     return len(cells) >= 2 and all(number(cell) is not None and cell for cell in cells)
-
-
-def _names_time(cell: str) -> bool:
-    return cell.strip().lower().startswith(("time", "x-axis", "source", "x", "t_", "t ("))
 
 
 def _rigol_step(rows: list[list[str]]) -> tuple[float, float] | None:

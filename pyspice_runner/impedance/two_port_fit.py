@@ -26,6 +26,7 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, independent_points, rms
 from pyspice_runner.impedance.identify.errors import RESONANT_QUALITY, UNDETERMINED
+from pyspice_runner.impedance.identify.selection import Progress
 from pyspice_runner.impedance.noise import noise_of
 from pyspice_runner.impedance.one_port_fit import Fit, FittedArm, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
@@ -197,10 +198,8 @@ class TwoPortFit(Fit):
         what = "velocity_per_current" if mass_kg is None else "mass_kg"
         given = velocity_per_current if mass_kg is None else mass_kg
         values = np.ravel(np.asarray(given, float)).tolist()
-        if len(values) not in (1, len(self.modes)) or not all(0.0 < value < 1e18 for value in values):
-            raise ParameterError(
-                f"{what} = {given!r} is not valid: it must be a number > 0, or one for each of {len(self.modes)} modes."
-            )
+        valid = len(values) in (1, len(self.modes)) and all(0.0 < value < 1e18 for value in values)
+        require(valid, what, given, f"a number > 0, or one for each of {len(self.modes)} modes")
         if mass_kg is None:  # θ = |tip| i/v, and θ/√m is known
             for index, (velocity, mode, tip) in enumerate(zip(values, self.modes, tips, strict=False)):
                 groups = np.array([mode.coupling_a_n_per_v_kg05, mode.coupling_b_n_per_v_kg05])
@@ -215,14 +214,14 @@ class TwoPortFit(Fit):
         return values, Provenance("given" if mass_kg is not None else "derived", f"calibration by {what}")
 
 
-@one_thread_of_scipy
+@one_thread_of_scipy()
 def fit_groups(
     spectra: Spectrum | Mapping[Connection, Spectrum],
     modes: int | None = None,
     *,
     noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Progress | None = None,
 ) -> TwoPortFit:
     """Fit modes with their couplings to both groups; see :func:`~.fit.fit_spectrum`.
 
@@ -334,7 +333,7 @@ class _Problem:
         worst, place = max(doubts)
         return place if worst > UNDETERMINED else None
 
-    def start(self, modes: int | None, timeout: float | None, progress: Callable[[int, int], object] | None) -> Vector:
+    def start(self, modes: int | None, timeout: float | None, progress: Progress | None) -> Vector:
         """Fit Y_AA + Y_BB, which shows every mode, and divide each arm between the groups by the other connections."""
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz

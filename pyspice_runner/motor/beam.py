@@ -126,11 +126,6 @@ class Resonator:
         k = self.wavenumbers
         return np.asarray(np.cos(np.multiply.outer(x_m, k)) @ (k[:, None] * self.coefficients))
 
-    def rotation(self, x_m: ArrayLike) -> Array:
-        """Rotation ψ = w′ − γ of the sections (1/m) at the positions ``x_m``: (len(x), modes)."""
-        k = np.concatenate(([0.0], self.wavenumbers))[: len(self.shears)]
-        return np.asarray(self.slope(x_m) - np.cos(np.multiply.outer(x_m, k)) @ self.shears)
-
     def curvature(self, x_m: ArrayLike) -> Array:
         """Curvature ψ′ (1/m²) at the positions ``x_m``: (len(x), modes).
 
@@ -143,7 +138,7 @@ class Resonator:
         return np.asarray(-np.sin(np.multiply.outer(x_m, k)) @ (smooth[:, None] * bent))
 
 
-@one_thread  # the modes enter decks and the addresses of stored points
+@one_thread()  # the modes enter decks and the addresses of stored points
 def solve_resonator(
     beam: Beam, patches: Sequence[Patch], tip: Tip, *, count: int = 2, shapes: int = SHAPES
 ) -> Resonator:
@@ -307,10 +302,9 @@ def clamped_capacitances(beam: Beam, patches: Sequence[Patch]) -> tuple[float, f
     Raise ParameterError if the patches do not fit the beam or each other, or a group has none.
     """
     _require_both_groups(patches)
-    capacitances = np.zeros(2)
-    for section in _sections(beam, patches):
-        capacitances += section.capacitance_per_length * (section.end - section.start)
-    return float(capacitances[0]), float(capacitances[1])
+    each = [section.capacitance_per_length * (section.end - section.start) for section in _sections(beam, patches)]
+    of_a, of_b = np.sum(each, axis=0).tolist()
+    return of_a, of_b
 
 
 @dataclass(frozen=True)
@@ -345,41 +339,31 @@ def _sections(beam: Beam, patches: Sequence[Patch], tip: Tip | None = None) -> l
 
 def _section(beam: Beam, patches: Sequence[Patch], start: float, end: float, foot: _Layer | None = None) -> _Section:
     """Laminate the beam with the patches, and the foot, that lie between ``start`` and ``end``."""
-    mass = beam.density_kg_m3 * beam.width_m * beam.thickness_m
-    axial = beam.youngs_modulus_pa * beam.width_m * beam.thickness_m
-    mixed = 0.0
-    bending = axial * beam.thickness_m**2 / 12
     force = np.zeros(2)
     moment = np.zeros(2)
     capacitance = np.zeros(2)
     layers = [_Layer.of(beam, 0.0)]
     for patch in patches:
         group = GROUPS.index(patch.group)
-        thickness = patch.thickness_m
-        stretch = patch.youngs_modulus_pa * patch.width_m * thickness
         per_volt = patch.youngs_modulus_pa * patch.piezoelectric_constant_m_per_v * patch.layers * patch.width_m
         clamped_permittivity = (
             patch.permittivity_f_m - patch.piezoelectric_constant_m_per_v**2 * patch.youngs_modulus_pa
         )
         for side in SIDES[patch.faces]:
-            middle = side * 0.5 * (beam.thickness_m + thickness)
+            middle = side * 0.5 * (beam.thickness_m + patch.thickness_m)
             layers.append(_Layer.of(patch, middle))
-            mass += patch.density_kg_m3 * patch.width_m * thickness
-            axial += stretch
-            mixed += stretch * middle
-            bending += stretch * (middle**2 + thickness**2 / 12)
             force[group] += side * per_volt
             moment[group] += side * per_volt * middle
-            capacitance[group] += clamped_permittivity * patch.layers**2 * patch.width_m / thickness
-    if foot is not None:
-        layers.append(foot)
-        axial += foot.stiffness * foot.thickness
-        mixed += foot.stiffness * foot.thickness * foot.middle
-        bending += foot.stiffness * foot.thickness * (foot.middle**2 + foot.thickness**2 / 12)
+            capacitance[group] += clamped_permittivity * patch.layers**2 * patch.width_m / patch.thickness_m
+    layers += [foot] if foot is not None else []
+    mass = sum(layer.mass for layer in layers)
+    axial = sum(layer.stretch for layer in layers)
+    mixed = sum(layer.stretch * layer.middle for layer in layers)
+    bending = sum(layer.stretch * (layer.middle**2 + layer.thickness**2 / 12) for layer in layers)
     bending -= mixed**2 / axial
-    moment -= force * (mixed / axial)
-    capacitance += force**2 / axial
     neutral = mixed / axial
+    moment -= force * neutral
+    capacitance += force**2 / axial
     shear = _shear_stiffness(layers, neutral, bending)
     rotary = sum(layer.mass * ((layer.middle - neutral) ** 2 + layer.thickness**2 / 12) for layer in layers)
     return _Section(start, end, mass, bending, moment, capacitance, shear, rotary)
@@ -394,6 +378,11 @@ class _Layer:
     mass: float  # per length
     stiffness: float  # E b, per height
     shear_compliance: float  # (12 + 11 ν)/(6 E b): Cowper's, 1/(G b) times 5/6 of his 1/κ
+
+    @property
+    def stretch(self) -> float:
+        """E b t: axial stiffness."""
+        return self.stiffness * self.thickness
 
     @classmethod
     def of(cls, part: Beam | Patch, middle: float) -> _Layer:
@@ -419,7 +408,7 @@ def _shear_stiffness(layers: Sequence[_Layer], neutral: float, bending: float) -
         down = 0.5 * layer.thickness * (1.0 + nodes)  # from the top of the layer
         flow = above + layer.stiffness * down * (top - 0.5 * down)
         compliance += 0.5 * layer.thickness * layer.shear_compliance * float(weights @ flow**2)
-        above += layer.stiffness * layer.thickness * (layer.middle - neutral)
+        above += layer.stretch * (layer.middle - neutral)
     return bending**2 / compliance
 
 

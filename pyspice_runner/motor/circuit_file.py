@@ -8,11 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
-from pyspice_runner.motor.refusal import checked, quoted
+from pyspice_runner.motor.refusal import checked
 
 _ARM = [item.name for item in fields(MotionalArm)]
 _WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name not in ("arms", "shared_losses")]
@@ -99,11 +99,10 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
 
 def _rows(given: Any, arms: list[MotionalArm], order: list[int], where: str) -> tuple[tuple[float, ...], ...]:
     """Return the checked rows of shared losses, sorted like the arms; no arm shares more than its resistance."""
-    bad = f"{where}: shared_losses = {quoted(given)} is not valid: it must have rows of {len(arms) + 1} numbers."
-    if not isinstance(given, list) or not all(isinstance(row, list) and len(row) == len(arms) + 1 for row in given):
-        raise ParameterError(bad)
-    if not all(isinstance(value, int | float) and abs(value) <= _MOST for row in given for value in row):
-        raise ParameterError(bad)
+    count = len(arms) + 1
+    valid = isinstance(given, list) and all(isinstance(row, list) and len(row) == count for row in given)
+    valid = valid and all(isinstance(value, int | float) and abs(value) <= _MOST for row in given for value in row)
+    require(valid, f"{where}: shared_losses", given, f"rows of {count} numbers")
     rows = tuple(tuple(float(row[index]) for index in (0, *(1 + place for place in order))) for row in given)
     for index, arm in enumerate(arms):
         shared = sum(row[1 + index] ** 2 for row in rows)
@@ -120,7 +119,6 @@ def _number(table: dict[str, Any], key: str, path: str, where: str) -> float:
     if value is None:
         raise ParameterError(f"{where}: {path} is missing. Specify it.")
     least = 0.0 if key in _MAY_BE_ZERO else _LEAST
-    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= _MOST:
-        allowed = f"a number ≥ {least:g} and ≤ {_MOST:g}"
-        raise ParameterError(f"{where}: {path} = {quoted(value)} is not valid: it must be {allowed}.")
+    valid = isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= _MOST
+    require(valid, f"{where}: {path}", value, f"a number ≥ {least:g} and ≤ {_MOST:g}")
     return float(value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The voltages that drive the two piezo groups (paper eqs. 1 and 2)."""
+"""The voltages that drive the two piezo groups (paper eqs. 1 and 2), and the load of the shaft."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.contact import static_penetration
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import quantity
@@ -90,11 +90,8 @@ class Drive(Stated):
         """Return U_A and U_B just after t = 0, in V."""
         if self.soft_start > 0.0:
             return 0.0, 0.0
-        volts = [0.0, 0.0]
-        for place, tones in enumerate(self.tones):
-            for tone in tones:
-                volts[place] += tone.amplitude * sin(tone.phase)
-        return volts[0], volts[1]
+        volts_a, volts_b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in self.tones)
+        return volts_a, volts_b
 
 
 class TwoPhaseDrive(Drive):
@@ -263,12 +260,53 @@ class Load:
                 f"speed = {self.speed:g} {unit} is not valid for the {motor.moved} of {motor.name}: it must be a "
                 f"number from {-fastest:.3g} to {fastest:.3g} {unit}, {reason}."
             )
-        if not abs(self.torque) <= 1e6:
-            unit = "N" if motor.slider else "N·m"
-            raise ParameterError(
-                f"load_torque = {self.torque:g} {unit} is not valid: it must be from -1e6 to 1e6 {unit}."
-            )
+        unit = "N" if motor.slider else "N·m"
+        require(abs(self.torque) <= 1e6, "load_torque", self.torque, f"from -1e6 to 1e6 {unit}", unit=unit)
         if self.speed is not None and self.torque:
             raise ParameterError(
                 "speed and load_torque exclude each other: a shaft held at a speed takes any torque. Give one."
             )
+
+
+class ShaftLoad(Stated):
+    """A mass that the shaft moves, by a rigid or an elastic coupling with play.
+
+    Of a slider, 1 rad stands for 1 m, 1 N·m for 1 N and 1 kg·m² for 1 kg.
+
+    Raises:
+        ParameterError: by the constructor, for an invalid value, or values without an effect.
+    """
+
+    inertia_kg_m2: float = quantity("moment of inertia of the load", "kg·m²", default=0.0, ge=0.0, le=1e3)
+    damping_n_m_s: float = quantity("viscous friction of the load", "N·m·s", default=0.0, ge=0.0, le=1e3)
+    spring_n_m_per_rad: float = quantity(
+        "stiffness of a spring that pulls the load to the angle 0, where a run starts", "N·m/rad", default=0.0, ge=0.0,
+        le=1e6,
+    )  # fmt: skip
+    gravity_n_m: float = quantity(
+        "maximum torque of the load's weight: mass, 9.81 m/s² and distance of its centre from the axis", "N·m",
+        default=0.0, ge=0.0, le=1e3,
+    )  # fmt: skip
+    gravity_angle_deg: float = quantity(
+        "angle at the start between the centre of mass and its lowest place", "°", default=0.0, ge=-360.0, le=360.0
+    )
+    coupling_stiffness_n_m_per_rad: float = quantity(
+        "stiffness of the shaft between rotor and load; 0: rigid", "N·m/rad", default=0.0, ge=0.0, le=1e6
+    )
+    coupling_damping_n_m_s: float = quantity("damping of this shaft", "N·m·s", default=0.0, ge=0.0, le=1e3)
+    backlash_rad: float = quantity(
+        "play of the coupling from end to end; a run starts in its middle", "rad", default=0.0, ge=0.0, le=1.0
+    )
+
+    def __init__(self, *values: float, **named: float) -> None:
+        super().__init__(*values, **named)
+        if not self.inertia_kg_m2 and any(self.model_dump().values()):
+            raise ParameterError("ShaftLoad: inertia_kg_m2 = 0 is not valid with other values: the load needs a mass.")
+        if not self.coupling_stiffness_n_m_per_rad and (self.coupling_damping_n_m_s or self.backlash_rad):
+            raise ParameterError(
+                "ShaftLoad: coupling_damping_n_m_s and backlash_rad have no effect on a rigid coupling. Give "
+                "coupling_stiffness_n_m_per_rad, or leave them out."
+            )
+
+
+UNCOUPLED = ShaftLoad()

@@ -19,7 +19,7 @@ frequency. The characteristic frequencies are those of IEEE 176, of the device b
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from math import pi, sqrt
 
 import numpy as np
@@ -252,21 +252,16 @@ class EquivalentCircuit:
         The losses of the clamped capacitance, whose effect is small, count as a series resistance; shared losses as own
         losses.
         """
-        count = len(self.arms)
-        inductance = np.array([arm.inductance_h for arm in self.arms])
-        capacitance = np.array([arm.capacitance_f for arm in self.arms])
+        resistance, inductance, capacitance = np.array([astuple(arm) for arm in self.arms]).T
         loss = self.loss_tangent / (2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f)
         # states: currents √L i and voltages √C u of the arms and √C₀ u of the clamped capacitance
-        matrix = np.zeros((2 * count + 1, 2 * count + 1))
         scale = 1.0 / np.sqrt(inductance)
-        resistance = np.diag([arm.resistance_ohm for arm in self.arms])
-        matrix[:count, :count] = -(resistance + loss) * np.outer(scale, scale)
+        damping = (np.diag(resistance) + loss) * np.outer(scale, scale)
         coupling = np.hstack(
             [np.diag(-scale / np.sqrt(capacitance)), scale[:, None] / sqrt(self.clamped_capacitance_f)]
         )
-        matrix[:count, count:] = coupling
-        matrix[count:, :count] = -coupling.T
-        values = np.linalg.eigvals(matrix)
+        rest = np.zeros((len(self.arms) + 1, len(self.arms) + 1))
+        values = np.linalg.eigvals(np.block([[-damping, coupling], [-coupling.T, rest]]))
         values = values[np.argsort(np.abs(values))][1:]  # the first is the constant charge
         return [complex(value) for value in values[::2]]
 

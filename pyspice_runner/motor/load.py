@@ -293,20 +293,14 @@ def _from_solid(
     between = -float(capacitance[0, 1])
     motion = np.where(np.diag(stator.residual_m_per_n)[:, np.newaxis] > 0.0, stator.residual_m_per_v, 0.0)
     motion = np.where(np.abs(motion) > _NO_MOTION * np.abs(motion).max(), motion, 0.0)  # 0 but for rounding
-    return (
-        solid,
-        modes,
-        {
-            "capacitance_a_f": float(capacitance[0, 0]),
-            "capacitance_b_f": float(capacitance[1, 1]),
-            "capacitance_ab_f": between if abs(between) > 1e-6 * capacitance[0, 0] else 0.0,  # 0 but for rounding
-            **{
-                f"motion_{axis}_{group}_m_per_v": float(per_volt)
-                for axis, row in zip("yx", motion, strict=True)
-                for group, per_volt in zip(GROUPS, row, strict=True)
-            },
-        },
-    )
+    piezo = {
+        "capacitance_a_f": float(capacitance[0, 0]),
+        "capacitance_b_f": float(capacitance[1, 1]),
+        "capacitance_ab_f": between if abs(between) > 1e-6 * capacitance[0, 0] else 0.0,  # 0 but for rounding
+    }
+    for axis, row in zip("yx", motion.tolist(), strict=True):
+        piezo |= {f"motion_{axis}_{group}_m_per_v": per_volt for group, per_volt in zip(GROUPS, row, strict=True)}
+    return solid, modes, piezo
 
 
 def _softening(

@@ -7,7 +7,6 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Mapping
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import wraps
 from math import inf, pi, sqrt
@@ -332,13 +331,11 @@ class Motor(Shown, Parameters):
         )
 
     @property
-    @derived
     def deflection_m(self) -> float:
         """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
         return float(self.contact.preload_n * self.stator.flexibility[1, 1])
 
     @property
-    @derived
     def sway_m(self) -> float:
         """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 
@@ -381,7 +378,6 @@ class Motor(Shown, Parameters):
         return "rotor.bearing_friction_n_m", self.rotor.bearing_friction_n_m, "N·m"
 
     @property
-    @derived
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
         return self.carried_stator.decay_s
@@ -436,10 +432,6 @@ class Motor(Shown, Parameters):
         An effect that is off, such as a coefficient of restitution of 1, is left out. A mode has its recoil also where
         it is 0, and ``None`` where it is not known.
         """
-        return deepcopy(self._document())
-
-    @derived
-    def _document(self) -> dict[str, Any]:
         document = self.model_dump()
         for section in ("piezo", "contact", "mount", "rotor", "slider"):
             table: dict[str, Any] = document.get(section) or {}

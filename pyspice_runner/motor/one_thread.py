@@ -1,37 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One thread of BLAS, for speed and for results that do not depend on the number of threads."""
+"""One thread of BLAS, for speed and for results that do not depend on the number of threads. Both are decorators."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
-from typing import ParamSpec, TypeVar
-
-_Parameters = ParamSpec("_Parameters")
-_Result = TypeVar("_Result")
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
-def one_thread(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+@contextmanager
+def one_thread() -> Iterator[None]:
     """Limit NumPy's BLAS to one thread: more change the last bits, and are never faster for small matrices."""
+    from threadpoolctl import threadpool_limits
 
-    @wraps(function)
-    def limited(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
-        from threadpoolctl import threadpool_limits
-
-        with threadpool_limits(limits=1, user_api="blas"):
-            return function(*args, **kwargs)
-
-    return limited
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
-def one_thread_of_scipy(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+@contextmanager
+def one_thread_of_scipy() -> Iterator[None]:
     """Limit SciPy's BLAS too, which is another one, and limited only where it is loaded."""
-    limited = one_thread(function)
+    import scipy.linalg  # noqa: F401 # takes long to load
 
-    @wraps(function)
-    def loaded(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
-        import scipy.linalg  # noqa: F401 # takes long to load
-
-        return limited(*args, **kwargs)
-
-    return loaded
+    with one_thread():
+        yield

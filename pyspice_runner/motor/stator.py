@@ -94,12 +94,10 @@ class Stator:
         found.mass[n:, :n] = self.recoil.T[: len(moving)]
         found.mass[:n, n:] = found.mass[n:, :n].T
         for place, along in enumerate(moving):
-            found.mass[n + place, n + place], found.damping[n + place, n + place] = (
-                along.mass_kg,
-                along.damping_n_s_per_m,
-            )
-            found.stiffness[n + place, n + place] = along.stiffness_n_per_m
-            found.contact[1 - place :: 2, n + place] = 1.0
+            own = n + place
+            found.mass[own, own], found.damping[own, own] = along.mass_kg, along.damping_n_s_per_m
+            found.stiffness[own, own] = along.stiffness_n_per_m
+            found.contact[1 - place :: 2, own] = 1.0
         return replace(found, recoil=np.zeros((n + len(moving), 2)), carriers=len(moving))
 
     def pressed(self, stiffness: ArrayLike, damping: ArrayLike, surface_kg: float, surface_n_s_per_m: float) -> Self:
@@ -127,12 +125,11 @@ class Stator:
 
     def _extended(self, count: int) -> Self:
         """Return the stator with more coordinates, so far without mass, spring, damping and motion of the contacts."""
-        n, shape = len(self.mass), (len(self.mass) + count, len(self.mass) + count)
-        mass, damping, stiffness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        contact = np.zeros((len(self.contact), n + count))
-        mass[:n, :n], damping[:n, :n], stiffness[:n, :n] = map(square, (self.mass, self.damping, self.stiffness))
-        coupling, recoil = np.zeros((n + count, self.coupling.shape[1])), np.zeros((n + count, 2))
-        contact[:, :n], coupling[:n], recoil[:n] = self.contact, self.coupling, self.recoil
+        mass, damping, stiffness = (
+            np.pad(square(one), (0, count)) for one in (self.mass, self.damping, self.stiffness)
+        )
+        coupling, recoil = (np.pad(one, ((0, count), (0, 0))) for one in (self.coupling, self.recoil))
+        contact = np.pad(self.contact, ((0, 0), (0, count)))
         return replace(
             self, mass=mass, damping=damping, stiffness=stiffness, coupling=coupling, contact=contact, recoil=recoil
         )

@@ -238,10 +238,7 @@ def slip_velocity(contact: Contact, slider_m: Array, penetration_m: Array, norma
 def of_contact(contact: Contact, greatest_n: float, rubbing_w: float) -> dict[str, float]:
     """Return pressure, tension and wear in SI units; NaN where they are not known.
 
-    Args:
-        contact: the contact.
-        greatest_n: largest normal force, N.
-        rubbing_w: mean of normal force times slip velocity, W.
+    ``greatest_n`` is the largest normal force in N, ``rubbing_w`` the mean of normal force times slip velocity in W.
     """
     rate = contact.specific_wear_rate_m3_per_n_m
     return {

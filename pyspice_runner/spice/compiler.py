@@ -12,7 +12,6 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 
 from pyspice_runner.errors import SimulationError
@@ -58,20 +57,16 @@ def compile_library(folder: Path, sources: Sequence[str], target: Path, *, windo
     return True
 
 
-@cache
-def _version(compiler: str) -> str:
-    return answer(
-        [compiler, "--version"], timeout=_TIMEOUT, hint="Install another.", what=f"The C compiler {compiler}"
-    ).stdout
-
-
 def cached_library(name: str, texts: Mapping[str, str], folder: Path) -> Path:
     """Return the shared library ``NAME.so`` of C texts, file name → text; compile it if it is not in a folder yet.
 
     A file or folder that another user owns or can write is not used: it is replaced, or the folder cannot be written.
     Raise SimulationError if there is no compiler, if it fails, or if the folder cannot be written.
     """
-    key = "\n".join((_version(find_compiler()), platform.platform(), *_FLAGS, *texts, *texts.values()))
+    compiler = find_compiler()
+    what = f"The C compiler {compiler}"
+    version = answer([compiler, "--version"], timeout=_TIMEOUT, hint="Install another.", what=what).stdout
+    key = "\n".join((version, platform.platform(), *_FLAGS, *texts, *texts.values()))
     place = folder / hashlib.sha256(key.encode()).hexdigest()[:32] / f"{name}.so"
     if _is_private(place):
         return place

@@ -23,7 +23,7 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
-from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.units import linear_words
 
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
@@ -105,10 +105,8 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
 
 def check_name(name: str) -> str:
     """Return a name that every SPICE accepts and no part of another export may have; else raise ParameterError."""
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name):
-        raise ParameterError(
-            f"name = {name!r} is not valid: it must be at most 40 letters, digits and _, the first a letter."
-        )
+    accepted = re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name)
+    require(accepted, "name", name, "at most 40 letters, digits and _, the first a letter")
     suffixes = {part.removeprefix(PREFIX) for part in library_names() if part.startswith(f"{PREFIX}_")} | {LAW}
     taken = next((suffix for suffix in sorted(suffixes) if name.lower().endswith(suffix)), "")
     if taken and name != f"{PREFIX}_thermal":
@@ -174,8 +172,7 @@ def parse_library(name: str, text: str) -> Library:
         text=text,
         needs=header.needs(),
         **facts,
-        **header.powers(),
-        **header.law(text[begin.end() : end.start()]),
+        **header.insides(text[begin.end() : end.start()]),
     )
 
 
@@ -225,12 +222,8 @@ class Header:
             found.append(LibraryParameter(key, unit, default, least, greatest, meaning))
         return tuple(found)
 
-    def powers(self) -> dict[str, Any]:
-        """Return name and meaning of the ``LOSS``, ``FEED`` and ``STORE`` lines, by the fields of :class:`Library`."""
-        return {field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()}
-
-    def law(self, body: str) -> dict[str, Any]:
-        """Return what a contact law states about itself, by the fields of :class:`Library`.
+    def insides(self, body: str) -> dict[str, Any]:
+        """Return powers and stores, and what a contact law states about itself, by the fields of :class:`Library`.
 
         Without ``STATE`` lines the states are the nodes of the capacitors to ground in the ``body`` of the subcircuit;
         without a line ``SPRING`` a law with states has a spring.
@@ -239,6 +232,7 @@ class Header:
         states = [node for node, _, _ in self.entries("STATE", 3)] or capacitors
         words = {key: " ".join(text for (text,) in self.entries(key)).split() for key in ("SLIDERS", "SPRING", "FORMS")}
         return {
+            **{field: tuple(self.entries(keyword, 2)) for field, keyword in _POWERS.items()},
             "states": tuple(map(str.lower, states)),
             "sliders": tuple(words["SLIDERS"]),
             "spring": words["SPRING"][0] == "yes" if words["SPRING"] else bool(states),

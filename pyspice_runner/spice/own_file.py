@@ -99,8 +99,7 @@ class OwnFile:
             text=self._text,
             needs=needs,
             **(stated | {"omits": f"what the user's own {what} leaves out"} | self._header.facts()),
-            **self._header.powers(),
-            **self._header.law(subcircuit),
+            **self._header.insides(subcircuit),
         )
 
     def _needs(self) -> tuple[str, ...]:

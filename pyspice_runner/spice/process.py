@@ -256,27 +256,24 @@ class KeptProcesses:
         if self._failures >= _MOST_FAILURES:
             return None
         try:
-            return self._run(deck, verified)
+            with held() as listening:  # an interrupt waits until the process is among the idle ones, or ended
+                server = self._idle.pop() if self._idle else _started()
+                try:
+                    (server.folder / "deck.cir").write_text(deck, encoding="utf-8")
+                    raw = server.folder / "out.raw"
+                    began = time.perf_counter()
+                    with listening():
+                        log = "\n".join(server.send("source deck.cir", f"run {raw.name}", "destroy all", "remcirc"))
+                    found = verified(raw, log, time.perf_counter() - began, server.version)
+                    raw.unlink()  # it is mapped; the next run writes another file
+                except BaseException:
+                    server.close()
+                    raise
+                self._idle.append(server)
+            return found
         except (SimulationError, OSError):
             self._failures += 1
             return None
-
-    def _run(self, deck: str, verified: Callable[[Path, str, float, str], T]) -> T:
-        with held() as listening:  # an interrupt waits until the process is among the idle ones, or ended
-            server = self._idle.pop() if self._idle else _started()
-            try:
-                (server.folder / "deck.cir").write_text(deck, encoding="utf-8")
-                raw = server.folder / "out.raw"
-                began = time.perf_counter()
-                with listening():
-                    log = "\n".join(server.send("source deck.cir", f"run {raw.name}", "destroy all", "remcirc"))
-                found = verified(raw, log, time.perf_counter() - began, server.version)
-                raw.unlink()  # it is mapped; the next run writes another file
-            except BaseException:
-                server.close()
-                raise
-            self._idle.append(server)
-        return found
 
 
 def _started() -> Server:

@@ -45,9 +45,8 @@ class Tolerance:
         if share is None or not 0.0 < share < 1.0:
             given = quoted(self.relative) if share is None else f"±{100.0 * share:g} %"
             raise ParameterError(f"A tolerance of {given} is not valid: it must be > 0 and < 100 %.")
-        if self.distribution not in ("uniform", "normal"):
-            given = quoted(self.distribution)
-            raise ParameterError(f"distribution = {given} is not valid: it must be 'uniform' or 'normal'.")
+        known = self.distribution in ("uniform", "normal")
+        require(known, "distribution", self.distribution, "'uniform' or 'normal'")
 
     def factors(self, quantiles: Array) -> Array:
         """Return the factors of the nominal value at quantiles from 0 to 1."""
@@ -133,8 +132,8 @@ def _grid(path: str, values: Any) -> Array:
         grid = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         grid = np.array([])
-    if grid.ndim != 1 or not grid.size or not np.all(np.isfinite(grid)):
-        raise ParameterError(f"{path} = {quoted(values)} is not valid: it must be one or more numbers, or a Tolerance.")
+    valid = grid.ndim == 1 and grid.size and np.all(np.isfinite(grid))
+    require(valid, path, values, "one or more numbers, or a Tolerance")
     return grid
 
 

@@ -4,16 +4,17 @@
 A parameter is named by its dotted path (:mod:`~pyspice_runner.run.paths`): ``contact.friction``, ``drive.voltage``,
 ``load.speed``, ``run.duration``. ``modes.*.tip_x`` names that of all modes, which then change together.
 
-A worker runs each point (:mod:`.task`), and its result is stored at once (:mod:`.store`). To continue a sweep after an
-interrupt, repeat the call.
+A point is answered out of the store, by a run that points share, or by a worker (:mod:`.task`), and its result is
+stored at once (:mod:`.store`). To continue a sweep after an interrupt, repeat the call.
 """
 
 from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,19 +22,30 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import Stated, checked, quoted
-from pyspice_runner.result import grouped
+from pyspice_runner.result import grouped, json_ready
 from pyspice_runner.run.paths import LOADS, canonical, changed, unit_of_name, unknown
 from pyspice_runner.run.simulate import simulate
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.sweeps.answers import FLAGS, Quantity, answers_to, picked_from
+from pyspice_runner.steady.speed_torque import held_point, held_points
 from pyspice_runner.sweeps.plan import Plan, Sampling, Tolerance, named, plan_of
 from pyspice_runner.sweeps.store import Store, fingerprint
 from pyspice_runner.sweeps.task import Analysis, Task, drive_document, identity, plain, versions_here
+from pyspice_runner.sweeps.workers import outcomes
 
 if TYPE_CHECKING:
     import xarray
+
+Quantity = str | Callable[[Any], float]
+
+_DEVIATIONS = 1.96  # standard deviations of an interval of 95 %
+BATCH = 64  # operating points that are solved together, and stored
+FLAGS = {  # kept of every point beside the quantities, where the analysis has them; 1 is yes, 0 is no
+    "settled": "whether the means are settled",
+    "accurate": "whether the estimated error is allowed",
+}
 
 
 @checked
@@ -106,11 +118,9 @@ def sweep(
     versions = versions_here()
     tasks = [Task(analysis, *changed(motor, drive, run, change), functions, versions) for change in plan.changes]
     addresses = [task.address for task in tasks]
-    found, failed = answers_to(
-        dict(zip(addresses, tasks, strict=True)),
-        lambda result: picked_from(result, wanted),
-        Store(store), workers, executor, progress or (lambda *_: None),
-    )  # fmt: skip
+    found, failed = _answers_to(
+        dict(zip(addresses, tasks, strict=True)), wanted, Store(store), workers, executor, progress or (lambda *_: None)
+    )
     refusals = [error for error in failed.values() if isinstance(error, ParameterError)]
     if not found and len(refusals) == len(failed):
         raise refusals[0]
@@ -142,6 +152,72 @@ def _check_settings(given: set[str], arguments: set[str], analysis: Analysis) ->
     for name, setting in named.items():
         if setting.default is setting.empty and name not in given:
             raise ParameterError(f"The setting {name} is missing. Specify it, or sweep over run.{name}.")
+
+
+def _answers_to(
+    tasks: Mapping[str, Task],
+    wanted: Mapping[str, Quantity],
+    store: Store,
+    workers: int | None,
+    executor: Executor | None,
+    progress: Callable[[int, int], None],
+) -> tuple[dict[str, dict[str, Any]], dict[str, BaseException]]:
+    """Return by address what the points gave, and why others failed: out of the store, or worked out and stored."""
+    stored = {address: store.get(task.content) for address, task in tasks.items()}
+    found = {address: _picked(result, wanted) for address, result in stored.items() if result is not None}
+    failed: dict[str, BaseException] = {}
+    progress(len(found), len(tasks))
+    missing = {address: task for address, task in tasks.items() if address not in found}
+    try:
+        if executor is None:
+            for address, answer in _together(missing):
+                store.put(tasks[address].content, answer)
+                found[address] = _picked(answer, wanted)
+                del missing[address]
+                progress(len(found), len(tasks))
+        with closing(outcomes(missing, workers, executor)) as answers:
+            for address, outcome in answers:
+                if isinstance(outcome, BaseException):
+                    failed[address] = outcome
+                else:
+                    store.put(tasks[address].content, outcome)
+                    found[address] = _picked(outcome, wanted)
+                progress(len(found) + len(failed), len(tasks))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"{len(found)} of {len(tasks)} points are finished and kept in {store.folder}; "
+            "start the same sweep again to continue it"
+        ) from None
+    return found, failed
+
+
+def _together(tasks: Mapping[str, Task]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the answers of operating points with a stable steady state, which share runs of ngspice."""
+    batched = [
+        (address, task, task.drive) for address, task in tasks.items()
+        if task.analysis is held_point and isinstance(task.drive, Drive)
+        and task.run.get("mode", "steady") == "steady" and task.run.get("audit", True)
+    ]  # fmt: skip
+    for begin in range(0, len(batched), BATCH):
+        batch = batched[begin : begin + BATCH]
+        results = held_points([(task.motor, drive, task.run) for _, task, drive in batch])
+        for (address, task, _), result in zip(batch, results, strict=True):
+            if result is not None:
+                yield address, task.answer(result)
+
+
+def _picked(result: Mapping[str, Any], wanted: Mapping[str, Quantity]) -> dict[str, Any]:
+    """Return the wanted quantities and the hash of the deck. Raise ParameterError if there is no such quantity."""
+    numbers = result["numbers"]
+    values: dict[str, Any] = {"deck_sha256": result["deck_sha256"], "cautions": result["cautions"]}
+    values |= {name: numbers[name] for name in FLAGS if name in numbers and name not in wanted}
+    for name, source in wanted.items():
+        key = source if isinstance(source, str) else name
+        if key not in numbers:
+            inputs = ("motor.", "drive.", "run.")
+            raise unknown(key, [known for known in numbers if not known.startswith(inputs)], "quantity")
+        values[name] = numbers[key]
+    return values
 
 
 def _dataset(
@@ -182,3 +258,37 @@ def _reason(error: BaseException) -> str:
             "are lost, the script lacks `if __name__ == '__main__':`; each worker imports it."
         )
     return str(error) if isinstance(error, ParameterError | SimulationError) else f"{type(error).__name__}: {error}"
+
+
+def met(dataset: xarray.Dataset, limits: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    """Return the yield of a sweep, the share of its points within all limits, JSON-ready.
+
+    A point that failed does not meet them. The interval of 95 % is that of E. B. Wilson (J. Am. Stat. Assoc. 22, 1927)
+    for samples that are drawn at random; those of a Sobol sequence lie closer.
+
+    Args:
+        dataset: the result of ``sweep``.
+        limits: name of a quantity → minimum and maximum.
+
+    Raises:
+        ParameterError: for a name that is no quantity of the sweep.
+    """
+    from pyspice_runner.datasets import Sweep
+
+    known = Sweep(dataset).quantities
+    for name in limits:
+        if name not in known:
+            raise ParameterError(f"{name} is no quantity of the sweep; it has {', '.join(known)}.")
+    within = {
+        name: (dataset[name].values >= low) & (dataset[name].values <= high) for name, (low, high) in limits.items()
+    }
+    count, good = int(np.prod(list(dataset.sizes.values()))), int(np.all([*within.values()], axis=0).sum())
+    share, spread = good / count, _DEVIATIONS**2 / count
+    centre = (share + 0.5 * spread) / (1.0 + spread)
+    half = _DEVIATIONS * np.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
+    return {
+        "points": count, "good": good, "yield": share,
+        "interval_95": [max(float(centre - half), 0.0), min(float(centre + half), 1.0)],
+        "limits": {name: json_ready(list(ends)) for name, ends in limits.items()},
+        "each": {name: int(points.sum()) for name, points in within.items()},
+    }  # fmt: skip

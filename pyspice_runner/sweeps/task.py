@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,7 +23,6 @@ from pyspice_runner.motor.refusal import Stated, quoted
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.sweeps.store import fingerprint
-from pyspice_runner.sweeps.workers import SweepEnded
 
 Analysis = Callable[..., Any]
 
@@ -72,12 +70,6 @@ class Task:
 
     def __call__(self) -> dict[str, Any]:
         """Run the point and return its answer."""
-        try:
-            return self._answer()
-        except SweepEnded:
-            os._exit(1)  # ngspice is stopped, its files are cleared away; do not begin another task
-
-    def _answer(self) -> dict[str, Any]:
         here = versions_here()
         if here != self.versions:
             raise SimulationError(

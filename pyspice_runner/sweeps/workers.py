@@ -15,12 +15,11 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from queue import SimpleQueue
 from typing import Any
 
 from pyspice_runner.errors import require
@@ -49,20 +48,15 @@ def outcomes(
 
 def _by_executor(tasks: Mapping[str, Task], executor: Executor) -> Iterator[tuple[str, Outcome]]:
     """Run tasks in the user's executor, without retries."""
-    done: SimpleQueue[Future[dict[str, Any]]] = SimpleQueue()
     under_way: dict[Future[dict[str, Any]], str] = {}
     try:
         for address, task in tasks.items():
             try:
                 with _start_of_workers():
-                    future = executor.submit(task)
+                    under_way[executor.submit(task)] = address
             except BrokenExecutor as error:
                 yield address, error
-            else:
-                under_way[future] = address
-                future.add_done_callback(done.put)
-        while under_way:
-            future = done.get()
+        for future in as_completed(under_way):
             address = under_way.pop(future)
             yield address, CancelledError() if future.cancelled() else future.exception() or future.result()
     finally:

@@ -14,7 +14,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.impedance.compare import Comparison, _error
+from pyspice_runner.impedance.compare import Comparison, _error, _share
 from tests.resonators import resonator, spectrum
 
 BAND = np.linspace(15e3, 45e3, 801)
@@ -249,7 +249,7 @@ def test_deviations_of_one_device_scatter_as_their_errors_say() -> None:
 
 def test_the_error_of_a_deviation_from_a_value_at_its_limit_is_not_known() -> None:
     fit = one(REFERENCE)
-    assert _error(0.1, None, 1e-3) is None
+    assert _error(0.1, _share(None, 1.0), 1e-3) is None
     assert _error(0.1, 3e-3, 4e-3) == pytest.approx(1.1 * 5e-3)
     assert (
         "frequency 0 %, quality"

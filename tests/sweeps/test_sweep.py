@@ -27,7 +27,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.sweeps.plan import named
-from pyspice_runner.sweeps.specification import met
+from pyspice_runner.sweeps.sweep import met
 from pyspice_runner.sweeps.task import Task, versions_here
 from tests import points, processes
 

@@ -415,7 +415,7 @@ def nothing_runs() -> Iterator[None]:
     with (
         mock.patch("pyspice_runner.spice.pyspice.run_deck", refuse),
         mock.patch("pyspice_runner.averaged.core.cached_library", refuse),
-        mock.patch("pyspice_runner.sweeps.answers.outcomes", here),
+        mock.patch("pyspice_runner.sweeps.sweep.outcomes", here),
         mock.patch("pyspice_runner.sweeps.plan.MOST_POINTS", 200),  # more would take long
         mock.patch("pyspice_runner.impedance.identify.problem.Problem.__init__", refuse),
         mock.patch("socket.create_connection", unreachable),

@@ -101,7 +101,6 @@ class ArmModel:
         self.w = w
         self.s: Complexes = np.asarray(1j * w, dtype=complex)
         self._powers = _dielectric(self.s)
-        self._jacobian: Complexes = np.empty((0, len(w)), dtype=complex)  # kept: a new one costs page faults
 
     def constant_loss(self, loss_tangent: float, derivative: bool = False) -> Complexes:
         """Return the clamped capacitance, of 1 at the reference frequency, with a constant loss tangent."""
@@ -148,14 +147,9 @@ class ArmModel:
         return Values(clamped, first, inner, behind, frequency, own, theta, coupling, velocity, shared, device, y)
 
     def jacobian(self, m: Values, parameters: Vector, outer: Complexes) -> Complexes:
-        """Return the derivatives of a function of Y, with the derivative ``outer`` by Y, from the values ``m``.
-
-        They have the shape (parameters, points), and the next call overwrites them.
-        """
+        """Return the derivatives, (parameters, points), of a function of Y with the derivative ``outer`` by Y."""
         chain = outer * (m.y / m.device) ** 2
-        if len(parameters) != len(self._jacobian):
-            self._jacobian = np.empty((len(parameters), len(self.w)), dtype=complex)
-        jacobian = self._jacobian
+        jacobian = np.empty((len(parameters), len(self.w)), dtype=complex)
         size = np.exp(parameters[0])
         at_clamped = chain * (m.first / m.clamped) ** 2
         inner = at_clamped * m.behind**2

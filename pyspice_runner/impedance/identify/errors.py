@@ -22,6 +22,8 @@ GLOBAL_NAMES = ("clamped_capacitance_f", "loss_tangent", "lead_resistance_ohm", 
 ARM_NAMES = ("resistance_ohm", "inductance_h", "capacitance_f", "series_resonance_hz", "quality_factor")
 RESONANT_QUALITY = 2.5  # a broader arm follows the background and does not resonate
 SIGNIFICANT = 5.0  # standard deviations by which a missing arm exceeds the residuals
+# of the squares: a skew of up to a bandwidth explains more than 0.9, the losses of a polymer 0.5
+SKEWED_SHARE = 0.8
 UNDETERMINED = 0.3  # standard error of ln √(L/C) of an arm that is not determined
 
 
@@ -98,6 +100,42 @@ def doubts(problem: Problem, solution: Solution) -> str:
         if float(np.sum(np.abs(effect) ** 2)) < SIGNIFICANT**2 * solution.cost / len(w):
             return "an arm is narrower than the points"
     return ""
+
+
+def skewed_arms(problem: Problem, solution: Solution) -> list[int]:
+    r"""Return the arms in the band whose skew by their amplitude explains most of the residuals, more than their noise.
+
+    A spring that softens by the share :math:`\tfrac34\gamma A^2` and losses that grow by :math:`\tfrac14\kappa A^2`
+    change the admittance of an arm, to first order, by
+
+    .. math::
+        \delta Y \propto v^2\,\frac{j\omega_n^2}{\omega}\,\frac{|v|^2}{\omega^2}, \qquad
+        \delta Y \propto v^2\,\frac{\omega_n}{Q}\,\frac{|v|^2}{\omega^2}
+
+    with the velocity v of the arm. No value of the linear circuit does that.
+    :mod:`~pyspice_runner.impedance.joint_fit` has the whole law.
+    """
+    residual, jacobian = problem.linearised(solution)
+    free = [place for place in range(len(jacobian)) if place not in solution.held]
+    basis = _orthonormal(jacobian[free].view(float).T)
+    values, _, chain = problem.device_residual(solution)
+    rest = residual.view(float)
+    rest = rest - basis @ (basis.T @ rest)
+    found = []
+    for arm in resonances(problem, solution):
+        velocity, frequency = values.velocity[arm], values.frequency[arm]
+        size = chain * velocity**2 * np.abs(velocity / problem.w) ** 2
+        columns = np.array([1j * frequency**2 / problem.w * size, values.own[arm] * size]).view(float).T
+        pattern = _orthonormal(columns - basis @ (basis.T @ columns))
+        part = float(np.sum((pattern.T @ rest) ** 2)) / max(float(rest @ rest), 1e-300)
+        if part > max(SKEWED_SHARE, SIGNIFICANT**2 / len(rest)):
+            found.append(arm)
+    return found
+
+
+def _orthonormal(columns: Vector) -> Vector:
+    """Return an orthonormal basis of columns of any scale."""
+    return np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
 
 
 def log_values(solution: Solution) -> Vector:

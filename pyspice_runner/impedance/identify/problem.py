@@ -120,7 +120,7 @@ class Problem:
         return values, residual, outer * (values.y / values.device) ** 2
 
     def linearised(self, solution: Solution) -> tuple[Complexes, Complexes]:
-        """Return the residual and its derivatives, shape (parameters, points), which the next call overwrites."""
+        """Return the residual and its derivatives, shape (parameters, points)."""
         values = self.model.at(solution)
         residual, outer = self._residual(values.y)
         return residual, self.model.jacobian(values, solution.parameters, outer)

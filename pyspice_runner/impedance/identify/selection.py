@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf, log, sqrt
-from operator import itemgetter
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 SEARCHED_ARMS = 8  # tried when their number is not given
 MOST_RANK = 2  # of the coupling; each column adds the complex residues of the poles of Y, and more say little
 _COUPLED = 1e-4  # relative decrease of the sum of squares that ends a descent with coupled damping
-_FINAL_STEPS, _FINAL = 100, 1e-5  # of the last descents with a stated number of arms
+_FINAL = 1e-5  # relative decrease that ends the last descents with a stated number of arms
 _EXHAUSTED = 1e-5  # relative residual below which there is nothing to find
 _MISFIT = 1e-3  # relative residual above which damping may be coupled; analysers are accurate to half of it at best
 _DISPERSION = 5e-3  # largest relative residual of a dielectric with another dispersion than the model
@@ -32,7 +31,6 @@ _OUTSIDE = np.array([0.05, 0.2, 0.8])  # of the margin, where arms outside the b
 _QUALITY_OUTSIDE = 50.0  # of these
 
 Progress = Callable[[int, int], object]
-Ranked = list[tuple[float, Solution]]  # descriptions with their scores, the best first
 Asked = list[tuple[float, Vector]]  # significance of a missing arm in standard deviations, and its parameters
 
 
@@ -80,7 +78,8 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
             solutions += wider(problem, best)
         else:
             problem = problem.reaching(best)
-            solutions += polished(problem, best)
+            widest = problem.descend(replace(best, clamped=True), tolerance=_FINAL)
+            solutions += [widest, *(problem.descend(more, tolerance=_FINAL) for more in wider(problem, widest))]
     candidates: list[Candidate] = []
     for solution in solutions:
         error = problem.rms_relative_error(solution)
@@ -91,19 +90,18 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
             note = "an arm follows the background"
         value = errors.criterion(problem, solution, points)
         candidates.append(Candidate(solution.arms, solution.rank, solution.has_leads, value, error, note))
-    among = [k for k in range(len(solutions)) if not candidates[k].note] or [
-        k for k in range(len(solutions)) if errors.resonances(problem, solutions[k])
-    ]
-    chosen = min(among or range(len(solutions)), key=lambda k: candidates[k].criterion)
+    tried = list(zip(candidates, solutions, strict=True))
+    among = [pair for pair in tried if not pair[0].note]
+    among = among or [pair for pair in tried if errors.resonances(problem, pair[1])] or tried
+    chosen = min(among, key=lambda pair: pair[0].criterion)[1]
     # a stated number that cannot follow the spectrum takes the lowest residual
-    lowest = [(0.0, min(solutions, key=COST))]
-    ranked = lowest if problem.far else simplified(problem, solutions[chosen], points, leads)
-    bare = simplified(problem, bare, points, leads=False)[0][1]
-    return Outcome(problem, bare, ranked[0][1], points, tuple(candidates), _shifts(problem, ranked, points))
+    ranked = [min(solutions, key=COST)] if problem.far else simplified(problem, chosen, points, leads)
+    bare = simplified(problem, bare, points, leads=False)[0]
+    return Outcome(problem, bare, ranked[0], points, tuple(candidates), _shifts(problem, ranked, points))
 
 
 def _search(
-    problem: Problem, bare: Solution, leads: bool, progress: Progress | None, only: int | None = None
+    problem: Problem, bare: Solution, leads: bool, progress: Progress | None, only: int | None
 ) -> list[Solution]:
     """Fit one arm, two arms and so on, until the residuals hide no further one; or only one number of arms.
 
@@ -144,21 +142,18 @@ def _search(
     return solutions
 
 
-def _shifts(problem: Problem, ranked: Ranked, points: float) -> Vector:
+def _shifts(problem: Problem, ranked: list[Solution], points: float) -> Vector:
     """Return the values of rivals less those of the best solution, each times the root of the rival's weight.
 
     The sum of their squares is the variance by the choice among the descriptions of loss and leads. The weights are
     those of Akaike's criterion: a description that fits as well counts, though another one was selected because it is
     simpler (Burnham and Anderson, "Model Selection and Multimodel Inference", Springer 2002, sec. 4.3).
     """
-    scores = np.array([errors.criterion(problem, item, points, price=_AKAIKE) for _, item in ranked])
+    scores = np.array([errors.criterion(problem, item, points, price=_AKAIKE) for item in ranked])
     odds = np.exp(-0.5 * (scores - scores.min()))
-    best = errors.log_values(ranked[0][1])
+    best = errors.log_values(ranked[0])
     rivals = zip((odds / odds.sum()).tolist(), ranked, strict=True)
-    return np.array([
-        np.sqrt(share) * (errors.log_values(item) - best)
-        for share, (_, item) in rivals if share > 1e-9
-    ])  # fmt: skip
+    return np.array([np.sqrt(share) * (errors.log_values(item) - best) for share, item in rivals if share > 1e-9])
 
 
 def settled(problem: Problem, solution: Solution) -> bool:
@@ -258,13 +253,6 @@ def wider(problem: Problem, solution: Solution) -> list[Solution]:
     return found
 
 
-def polished(problem: Problem, solution: Solution) -> list[Solution]:
-    """Return fits with the widest coupling, from one with as many arms."""
-    found = problem.descend(replace(solution, clamped=True), steps=_FINAL_STEPS, tolerance=_FINAL)
-    rest = [problem.descend(more, steps=_FINAL_STEPS, tolerance=_FINAL) for more in wider(problem, found)]
-    return [found, *rest]
-
-
 # --- loss and leads ---
 
 
@@ -276,8 +264,8 @@ def with_leads(problem: Problem, solution: Solution) -> Solution:
     return problem.descend(problem.race(starts))
 
 
-def simplified(problem: Problem, solution: Solution, points: float, leads: bool) -> Ranked:
-    """Remove parts of the loss that the criterion does not ask for, look for leads, and descend.
+def simplified(problem: Problem, solution: Solution, points: float, leads: bool) -> list[Solution]:
+    """Return fits with fewer parts of the loss, and with leads if they promise enough, the best one first.
 
     Leads have both resistance and inductance. Over a narrow band they cancel the dispersion of a constant loss tangent,
     which then resembles a falling and a rising part together: beside leads, a second part of the loss needs evidence as
@@ -291,24 +279,17 @@ def simplified(problem: Problem, solution: Solution, points: float, leads: bool)
     def variants(kept: tuple[int, ...]) -> list[Solution]:
         found = []
         total = solution.parameters[list(LOSSES)].sum()
-        dropped = [place for place in LEADS if place not in kept] if solution.has_leads else []
         for free in _PARTS:
             held = tuple(place for place in (*LOSSES, *LEADS) if place not in (*free, *kept))
             share = [total / max(len(free), 1) if place in free else 0.0 for place in LOSSES]
-            found.append(
-                problem.descend(solution.changed((*LOSSES, *dropped), share + [0.0] * len(dropped), held=held))
-            )
+            found.append(problem.descend(solution.changed(LOSSES, share, held=held)))
         return found
 
-    found = [solution]
-    if solution.has_leads:
+    found = [solution, *variants(LEADS if solution.has_leads else ())]
+    white = leads and not solution.has_leads and points > 0.5 * len(problem.w)
+    if white and _leads_promise(problem, min(found, key=score)) > log(2.0 * points):
         found += variants(LEADS)
-    else:
-        found += variants(())
-        white = leads and points > 0.5 * len(problem.w)
-        if white and _leads_promise(problem, min(found, key=score)) > log(2.0 * points):
-            found += variants(LEADS)
-    return sorted(((score(rival), rival) for rival in found), key=itemgetter(0))
+    return sorted(found, key=score)
 
 
 def _leads_promise(problem: Problem, solution: Solution) -> float:

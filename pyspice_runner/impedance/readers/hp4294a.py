@@ -39,7 +39,7 @@ def read(text: Text, trace: str | None) -> Reading | None:
         raise text.refusal(0, "no line “MEASURE PARAMETER: …” follows", "one, since it names the two traces")
     tables = _traces(text, settings)
     measured = _measured_array(tables)
-    has_memory = any(_column(item, "memory", "real") is not None for item in tables.values())
+    has_memory = any(_places(item, "memory trace") for item in tables.values())
     memory = wants_memory(text, trace, has_memory)
     described = [("instrument", text.lines[0]), *((key.capitalize(), value) for key, (_, value) in settings.items())]
     cautions = []
@@ -52,7 +52,8 @@ def read(text: Text, trace: str | None) -> Reading | None:
     unit = "rad" if "RAD" in parameter.upper() else "deg"
     if unit == "deg":
         columns = {kind: np.deg2rad(values) if kind == "phase" else values for kind, values in columns.items()}
-    if pair_of(with_named_phase(columns)) is None:
+    columns = with_named_phase(columns)
+    if pair_of(columns) is None:
         found = f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive"
         raise text.refusal(index, found, _EXPECTED)
     indices = np.array(table.indices)
@@ -125,18 +126,17 @@ def _traces(text: Text, settings: dict[str, tuple[int, str]]) -> dict[str, Table
     return tables
 
 
-def _column(table: Table, wanted: str, part: str, array: str = "trace ") -> int | None:
-    """Return the place of a column such as *Data Trace Real*."""
-    name = f"{wanted} {array}{part}"
-    return next((place for place, cell in enumerate(table.names) if cell.strip('" ').lower() == name), None)
+def _places(table: Table, array: str) -> list[int]:
+    """Return the places of the real and the imaginary part of an array such as *Data Trace*, if they are there."""
+    cells = [cell.strip('" ').lower() for cell in table.names]
+    return [cells.index(name) for name in (f"{array} real", f"{array} imag") if name in cells]
 
 
 def _measured_array(tables: dict[str, Table]) -> Traces | None:
     """Return R and X if the data array was saved beside the displayed trace."""
     for table in tables.values():
-        real, imag = _column(table, "data", "real", ""), _column(table, "data", "imag", "")
-        if real is not None and imag is not None:
-            frequency, r, x = table.numbers([0, real, imag])
+        if len(places := _places(table, "data")) == 2:
+            frequency, r, x = table.numbers([0, *places])
             return {"r": r, "x": x}, frequency, table
     return None
 
@@ -149,17 +149,17 @@ def _displayed(text: Text, tables: dict[str, Table], pair: tuple[str, str], want
         table = tables.get(name)
         if table is None:
             raise text.refusal(index, f"trace {name} is missing", "both traces, which make the admittance together")
-        real, imag = _column(table, wanted, "real"), _column(table, wanted, "imag")
-        if real is None or imag is None:
+        places = _places(table, f"{wanted} trace")
+        if len(places) < 2:
             found = f"trace {name} has no {wanted} trace"
             raise text.refusal(table.indices[0] - 1, found, f"columns “{wanted.capitalize()} Trace Real”")
-        frequency, value, rest = table.numbers([0, real, imag])
+        frequency, value, rest = table.numbers([0, *places])
         frequencies.append(frequency)
         if kind == "complex":  # Z in trace A; Y in trace B repeats it
             return {"r": value, "x": rest}, frequency, table
         if rest.any():
             place = table.indices[int(np.argmax(rest != 0.0))]
-            found = f"{quote(table.names[imag])} of a scalar is not 0"
+            found = f"{quote(table.names[places[1]])} of a scalar is not 0"
             raise text.refusal(place, found, "0, or the parameters COMPLEX Z-Y")
         columns[kind] = value
     if not np.array_equal(frequencies[0], frequencies[1]):

@@ -14,7 +14,7 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.impedance.readers.quantities import Heading, heading, pair_of, with_named_phase
-from pyspice_runner.impedance.readers.reading import A_PAIR, Reading, cut_caution, from_header, from_headings
+from pyspice_runner.impedance.readers.reading import A_PAIR, Reading, from_header, from_headings
 from pyspice_runner.impedance.readers.text import (
     SEPARATORS,
     Table,
@@ -153,5 +153,5 @@ def _two_port(table: Table, metadata: dict[str, str]) -> Reading:
     entries = [real + 1j * imag for real, imag in zip(parts[::2], parts[1::2], strict=True)]
     return Reading(
         table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), dict(zip(_TWO_PORT, parts, strict=True)),
-        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, cautions=cut_caution(table.cut),
+        matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, cautions=table.cut,
     )  # fmt: skip

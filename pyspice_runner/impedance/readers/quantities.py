@@ -209,22 +209,17 @@ def admittance(pair: tuple[str, str], frequency_hz: Floats, columns: Mapping[str
         if pair in POLAR:
             y = first if pair[0] == "abs_y" else 1.0 / first
             return np.asarray(y * np.exp(1j * second if pair[1] == "phase_y" else -1j * second), dtype=np.complex128)
-        if pair[1] in _REACTANCE:
-            x = _REACTANCE[pair[1]](w, second)
-            return np.asarray(1.0 / (_real_part(pair[0], first, first, x) + 1j * x), dtype=np.complex128)
-        b = _SUSCEPTANCE[pair[1]](w, second)
-        return np.asarray(_real_part(pair[0], first, 1.0 / first, b) + 1j * b, dtype=np.complex128)
-
-
-def _real_part(kind: str, value: Floats, modulus: Floats, imag: Floats) -> Floats:
-    """Return the real part beside an imaginary one; a modulus may be the smaller of the two by rounding."""
-    if kind == "d":
-        return np.abs(imag * value)
-    if kind == "q":
-        return np.abs(imag / value)
-    if kind == "abs_z":
-        return np.sqrt(np.maximum(modulus**2 - imag**2, 0.0))
-    return 1.0 / value if kind == "rp" else value
+        series = pair[1] in _REACTANCE
+        imag = (_REACTANCE if series else _SUSCEPTANCE)[pair[1]](w, second)
+        real = {
+            "d": np.abs(imag * first),
+            "q": np.abs(imag / first),
+            # a modulus may be the smaller of the two by rounding
+            "abs_z": np.sqrt(np.maximum((first if series else 1.0 / first) ** 2 - imag**2, 0.0)),
+            "rp": 1.0 / first,
+        }.get(pair[0], first)
+        found = real + 1j * imag
+        return np.asarray(1.0 / found if series else found, dtype=np.complex128)
 
 
 def with_named_phase(columns: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -255,9 +250,3 @@ def contradiction(pair: tuple[str, str], y: Complexes, columns: Mapping[str, Flo
             if 2 * np.count_nonzero(off & known) > np.count_nonzero(known):
                 return kind
     return None
-
-
-def negative_modulus(pair: tuple[str, str], columns: Mapping[str, Floats]) -> int | None:
-    """Return the place of the first negative modulus, if there is one."""
-    below = [np.flatnonzero(columns[kind] < 0.0) for kind in pair if kind in ("abs_z", "abs_y")]
-    return next((int(places[0]) for places in below if places.size), None)

@@ -22,7 +22,6 @@ from pyspice_runner.impedance.readers.quantities import (
     admittance,
     contradiction,
     heading,
-    negative_modulus,
     pair_of,
     with_named_phase,
 )
@@ -51,13 +50,6 @@ class Reading:
     matrix_s: NDArray[np.complex128] | None = None
     metadata: dict[str, str] = field(default_factory=dict)  # description of the measurement from the file
     cautions: list[str] = field(default_factory=list)  # omissions and choices of the reader
-
-
-def cut_caution(index: int | None) -> list[str]:
-    """Return the caution for an omitted last line, counted from 0, if there is one."""
-    if index is None:
-        return []
-    return [f"Line {index + 1}, the last, has no line end and may be cut short, so it was left out."]
 
 
 def steady(values: Floats) -> bool:
@@ -119,7 +111,7 @@ def from_headings(
     values = table.numbers([frequency, *usable])
     scale = headings[frequency].scale or 1.0
     reading = Reading(table.text, format_name, values[0] * scale, np.array(table.indices), metadata=metadata)
-    reading.cautions += cut_caution(table.cut)
+    reading.cautions += table.cut
     places: dict[str, int] = {}
     for column, raw in zip(usable, values[1:], strict=True):
         item = headings[column]
@@ -135,7 +127,8 @@ def from_headings(
         reading.columns[kind] = converted
         if DIMENSION[kind] == "angle":
             reading.angle_unit = "rad" if item.scale == 1.0 else "deg"
-    if pair_of(with_named_phase(reading.columns)) is None:
+    reading.columns = with_named_phase(reading.columns)
+    if pair_of(reading.columns) is None:
         raise _no_quantities(table.text, header, headings)
     return reading
 
@@ -178,15 +171,14 @@ def spectrum_of(reading: Reading) -> Spectrum:
 
 def _one_port(reading: Reading) -> tuple[Complexes, bool]:
     """Return the admittance matrix of the columns, and whether they are modulus and phase."""
-    columns = with_named_phase(reading.columns)
+    columns, pair = reading.columns, pair_of(reading.columns)
+    assert pair is not None  # as every format makes sure
     angles = [kind for kind in columns if DIMENSION[kind] == "angle"]
-    pair = pair_of(columns)
-    if pair is None:
-        raise SpectrumError(f"{reading.text.name} has no two quantities that make an admittance.")
     if angles:
         _check_unit(reading, columns[angles[0]], columns)
-    if (place := negative_modulus(pair, columns)) is not None:
-        index = int(reading.indices[place])
+    below = columns[pair[0]] < 0.0  # a modulus is the first of a pair
+    if pair[0].startswith("abs") and below.any():
+        index = int(reading.indices[below.argmax()])
         raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
     y = admittance(pair, reading.frequency_hz, columns)
     if (odd := contradiction(pair, y, columns)) is not None:
@@ -200,7 +192,11 @@ def _one_port(reading: Reading) -> tuple[Complexes, bool]:
             "the printed digits."
         )
     if pair in POLAR:
-        _note_wraps(reading, columns[pair[1]])
+        order = np.argsort(reading.frequency_hz, kind="stable")
+        jumps = np.flatnonzero(np.abs(np.diff(columns[pair[1]][order])) > 1.5 * np.pi)
+        if jumps.size:
+            first = reading.frequency_hz[order][jumps[0]]
+            reading.cautions.append(f"The phase wraps by 360°, first at {first:g} Hz; it was unwrapped.")
     return y[:, None, None], pair in POLAR
 
 
@@ -242,14 +238,6 @@ def _magnitude_varies(frequency: Floats, columns: dict[str, Floats]) -> bool:
     logarithm, octaves = np.log(size[good]), np.ptp(np.log(frequency[good]))
     low, high = np.percentile(logarithm, [5.0, 95.0])
     return bool(high - low > 0.1 + 0.1 * octaves)
-
-
-def _note_wraps(reading: Reading, angle: Floats) -> None:
-    order = np.argsort(reading.frequency_hz, kind="stable")
-    jumps = np.flatnonzero(np.abs(np.diff(angle[order])) > 1.5 * np.pi)
-    if jumps.size:
-        first = reading.frequency_hz[order][jumps[0]]
-        reading.cautions.append(f"The phase wraps by 360°, first at {first:g} Hz; it was unwrapped.")
 
 
 def _right_way_round(reading: Reading, y: Complexes, polar: bool) -> Complexes:

@@ -27,7 +27,7 @@ import numpy as np
 
 from pyspice_runner.errors import SpectrumError
 from pyspice_runner.impedance.readers.quantities import Heading, heading
-from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, cut_caution, from_header, swept, wants_memory
+from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, from_header, swept, wants_memory
 from pyspice_runner.impedance.readers.text import Floats, Text, clean, number, quote, read_table, separator, split
 
 
@@ -150,7 +150,7 @@ def read_aim(text: Text) -> Reading | None:
     frequency, r, x, size, angle = table.numbers([0, 2, 3, 4, 5])
     columns = {"r": r, "x": x, "abs_z": size, "phase_z": np.deg2rad(angle)}
     indices = np.array(table.indices)
-    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, cautions=cut_caution(table.cut)))
+    return swept(Reading(text, "AIM CSV", frequency * 1e6, indices, columns, cautions=table.cut))
 
 
 def _is_aim_point(line: str) -> bool:
@@ -222,12 +222,11 @@ def _mfia_values(text: Text, index: int, cells: list[str]) -> Floats:
     cut = index == len(text.lines) - 1 and not text.ended and len(cells) - 4 <= size
     if len(cells) - 4 < size or cut:
         raise text.refusal(index, f"the line ends within its {size} values", "a file that was not cut short")
-    values = np.empty(size)
-    for place, cell in enumerate(cells[4 : 4 + size]):
-        if (value := number(cell)) is None:
-            raise text.refusal(index, f"{quote(cell)} among the values of {cells[3].lower()}", "numbers")
-        values[place] = value
-    return values
+    values = [number(cell) for cell in cells[4 : 4 + size]]
+    if None in values:
+        cell = cells[4 + values.index(None)]
+        raise text.refusal(index, f"{quote(cell)} among the values of {cells[3].lower()}", "numbers")
+    return np.array(values, dtype=float)
 
 
 read_bode100 = _tabular("Omicron Bode 100 CSV", lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column)

@@ -39,14 +39,19 @@ class Text:
     lines: tuple[str, ...]  # its lines, without line ends; line 1 of the file is ``lines[0]``
     ended: bool = True  # whether the last line has a line end; if not, the file may have been cut within it
 
+    @property
+    def cut(self) -> list[str]:
+        """The caution for a last line without an end, which readers leave out, if there is one."""
+        last = f"Line {len(self.lines)}, the last, has no line end and may be cut short, so it was left out."
+        return [] if self.ended else [last]
+
     def refusal(self, index: int, found: str, expected: str) -> SpectrumError:
         """Return the error for a line, with the text found and the text expected."""
         return SpectrumError(f"{self.name}, line {index + 1}: {found}; expected {expected}.")
 
     def find(self, accept: Callable[[str], object], start: int = 0, stop: int | None = None) -> int | None:
         """Return the index of the first line that is accepted, or ``None``."""
-        last = len(self.lines) if stop is None else min(stop, len(self.lines))
-        return next((index for index in range(start, last) if accept(self.lines[index])), None)
+        return next((index for index, line in enumerate(self.lines[start:stop], start) if accept(line)), None)
 
 
 def load(path: str | Path) -> Text:
@@ -128,7 +133,7 @@ class Table:
     names: tuple[str, ...]  # cells of the header
     rows: tuple[list[str], ...]  # cells of each row
     indices: tuple[int, ...]  # line of each row, counted from 0
-    cut: int | None = None  # line of an omitted last row, within which the file may end
+    cut: list[str]  # caution for an omitted last row, within which the file may end
 
     def numbers(self, columns: list[int]) -> list[Floats]:
         """Return columns as numbers; NaN for an empty cell or a mark of a missing value.
@@ -196,9 +201,9 @@ def read_table(
     while names and not names[-1]:  # a separator at the end of the header
         names.pop()
     last = len(text.lines) if stop is None else stop
-    cut = last - 1 if stop is None and not text.ended else None
+    cut = text.cut if stop is None else []
     rows, indices = [], []
-    for index in range(start, last if cut is None else cut):
+    for index in range(start, last - len(cut)):
         line = text.lines[index]
         if not line.strip():
             continue

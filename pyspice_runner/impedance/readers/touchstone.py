@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pyspice_runner.impedance.readers.quantities import Complexes
-from pyspice_runner.impedance.readers.reading import Reading, cut_caution
+from pyspice_runner.impedance.readers.reading import Reading
 from pyspice_runner.impedance.readers.text import Text, described, number, quote
 
 FORMAT = "Touchstone"
@@ -24,10 +24,7 @@ _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9}
 _GROUP = dict.fromkeys(_HERTZ, "unit") | dict.fromkeys(_SIDES, "side") | dict.fromkeys(("ri", "ma", "db"), "form")
 _PORTS = {3: 1, 9: 2}
 _ONE_DEVICE = 0.1  # error of the rule of one device as a share of S₂₁, for fixture and calibration
-_ASSUMED = {
-    "series": "The two ports are those of one device in series between them, and it was read as one port.",
-    "shunt": "The two ports are those of one device from the line to ground (a shunt), and it was read as one port.",
-}
+_ASSUMED = {"series": "in series between them", "shunt": "from the line to ground (a shunt)"}
 _NOISE = 5  # numbers in a line of noise parameters, which may follow the points of a two-port
 
 
@@ -50,7 +47,8 @@ def read(text: Text, through: str | None) -> Reading | None:
         raise text.refusal(first, "Touchstone 2", "version 1, which every analyser and simulator can write")
     if len(line) > 200 or not _OPTION.fullmatch(line + " "):
         return None
-    rows, indices, cautions = _rows(text, first + 1)
+    rows, indices = _rows(text, first + 1)
+    cautions = text.cut
     ports = _PORTS[len(rows[0])]
     option = _option(text, first, line)
     frequency = np.array([row[0] for row in rows]) * option.hertz
@@ -60,7 +58,10 @@ def read(text: Text, through: str | None) -> Reading | None:
     values = _parameters(option.form, rows)
     device = through
     if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
-        cautions.append(f"{_ASSUMED[device]} Specify through = series or shunt if that is wrong.")
+        cautions.append(
+            f"The two ports are those of one device {_ASSUMED[device]}, and it was read as one port. Specify through = "
+            "series or shunt if that is wrong."
+        )
     with np.errstate(all="ignore"):
         matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(option, values)
     if option.side != "s" and option.reference != 1.0:
@@ -77,12 +78,11 @@ def read(text: Text, through: str | None) -> Reading | None:
     return reading
 
 
-def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[str]]:
-    """Return the points without noise parameters, their lines and cautions."""
+def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int]]:
+    """Return the points without noise parameters, and their lines."""
     rows: list[list[float]] = []
     indices: list[int] = []
-    last = len(text.lines) - (0 if text.ended else 1)
-    for index in range(start, last):
+    for index in range(start, len(text.lines) - len(text.cut)):
         line = text.lines[index].partition("!")[0]
         cells = line.split()
         if not cells or line.lstrip().startswith("#"):
@@ -99,7 +99,7 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int], list[st
         indices.append(index)
     if len(rows) < 2:
         raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
-    return rows, indices, cut_caution(None if text.ended else last)
+    return rows, indices
 
 
 def _option(text: Text, index: int, line: str) -> _Option:

@@ -38,11 +38,6 @@ class Material:
     permittivity_f_m: Array  # εˢ, at constant strain: (3, 3); zero in a conductor
     source: str
 
-    @property
-    def conducts(self) -> bool:
-        """Whether no field enters the material."""
-        return not self.permittivity_f_m.any()
-
     def matrix(self, polarisation: str = "+z") -> Array:
         """Return the matrix of strain and gradient of the potential, (9, 9), for a sense of axis 3 such as ``"-y"``."""
         third = "xyz".index(polarisation[1])

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
 from typing import Any
 
@@ -22,10 +23,10 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.one_thread import one_thread_of_scipy
-from pyspice_runner.motor.solid.capacitance import clamped_capacitance
-from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, factor, strains
+from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, assemble_field, factor, strains
 from pyspice_runner.motor.solid.geometry import Geometry, build_geometry
 from pyspice_runner.motor.solid.parameters import Solid
+from pyspice_runner.motor.solid.places import GRADING, electrode_edges
 from pyspice_runner.motor.stator import MODE_COLUMNS
 
 _RIGID = 1e-8  # ω² of a rigid motion, over that of the shift
@@ -35,6 +36,7 @@ _UNSEEN = 0.01  # of the current through the clamped capacitance: a current at r
 _LEAST = 24  # modes that are computed
 _BLOCK = 8  # more than the rigid motions of one body
 _EXACT = 1e-11  # of an eigenvalue: its residual
+_PER_GAP = 6.0  # cells of the finer mesh at an edge in the narrowest gap or electrode
 _DIRECTIONS = 500  # in the space of modes, in which the largest stress is sought
 
 
@@ -81,7 +83,7 @@ class Stator:
         ]
 
 
-@one_thread_of_scipy  # the modes enter decks and the addresses of stored points
+@one_thread_of_scipy()  # the modes enter decks and the addresses of stored points
 def solve_stator(solid: Solid) -> Stator:
     """Return the modes of a stator. Raise ParameterError if its parts do not fit together or it has no modes there."""
     geometry = build_geometry(solid)
@@ -244,3 +246,38 @@ def _stress(geometry: Geometry, vectors: Array) -> tuple[Array, Array]:
     directions /= np.abs(stress).max(axis=0)[:, None] + np.finfo(float).tiny
     points = np.unique(np.abs(stress @ directions).argmax(axis=0))
     return stress[points], strain[points]
+
+
+def clamped_capacitance(solid: Solid, coarse_f: Array) -> Array:
+    """Return the charges on groups A and B in C per volt on them, all displacements held at 0; shape (2, 2).
+
+    They follow from the electric field alone, on a mesh of boxes that is graded for it. At the edge of an electrode the
+    field has the singularity r^(-1/2), so that the error of a capacitance is proportional to the length h of the cells
+    there. It is removed by extrapolation from two meshes: (3 C(h) - C(3 h))/2. What is left of it is about a tenth of a
+    per cent; half of the difference that the extrapolation makes is an upper bound.
+
+    ``coarse_f`` is that of the mesh of the displacements. It is returned for a plate, whose field has no edges, for a
+    mesh file, which is refined by its author, and if the graded mesh would have too many cells.
+    """
+    if solid.theory == "plate" or solid.mesh is not None:
+        return coarse_f
+    widths = [high - low for axis in range(3) for low, high in pairwise(electrode_edges(solid, axis))]
+    finest = min((width for width in widths if width > 0.0), default=0.0) / _PER_GAP
+    if not finest:
+        return coarse_f
+    try:
+        coarse, fine = _of_field(solid, GRADING * finest), _of_field(solid, finest)
+    except ParameterError:
+        return coarse_f
+    return np.asarray(fine + (fine - coarse) / (GRADING - 1.0))
+
+
+def _of_field(solid: Solid, finest_m: float) -> Array:
+    """Return these capacitances on one mesh. Raise ParameterError if it has too many cells."""
+    geometry = build_geometry(solid, finest_m)
+    nodes, size = geometry.basis.N, geometry.size - geometry.displacements
+    rows = geometry.place[: geometry.fields * nodes].reshape(nodes, -1)[:, -1] - geometry.displacements
+    field = assemble_field(geometry.basis, geometry.parts, np.maximum(rows, -1), size)
+    between = slice(0, size - 2)
+    electric = field[between, -2:].toarray()
+    return np.asarray(field[-2:, -2:].toarray() - electric.T @ factor(field[between, between])(electric))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pyspice_runner import load_motor
-from pyspice_runner.motor.solid import capacitance
+from pyspice_runner.motor.solid import stator
 from pyspice_runner.motor.solid.materials import materials
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
 
@@ -55,7 +55,7 @@ def test_the_capacitance_across_a_gap_is_the_closed_form(gap_m: float, height_m:
     along, through = card[0, 0], card[2, 2]
     angle = pi * gap_m / (4.0 * height_m * sqrt(along / through))
     expected = -WIDE * sqrt(along * through) / pi * log(1.0 / tanh(angle))
-    found = capacitance.clamped_capacitance(_slab(gap_m, height_m, turned=turned), np.zeros((2, 2)))
+    found = stator.clamped_capacitance(_slab(gap_m, height_m, turned=turned), np.zeros((2, 2)))
     assert found[0, 1] == pytest.approx(expected, rel=5e-3)
     assert found[1, 0] == pytest.approx(found[0, 1])
     assert found[0, 0] == pytest.approx(found[1, 1], rel=1e-6)
@@ -66,9 +66,9 @@ def test_the_capacitances_of_the_bundled_plate_are_converged(monkeypatch: pytest
     """Cells a third as long at the edges change them by 0.1 % at most."""
     solid = load_motor("bimodal40").solid
     assert solid is not None
-    found = capacitance.clamped_capacitance(solid, np.zeros((2, 2)))
-    monkeypatch.setattr(capacitance, "_PER_GAP", 3.0 * capacitance._PER_GAP)
-    assert found == pytest.approx(capacitance.clamped_capacitance(solid, np.zeros((2, 2))), rel=1.2e-3)
+    found = stator.clamped_capacitance(solid, np.zeros((2, 2)))
+    monkeypatch.setattr(stator, "_PER_GAP", 3.0 * stator._PER_GAP)
+    assert found == pytest.approx(stator.clamped_capacitance(solid, np.zeros((2, 2))), rel=1.2e-3)
 
 
 def test_electrodes_that_meet_no_other_group_have_the_capacitance_of_the_mesh() -> None:
@@ -76,4 +76,4 @@ def test_electrodes_that_meet_no_other_group_have_the_capacitance_of_the_mesh() 
     coarse = np.array([[1e-9, 0.0], [0.0, 1e-9]])
     solid = load_motor("examples/plate40.toml").solid
     assert solid is not None
-    assert capacitance.clamped_capacitance(solid, coarse) is coarse
+    assert stator.clamped_capacitance(solid, coarse) is coarse
