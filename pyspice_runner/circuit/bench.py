@@ -84,8 +84,7 @@ def motor_bench(
         thermal=thermal or source.thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
     first = _start(motor, source, law, start, discretisation)
-    nodes_left_out = plotted_nodes(motor, law, "xmotor") if law and law.row else {}
-    return Bench(circuit, options, first, signals={**nodes_left_out, **powers})
+    return Bench(circuit, options, first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
 
 
 def dynamometer_bench(
