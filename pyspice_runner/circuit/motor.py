@@ -40,7 +40,7 @@ from pyspice_runner.circuit.state import (
     motor_states,
     plate_nodes,
     pushes,
-    start_parameters,
+    start_values,
     static_sway,
     stems,
     written,
@@ -487,8 +487,10 @@ def add_motor(
         )
     if settings:
         check_parameters(name, definition.settable, settings)
-    states = motor_states(motor, law) if start else ()
-    starts = start_parameters(states, [state.of(start) for state in states], discretisation) if start else {}
+    starts: dict[str, float] = {}
+    if start:
+        states = motor_states(motor, law)
+        starts, _ = start_values(states, [state.of(start) for state in states], discretisation)
     circuit.X(instance, name, *nodes, **(settings or {}), **starts)
 
 

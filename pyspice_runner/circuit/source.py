@@ -234,8 +234,24 @@ class DriveSource(UniformSource):
         return self.drive.soft_start
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
-        """Add the two sources."""
-        add_drive(circuit, self.drive, pins, begun=begun)
+        """Add the sources ``Va`` and ``Vb``, which have been on for ``begun`` seconds."""
+        for group, node, tones in zip(GROUPS, pins, self.drive.tones, strict=True):
+            active = [tone for tone in tones if tone.amplitude] or [tones[0]]
+            if self.drive.soft_start > 0.0:
+                shape = "+".join(
+                    f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
+                    f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
+                    for tone in active
+                )
+                since = f"(time+{begun!r})" if begun else "time"
+                source = groups.named("drive", group)
+                circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{self.drive.soft_start!r})*({shape})\n"
+                circuit.V(group, node, source, "DC 0")
+                continue
+            series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
+            nodes = [node, *series, circuit.gnd]
+            for index, tone in enumerate(active):
+                circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
 
     def to_dict(self) -> dict[str, Any]:
         """Return kind, label and values of the drive."""
@@ -292,27 +308,6 @@ def _rounding_errors(motor: Motor, law: Law | None, half_step: float) -> tuple[f
     velocity = _SUMS * float_info.epsilon * compressed / half_step
     limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     return velocity, limit * contact_law.normal_damping(contact) * velocity / half_step
-
-
-def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
-    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
-    for group, node, tones in zip(GROUPS, pins, drive.tones, strict=True):
-        active = [tone for tone in tones if tone.amplitude] or [tones[0]]
-        if drive.soft_start > 0.0:
-            shape = "+".join(
-                f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
-                f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
-                for tone in active
-            )
-            since = f"(time+{begun!r})" if begun else "time"
-            source = groups.named("drive", group)
-            circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
-            circuit.V(group, node, source, "DC 0")
-            continue
-        series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
-        nodes = [node, *series, circuit.gnd]
-        for index, tone in enumerate(active):
-            circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
 
 
 def sine(tone: Tone, begun: float = 0.0) -> str:

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
-from pyspice_runner.circuit.bench import Bench, Derived
+from pyspice_runner.circuit.bench import METERED, Bench, Derived, add_meters, add_set_speed, brake_parts, connect_brake
 from pyspice_runner.circuit.evaluated import LINE, plotted_nodes
-from pyspice_runner.circuit.fixtures import METERED, add_meters, add_set_speed, brake_parts, connect_brake
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
 from pyspice_runner.circuit.source import GROUPS, not_below_rounding, sine, transient_options
@@ -38,8 +37,7 @@ from pyspice_runner.circuit.state import (
     motion_of,
     motor_states,
     plate_nodes,
-    start_nodes,
-    start_parameters,
+    start_values,
 )
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR, passed
@@ -231,7 +229,7 @@ class Plant:
 
     def start_values(self, state: Array, discretisation: Discretisation) -> dict[str, float]:
         """Return the parameters of the X line for a state."""
-        values = start_parameters(self.states, state.tolist(), discretisation)
+        values, _ = start_values(self.states, state.tolist(), discretisation)
         return values if self.load.speed is None else values | {"start_speed": self.load.speed}
 
     def start_nodes(
@@ -244,7 +242,7 @@ class Plant:
         plates: bool = True,
     ) -> dict[str, float]:
         """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
-        nodes = start_nodes(self.states, state.tolist(), discretisation)
+        _, nodes = start_values(self.states, state.tolist(), discretisation)
         stem_m = motion_of(self.states, state.tolist()).stem_m
         nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
         for group in "ab" if plates else "":
