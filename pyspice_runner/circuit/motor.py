@@ -74,14 +74,8 @@ CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of th
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
 _POINTS = 100  # smallest number of steps in a period of the fastest motion for an exported motor
-# parameters of the motor's X line → the parameters of the contact that they set
-_OF_CONTACT = {
-    "preload": "preload",
-    "friction": "mu",
-    "normal_stiffness": "normal_stiffness",
-    "compliance": "compliance",
-    "radius": "radius",
-}
+# parameters of the motor's X line that set those of the contact and stand first
+_FIRST = ("preload", "friction", "normal_stiffness", "compliance", "radius")
 SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
 _DERIVED = ("deflection", "damping", "span")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
@@ -364,8 +358,7 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float, 
 
     ``covered`` is that of :class:`.Law`.
     """
-    outer = {inner: name for name, inner in _OF_CONTACT.items()}
-    written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
+    written = {item.name: f"{{{_outer(item.name)}}}" for item in law.parameters if item.name not in _DERIVED}
     written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
     if "span" in values:
         part = f"{covered!r}*" if covered < 1.0 else ""
@@ -376,21 +369,18 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float, 
     return written
 
 
-def _settable_names(law: Library) -> list[str]:
-    """Return the parameters of a law that the X line of a motor sets, by their names in the law."""
-    return [parameter.name for parameter in law.parameters if parameter.name not in _DERIVED]
+def _outer(name: str) -> str:
+    """Return the name of a parameter of the contact on the X line of a motor; a law's own ones keep their names."""
+    return "friction" if name == "mu" else name
 
 
 def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryParameter]:
-    """Return the parameters of the X line that set those of the contact; a law's own ones keep their names."""
-    if law is None:
-        return []
-    declared = {parameter.name: parameter for parameter in law.parameters}
-    names = {outer: inner for outer, inner in _OF_CONTACT.items() if inner in declared}
-    names |= {name: name for name in _settable_names(law) if name not in _OF_CONTACT.values()}
+    """Return the parameters of the X line that set those of the contact."""
+    declared = {_outer(item.name): item for item in (law.parameters if law else ()) if item.name not in _DERIVED}
     return [
-        replace(declared[inner], name=outer, default=rounded(values.get(inner, declared[inner].default)))
-        for outer, inner in names.items()
+        replace(declared[name], name=name, default=rounded(values.get(declared[name].name, declared[name].default)))
+        for name in dict.fromkeys([*_FIRST, *declared])
+        if name in declared
     ]
 
 
@@ -585,7 +575,7 @@ def editable_parameters(motor: Motor) -> str:
     return " ".join(
         f"{item.name}={format_float_positional(item.default, trim='-')}"
         for item in MotorSubCircuit(motor).settable
-        if item.name in (*_OF_CONTACT, "inertia", "bearing")
+        if item.name in (*_FIRST, "inertia", "bearing")
     )
 
 

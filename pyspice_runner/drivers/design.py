@@ -23,7 +23,7 @@ import numpy as np
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
-from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads, winding_of
+from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads
 from pyspice_runner.drivers.parts import (
     CABLE,
     E12,
@@ -32,7 +32,6 @@ from pyspice_runner.drivers.parts import (
     NO_CAPACITOR,
     SMALLEST_CAPACITANCE,
     SMALLEST_INDUCTANCE,
-    WINDING_CAPACITANCE,
     WINDING_QUALITY,
     Passed,
     largest_inductance,
@@ -631,7 +630,7 @@ class _Search:
             return {}
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
         for group in GROUPS:
-            most = largest_inductance(driver.frequency, winding_of(driver, group) or WINDING_CAPACITANCE)
+            most = largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"

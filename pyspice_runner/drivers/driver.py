@@ -25,7 +25,7 @@ from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, UNIFORM_POINTS, Pins, Source, transient_options
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
-from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, WINDING_CAPACITANCE, ratings
 from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import two_phasors
@@ -328,6 +328,10 @@ class Driver(Stated, Source):
     def ahead(self, group: str) -> float:
         """Return by what part of a period a group is ahead of group A."""
         return self.phase_deg / 360.0 if group == "b" else 0.0
+
+    def winding(self, group: str) -> float:
+        """Return the capacitance in F of the winding of the coil in series; an assumed one if it is not stated."""
+        return self.values(group, self.network).get("winding_capacitance") or WINDING_CAPACITANCE
 
     @property
     def transformer_label(self) -> str:

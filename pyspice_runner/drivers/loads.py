@@ -228,11 +228,6 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
     return found
 
 
-def winding_of(driver: Driver, group: str) -> float:
-    """Return the capacitance in F of the winding of the coil in series; 0 if it is not stated."""
-    return driver.setting(f"{driver.network}_{group}.winding_capacitance") if driver.network != "none" else 0.0
-
-
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
     frequency = driver.frequency
@@ -249,8 +244,8 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if part.name.startswith(TRANSISTOR) and volts > breakdown:
             notes.append(f"The {part.name} is at {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
-            winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
-            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
+            winding = driver.winding(part.name[-1].lower()) if part.name.startswith("series") else WINDING_CAPACITANCE
+            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding)
     return notes
 
 
@@ -285,8 +280,12 @@ class _Switch:
     helping: float  # sign of that current where it moves the leg towards this transistor
 
 
-def _switches(driver: Driver, group: str) -> list[_Switch]:
-    """Return the transistors of the bridge of a group."""
+def _switches(driver: Driver) -> list[_Switch]:
+    """Return the transistors of the bridges of both groups; none for another stage."""
+    return [switch for group in GROUPS if driver.kind in BRIDGES for switch in _switches_of(driver, group)]
+
+
+def _switches_of(driver: Driver, group: str) -> list[_Switch]:
     stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
     if driver.kind == "push-pull":
         return [
@@ -310,28 +309,34 @@ def _switches(driver: Driver, group: str) -> list[_Switch]:
 
 def switching_vectors(driver: Driver) -> list[str]:
     """Return the vectors that :func:`turn_ons` takes, beside those of the report."""
-    switches = [switch for group in GROUPS if driver.kind in BRIDGES for switch in _switches(driver, group)]
-    return [name for switch in switches for name in (switch.ramp, switch.voltage, switch.current)]
+    return [name for switch in _switches(driver) for name in (switch.ramp, switch.voltage, switch.current)]
 
 
 def turn_ons(driver: Driver, samples: Mapping[str, Array], window: Window) -> tuple[TurnOn, ...]:
-    """Return the turn-ons of all transistors of a bridge over the window; none for another stage."""
-    found: list[TurnOn] = []
-    for group in GROUPS if driver.kind in BRIDGES else ():
-        for switch in _switches(driver, group):
-            offs, ons = _edges(samples, switch)
-            late = offs >= window.start
-            if late.any():
-                found.append(_turn_on(driver, switch, (offs[late], ons[late]), samples, driver.swing(group)))
+    """Return the turn-ons of all transistors of a bridge, means over the window; none for another stage."""
+    found, time = [], samples["time"]
+    part = ratings(driver.mosfet) if driver.mosfet in MOSFETS else None
+    for switch in _switches(driver):
+        ramp = samples[switch.ramp] * (1.0 if switch.rising else -1.0)
+        offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
+        places = np.searchsorted(offs, ons) - 1  # of the turn-off of the other transistor before each turn-on
+        offs, ons = offs[places[places >= 0]], ons[places >= 0]
+        late = offs >= window.start
+        if not late.any():
+            continue
+        volts = np.interp(ons[late], time, samples[switch.voltage])
+        left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
+        current = switch.helping * float(np.mean(np.interp(offs[late], time, samples[switch.current])))
+        swing = driver.swing(switch.name[0])  # of its group
+        charge = part.swing_charge(swing) if part else None
+        found.append(
+            TurnOn(
+                switch.name, left <= ZERO * swing, left, current, charge,
+                dead_time_s=charge / current if charge is not None and current > 0.0 else None,
+                hard_switching_w=driver.frequency * part.swing_loss(left, swing) if part else None,
+            )
+        )  # fmt: skip
     return tuple(found)
-
-
-def _edges(samples: Mapping[str, Array], switch: _Switch) -> tuple[Array, Array]:
-    """Return the times at which the other transistor turns off and this one turns on, for every edge."""
-    time, ramp = samples["time"], samples[switch.ramp] * (1.0 if switch.rising else -1.0)
-    offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
-    places = np.searchsorted(offs, ons) - 1
-    return offs[places[places >= 0]], ons[places >= 0]
 
 
 def _crossings(time: Array, values: Array, level: float) -> Array:
@@ -339,23 +344,6 @@ def _crossings(time: Array, values: Array, level: float) -> Array:
     before = np.flatnonzero((values[:-1] < level) & (values[1:] >= level))
     share = (level - values[before]) / (values[before + 1] - values[before])
     return np.asarray(time[before] + share * (time[before + 1] - time[before]))
-
-
-def _turn_on(
-    driver: Driver, switch: _Switch, edges: tuple[Array, Array], samples: Mapping[str, Array], swing: float
-) -> TurnOn:
-    """Return the mean over the edges of a transistor."""
-    time, (offs, ons) = samples["time"], edges
-    volts = np.interp(ons, time, samples[switch.voltage])
-    left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
-    current = switch.helping * float(np.mean(np.interp(offs, time, samples[switch.current])))
-    charge, dead_time, loss = None, None, None
-    if driver.mosfet in MOSFETS:
-        part = ratings(driver.mosfet)
-        charge = part.swing_charge(swing)
-        dead_time = charge / current if current > 0.0 else None
-        loss = driver.frequency * part.swing_loss(left, swing)
-    return TurnOn(switch.name, left <= ZERO * swing, left, current, charge, dead_time, loss)
 
 
 _EDGE = 1e-6  # s, in which a load steps and a control stops

@@ -149,18 +149,13 @@ class _Devices(OwnFile):
                 self._blocks[name.lower()] = inside
             elif inside:
                 inside.body.append((line, text))
-            else:
-                self._outside(line, text, words)
+            elif re.match(r"\.model\s+\S", text, re.I):
+                self._check_name(line, words[0], self._models)
+                self._models[words[0].lower()] = (line, text)
+            elif text.lower() != ".end":
+                self._fail(line, f"{short(text)} is outside of a subcircuit; only .subckt and .model are read there")
         if inside:
             self._fail(inside.begin, f".subckt {inside.name} has no .ends")
-
-    def _outside(self, line: int, text: str, words: list[str]) -> None:
-        """Store a model outside of subcircuits."""
-        if re.match(r"\.model\s+\S", text, re.I):
-            self._check_name(line, words[0], self._models)
-            self._models[words[0].lower()] = (line, text)
-        elif text.lower() != ".end":
-            self._fail(line, f"{short(text)} is outside of a subcircuit; only .subckt and .model are read there")
 
     def _check_name(self, line: int, name: str, others: Collection[str]) -> None:
         if not _NAME.fullmatch(name):
