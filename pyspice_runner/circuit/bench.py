@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.evaluated import Plotted, Power, plotted_nodes
+from pyspice_runner.circuit.evaluated import Derived, plotted_nodes
 from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_values
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
 from pyspice_runner.circuit.own_law import PINS
@@ -31,7 +31,6 @@ from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, definitions, read_library
 
-Derived = Plotted | Power  # a vector that follows from others
 FREE = Load()  # a free shaft
 # ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
@@ -88,7 +87,6 @@ def motor_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     elif load.torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
-    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -97,8 +95,8 @@ def motor_bench(
         law=law, discretisation=discretisation, start=start,
         thermal=thermal or source.thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
-    first = _start(motor, source, law, start, discretisation)
-    return Bench(circuit, options, first, signals={**plotted_nodes(motor, law, "xmotor"), **powers})
+    signals = {**plotted_nodes(motor, law, "xmotor"), **powers}
+    return _bench(circuit, motor, source, law, start, discretisation, signals)
 
 
 def dynamometer_bench(
@@ -135,8 +133,7 @@ def dynamometer_bench(
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:
         add_meters(circuit, motor, law, {"lag": discretisation.slider_time} if discretisation else {})
-    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
-    return Bench(circuit, options, _start(motor, source, law, start, discretisation))
+    return _bench(circuit, motor, source, law, start, discretisation, {})
 
 
 def contact_bench(
@@ -163,14 +160,17 @@ def contact_bench(
     return Bench(circuit, TRANSIENT_OPTIONS)
 
 
-def _start(
+def _bench(
+    circuit: Circuit,
     motor: Motor,
     source: Source,
     law: Law | None,
     start: Motion | None,
     discretisation: Discretisation | None,
-) -> dict[str, float]:
-    """Return the initial voltages inside the motor, by node; those of its states only for a given motion."""
+    signals: Mapping[str, Derived],
+) -> Bench:
+    """Return the bench of a motor and its source, with the initial voltages of its states only for a given motion."""
+    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
     nodes = first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
     if start is not None:
         states = motor_states(motor, law)
@@ -178,7 +178,7 @@ def _start(
     else:
         for group, voltage in zip(GROUPS, source.initial_voltages(), strict=True):
             nodes |= dict.fromkeys(plate_nodes(group), voltage) if abs(voltage) > 1e-12 else {}
-    return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}
+    return Bench(circuit, options, {f"xmotor.{node}": voltage for node, voltage in nodes.items()}, signals)
 
 
 def brake_parts(*, meters: bool) -> list[Library]:

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from threading import Lock
 from types import CodeType
 from typing import Any
@@ -83,33 +83,36 @@ def _needed(
     return program[::-1]
 
 
-@dataclass(frozen=True)
-class Plotted:
-    """A node of a brush that the circuit leaves out, because nothing depends on it (:func:`.contact.unplotted`)."""
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """The voltage of a node that a circuit leaves out, because nothing depends on it."""
 
-    node: str  # of the library
-    library: Library
-    constants: Mapping[str, float]  # its parameters
-    terms: Mapping[str, str]  # node of the library by vector: what the sliders are held by
+    terms: Mapping[str, str]  # name in the equations by vector
+    value: Callable[[Mapping[str, Array]], Any]  # the equations
+    line: str = ""  # of the library, which the circuit leaves out
 
     def of(self, vectors: Mapping[str, Array]) -> Array:
         """Return the vector of the node."""
-        known = {node: vectors[vector] for vector, node in self.terms.items()}
-        return np.asarray(library_function(self.library).of([self.node], {**self.constants, **known})[self.node])
+        return np.asarray(self.value({name: vectors[vector] for vector, name in self.terms.items()}), dtype=float)
 
 
-def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Plotted]:
-    """Return the nodes of a brush that the circuits of a motor leave out, by the names of their vectors."""
+def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Derived]:
+    """Return the nodes of a brush that the circuits of a motor leave out (:func:`.unplotted`), by their vectors."""
     if law is None or not law.row:
         return {}
     library = contact_library(law, motor.contact)
     constants = {item.name: item.default for item in library.parameters}
     constants |= contact_values(law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
-    inside = ("delta", "factor", *library_function(library).states)
-    found: dict[str, Plotted] = {}
+    function = library_function(library)
+
+    def value(node: str, known: Mapping[str, Array]) -> Any:
+        return function.of([node], {**constants, **known})[node]
+
+    found: dict[str, Derived] = {}
     for instance in instances:
-        terms = {f"v({instance}.xcontact.{node})": node for node in inside}
-        found |= {f"v({instance}.{node})": Plotted(node, library, constants, terms) for node in ("slider", "state")}
+        terms = {f"v({instance}.xcontact.{node})": node for node in ("delta", "factor", *function.states)}
+        for node in ("slider", "state"):
+            found[f"v({instance}.{node})"] = Derived(terms, partial(value, node))
     return found
 
 
@@ -158,24 +161,9 @@ _PARAMETER = re.compile(r"^\.param (\w+)=\{(.*)\}$", re.M)  # of a library, whic
 _SENSED = re.compile(r"([VI])\((\w+)(?:,(\w+))?\)")  # a voltage or current in an expression
 
 
-@dataclass(frozen=True, eq=False)
-class Power:
-    """The voltage of a node that a circuit leaves out, because nothing depends on it."""
-
-    line: str  # of the library, which the circuit leaves out
-    terms: Mapping[str, str]  # name in the expression by vector
-    constants: Mapping[str, float]  # parameters of the part
-    _code: CodeType
-
-    def of(self, vectors: Mapping[str, Array]) -> Array:
-        """Return the vector of the node."""
-        recorded = {name: vectors[vector] for vector, name in self.terms.items()}
-        return np.asarray(eval(self._code, {}, {**self.constants, **recorded}), dtype=float)
-
-
 def powers_of(
     library: Library, instance: str, nodes: Mapping[str, str], values: Mapping[str, float]
-) -> Iterator[tuple[str, Power]]:
+) -> Iterator[tuple[str, Derived]]:
     """Yield the powers and energies of an instance of a library by their vectors.
 
     Args:
@@ -187,6 +175,10 @@ def powers_of(
     constants = dict(values)
     for name, expression in _PARAMETER.findall(library.subcircuit):
         constants[name] = eval(_python(expression), {}, constants)
+
+    def value(code: CodeType, recorded: Mapping[str, Array]) -> Any:
+        return eval(code, {}, {**constants, **recorded})
+
     for line in LINE.finditer(library.subcircuit):
         node, expression = line.groups()
         terms: dict[str, str] = {}
@@ -201,8 +193,8 @@ def powers_of(
                 return terms.setdefault(f"i(v.{instance}.{first.lower()})", f"current_{first.lower()}")
             return f"({voltage(first)}-{voltage(second)})"
 
-        text = _python(_SENSED.sub(sensed, expression))
-        yield f"v({instance}.{node})", Power(line.group(), terms, constants, compile(text, f"<{library.name}>", "eval"))
+        code = compile(_python(_SENSED.sub(sensed, expression)), f"<{library.name}>", "eval")
+        yield f"v({instance}.{node})", Derived(terms, partial(value, code), line.group())
 
 
 def _python(expression: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.evaluated import Power
+from pyspice_runner.circuit.evaluated import Derived
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.state import Discretisation, stems
 from pyspice_runner.errors import ParameterError
@@ -66,7 +66,10 @@ class Source(Excitation):
 
     @property
     def ideal(self) -> Drive | None:
-        """The drive, if the voltages of the pins are its sines at any current; ``None`` for another source."""
+        """The drive, if the voltages of the pins are its sines at any current; ``None`` for another source.
+
+        The source then has no state, so that a run can continue from the motion of the motor alone.
+        """
         return None
 
     @property
@@ -109,16 +112,6 @@ class Source(Excitation):
         """Whether a run takes uniform steps. Switching edges and digital events shorten them."""
         return False
 
-    @property
-    def continues(self) -> bool:
-        """Whether a run can continue from the motion of the motor alone, because the source has no state."""
-        return False
-
-    @property
-    def rise_time(self) -> float:
-        """Time in s over which the amplitude rises at the start."""
-        return 0.0
-
     fewest_points = FEWEST_POINTS_PER_PERIOD  # minimum number of steps in a period of the fastest motion
     vectors: ClassVar[tuple[str, ...]] = ()  # that a run records in addition to those of the motor
 
@@ -136,7 +129,7 @@ class Source(Excitation):
         return inf
 
     @property
-    def powers(self) -> Mapping[str, Power]:
+    def powers(self) -> Mapping[str, Derived]:
         """Powers and energies inside the source that a run need not compute, by the vectors of their nodes."""
         return {}
 
@@ -216,7 +209,6 @@ class DriveSource(UniformSource):
     """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
 
     drive: Drive  # the two voltages
-    continues = True
 
     @property
     def given(self) -> Stated:
@@ -227,11 +219,6 @@ class DriveSource(UniformSource):
     def ideal(self) -> Drive:
         """The drive."""
         return self.drive
-
-    @property
-    def rise_time(self) -> float:
-        """Soft start of the drive in s."""
-        return self.drive.soft_start
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the sources ``Va`` and ``Vb``, which have been on for ``begun`` seconds."""

@@ -262,12 +262,6 @@ def recorded_states(
     ]
 
 
-def motion(values: Mapping[str, float], motor: Motor, law: Law | None, discretisation: Discretisation) -> Motion:
-    """Return the motion for values of :func:`state_vectors`."""
-    states = motor_states(motor, law)
-    return motion_of(states, [values[state.within("xmotor")] * state.scale(discretisation) for state in states])
-
-
 def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:
     """Return the motion with the SI values of states; others are 0 or missing."""
     fields: dict[str, float | tuple[float, ...]] = {}

@@ -33,10 +33,8 @@ from pyspice_runner.drivers.parts import (
     SMALLEST_CAPACITANCE,
     SMALLEST_INDUCTANCE,
     WINDING_QUALITY,
-    Passed,
     largest_inductance,
     nearest,
-    passed,
     suited,
 )
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -304,27 +302,15 @@ def at_stage(
     """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
     if driver is not None:
         omega = 2.0 * pi * (driver.frequency if frequency is None else frequency)
-        for found in _passed(driver.equivalent, group, volts, amperes, omega):
+        for _, found in driver.equivalent.passed(group, volts, amperes, omega):
             volts, amperes = found.volts, found.amperes
     return volts, amperes
 
 
-def _passed(driver: Driver, group: str, volts: Any, amperes: Any, omega: float) -> list[Passed]:
-    """Return the network of a group from the pin to the stage for phasors of the pin: a cable first."""
-    found = []
-    for part in reversed(driver.parts(group)):
-        before = passed(part.label, part.values, volts, amperes, omega)
-        if before is None:
-            break
-        found.append(before)
-        volts, amperes = before.volts, before.amperes
-    return found
-
-
 def load_of(driver: Driver, group: str, load: complex) -> complex:
     """Return the impedance in front of the cable, if there is one, for that of the group at its pin."""
-    for part in driver.parts(group):
-        if part.label == CABLE and (found := passed(CABLE, part.values, load, 1.0, 2.0 * pi * driver.frequency)):
+    for part, found in driver.passed(group, load, 1.0, 2.0 * pi * driver.frequency):
+        if part.label == CABLE:
             return complex(found.volts / found.amperes)
     return load
 
@@ -336,9 +322,9 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
         pin = np.array([complex(point.group(group).voltage_v) for point in points])
         amperes = pin / np.array([point.group(group).impedance_ohm for point in points])
         line, through = pin, amperes
-        for before in _passed(driver, group, pin, amperes, 2.0 * pi * driver.frequency):
+        for part, before in driver.passed(group, pin, amperes, 2.0 * pi * driver.frequency):
             stores, instance = before.stores, groups.named("xnetwork", group)
-            if "lline" in stores:
+            if part.label == CABLE:
                 found |= {
                     f"i(v.xcable_{group}.vcurrent)": stores["lline"],
                     groups.voltage(driver.network, group): before.volts,

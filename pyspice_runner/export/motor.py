@@ -17,9 +17,9 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.export.circuit import touchstone
 from pyspice_runner.export.fmu import Version, fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
-from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.export.xyce import Dialect, xyce_library
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.motor import Motor

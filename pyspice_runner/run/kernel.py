@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import Bench, Derived
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.evaluated import Derived
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.spice.ngspice import SpiceRun
 from pyspice_runner.spice.pyspice import BatchSimulator

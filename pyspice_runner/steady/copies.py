@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
-from pyspice_runner.circuit.bench import METERED, Bench, Derived, add_meters, add_set_speed, brake_parts, connect_brake
-from pyspice_runner.circuit.evaluated import LINE, plotted_nodes
+from pyspice_runner.circuit.bench import METERED, Bench, add_meters, add_set_speed, brake_parts, connect_brake
+from pyspice_runner.circuit.evaluated import LINE, Derived, plotted_nodes
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
 from pyspice_runner.circuit.source import GROUPS, not_below_rounding, sine, transient_options
@@ -40,7 +40,7 @@ from pyspice_runner.circuit.state import (
     start_values,
 )
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
-from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR, passed
+from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
@@ -366,13 +366,8 @@ class Plant:
         """
         omega, of_devices = 2.0 * pi * self.front.frequency, dict[tuple[str, str], complex]()
         for group in GROUPS:
-            volts, amperes = pins[group], currents[group]
-            for part in reversed(self.front.parts(group)):
-                before = passed(part.label, part.values, volts, amperes, omega)
-                if before is None:
-                    break
+            for part, before in self.front.passed(group, pins[group], currents[group], omega):
                 of_devices |= {(part.instance.lower(), device): value for device, value in before.stores.items()}
-                volts, amperes = before.volts, before.amperes
         return [of_devices.get((store.instance, store.device), 0j) for store in self.stores]
 
     @cached_property
