@@ -125,7 +125,7 @@ def dynamometer_bench(
     circuit = Circuit(title or f"{motor.name}: dynamometer")
     circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
     source.add(circuit, motor, METERED if meters else GROUPS, begun=begun)
-    add_set_speed(circuit, speed)
+    circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft"),
         law=law, discretisation=discretisation, start=start, check=check,
@@ -184,11 +184,6 @@ def _bench(
 def brake_parts(*, meters: bool) -> list[Library]:
     """Return the libraries of a dynamometer, and those of the meters if asked for."""
     return [read_library(name) for name in ("piezomotor_dynamometer", *(_METERS if meters else ()))]
-
-
-def add_set_speed(circuit: Netlist, speed: float | None) -> None:
-    """Put the commanded speed of a dynamometer, in rad/s, at the node ``set``."""
-    circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
 
 
 def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:

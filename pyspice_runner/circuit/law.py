@@ -118,7 +118,10 @@ class Law:
 
     @property
     def forms(self) -> frozenset[str]:
-        """The forms in which the law exists: ``spice``, ``verilog-a``, and of built-in laws ``averaged`` and ``c``."""
+        """The forms in which the law exists: ``spice``, ``verilog-a``, and of built-in laws ``averaged`` and ``c``.
+
+        The equations of a law with ``verilog-a`` are read from its library for other languages, numpy among them.
+        """
         found = self._library.forms
         return found & {"spice", "verilog-a"} if is_own(self.name) else found
 
@@ -141,11 +144,6 @@ class Law:
     def falls(self) -> bool:
         """Whether the friction can fall with the slip velocity."""
         return _STRIBECK[0] in {item.name for item in self._library.parameters}
-
-    @property
-    def translated(self) -> bool:
-        """Whether the equations of the law are read from its library for other languages, numpy among them."""
-        return "verilog-a" in self.forms
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -215,7 +215,9 @@ class MotorSubCircuit(Assembly):
                 self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
                 self._add_tangential(self.gnd, "x")
         self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
-        self._add_dry_bearing()
+        if motor.rotor.bearing_friction_n_m:
+            dry = {"torque": motor.rotor.bearing_friction_n_m, "angle": motor.rotor.bearing_presliding_rad}
+            self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), dry)
         if check:
             limits: dict[str, float | str] = {"step": coarsest_step(motor), "outside": outside(self.settable)}
             self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
@@ -327,12 +329,6 @@ class MotorSubCircuit(Assembly):
             force = pushed
         self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
         return {pin: node for pin, node in moved.items() if pin != "x"}
-
-    def _add_dry_bearing(self) -> None:
-        rotor = self._motor.rotor
-        if rotor.bearing_friction_n_m:
-            values = {"torque": rotor.bearing_friction_n_m, "angle": rotor.bearing_presliding_rad}
-            self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), values)
 
     def _add_mount(self, *, approach: bool) -> dict[str, str]:
         """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""

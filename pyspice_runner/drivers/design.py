@@ -202,12 +202,6 @@ class Design:
     starts: bool | None = None
     load_torque_n_m: float = 0.0
 
-    def checked_driver(self) -> Driver:
-        """Return the driver. Raise NoDriverError with the reason if there is none."""
-        if self.driver is None:
-            raise NoDriverError(self)
-        return self.driver
-
     def to_dict(self) -> dict[str, Any]:
         """Return the design without the driver, which its report has, JSON-ready."""
         names = ("parts", "feasible", "reason", "starts", "wanted_v", "share", "unmatched", "points")
@@ -625,7 +619,7 @@ class _Search:
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
-                coil = min(nearest(total - leakage, E12), max(value for value in _decades(E12) if value <= most))
+                coil = min(nearest(total - leakage, E12), _largest(most))
             excess = omega * (coil + leakage) - wanted
             capacitor = NO_CAPACITOR
             if excess > _DETUNED * omega * (coil + leakage) and excess > 0.0 and (filtering or wanted < 0.0):
@@ -646,8 +640,7 @@ class _Search:
         middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
         coil, capacitor = NO_COIL, -middle / omega
         if middle > 0.0:
-            largest = min(most, 1.0 / (omega * middle))
-            coil = max(value for value in _decades(E12) if value <= largest)
+            coil = _largest(min(most, 1.0 / (omega * middle)))
             capacitor = 1.0 / (omega**2 * coil) - middle / omega
         capacitor = NO_PARALLEL if capacitor < SMALLEST_CAPACITANCE else nearest(capacitor, E24)
         label = f"llcc_{group}.parallel_"
@@ -770,6 +763,7 @@ def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
     return notes
 
 
-def _decades(series: tuple[float, ...]) -> list[float]:
-    """Return the values of a series from 1 µH on."""
-    return [float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in series]
+def _largest(limit: float) -> float:
+    """Return the largest inductance in H of the series E12, from 1 µH on, up to a limit."""
+    values = (float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in E12)
+    return max(value for value in values if value <= limit)

@@ -178,30 +178,29 @@ def _winding(part: Part, group: str, volts: float) -> list[PartLoad]:
 
 def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
     """Return coils and capacitors of a network between two voltages."""
-    values, llcc, of_group = part.values, part.label == "llcc", f"group {group.upper()}"
+    values, llcc = part.values, part.label == "llcc"
     prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
-    coil, capacitor = values[f"{prefix}inductance"], values[f"{prefix}capacitance"]
-    found: list[PartLoad] = []
-    if coil > LEAST_COIL:
-        wound = _peak(samples[f"i(v.{instance}.vcoil)"])
-        found.append(PartLoad(f"series coil, {of_group}", coil, "H", _peak(before - inner), wound))
-    if capacitor != NO_CAPACITOR:
-        found.append(PartLoad(f"series capacitor, {of_group}", capacitor, "F", _peak(inner - after), _peak(through)))
-    if (bleeder := values["bleeder"]) != NO_BLEEDER:
-        volts = _peak(inner - after)
-        found.append(PartLoad(f"bleeder, {of_group}", bleeder, "Ω", volts, volts / bleeder))
-    if not llcc:
-        return found
-    across, volts = samples[f"i(v.{instance}.vparallel)"], _peak(after)
-    drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
-    coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
-    if coil != NO_COIL:
-        found.append(PartLoad(f"parallel coil, {of_group}", coil, "H", volts, _peak(across)))
-    if capacitor != NO_PARALLEL:
-        rest = _peak(through - drawn - across)
-        found.append(PartLoad(f"parallel capacitor, {of_group}", capacitor, "F", volts, rest))
-    return found
+    coil, capacitor, bleeder = values[f"{prefix}inductance"], values[f"{prefix}capacitance"], values["bleeder"]
+    # name, value, unit, voltage, current, and whether it is there
+    rows = [
+        ("series coil", coil, "H", before - inner, samples[f"i(v.{instance}.vcoil)"], coil > LEAST_COIL),
+        ("series capacitor", capacitor, "F", inner - after, through, capacitor != NO_CAPACITOR),
+        ("bleeder", bleeder, "Ω", inner - after, (inner - after) / bleeder, bleeder != NO_BLEEDER),
+    ]
+    if llcc:
+        across = samples[f"i(v.{instance}.vparallel)"]
+        drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
+        coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
+        rows += [
+            ("parallel coil", coil, "H", after, across, coil != NO_COIL),
+            ("parallel capacitor", capacitor, "F", after, through - drawn - across, capacitor != NO_PARALLEL),
+        ]
+    return [
+        PartLoad(f"{name}, group {group.upper()}", value, unit, _peak(volts), _peak(amperes))
+        for name, value, unit, volts, amperes, present in rows
+        if present
+    ]
 
 
 def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
@@ -423,13 +422,11 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
         one, other = pool.map(lambda run: run[0].run(run[1], vectors).vectors(), runs)
     windows = [(LOAD_STEP, one, _BEGIN, stops)] if steps else []
     windows += [(STOP, one, stops, np.inf), (SWEEP, other, 0.0, np.inf)]
-    return {name: maxima(motor, driver, _cut(samples, begin, end)) for name, samples, begin, end in windows}
-
-
-def _cut(samples: Mapping[str, Array], begin: float, end: float) -> dict[str, Array]:
-    """Return the samples from one time in s to another."""
-    within = (samples["time"] >= begin) & (samples["time"] <= end)
-    return {name: values[within] for name, values in samples.items()}
+    found = {}
+    for name, samples, begin, end in windows:
+        within = (samples["time"] >= begin) & (samples["time"] <= end)
+        found[name] = maxima(motor, driver, {vector: values[within] for vector, values in samples.items()})
+    return found
 
 
 def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, design_driver
+from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
 from pyspice_runner.drivers.loads import (
     PartLoad,
@@ -318,12 +318,14 @@ def drive_report(
         speed = held
     design = driver if isinstance(driver, Design) else None
     if isinstance(driver, Design):
-        driver = driver.checked_driver()
+        if driver.driver is None:
+            raise NoDriverError(driver)
+        driver = driver.driver
     setup = Point.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
     if duration is None:
-        duration = _DURATION if design is None else _start_time(motor, design, load_torque)
+        duration = _DURATION if design is None else _start_time(setup, design)
     _check_duration(setup, duration)
     recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
@@ -335,7 +337,8 @@ def drive_report(
     measured = _Measurement(window, samples, driver)
     ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
     budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
-    power = measured.power("pin", "a") + measured.power("pin", "b")
+    power_a, power_b = (measured.voltage("pin", group) * measured.current("pin", group) for group in GROUPS)
+    power = power_a + power_b
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
     currents = measured.supply_currents()
     report = DriveReport(
@@ -418,19 +421,19 @@ def _judged(setup: Point) -> tuple[str, ...]:
     return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
 
 
-def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
+def _start_time(setup: Point, design: Design) -> float:
     """Return the time in s of the run of a design.
 
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
     take long, it begins to.
     """
-    if design.checked_driver().switched:
+    if not setup.source.uniform:
         return _SHORTEST
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)
-    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(load_torque)
-    time = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
-    return min(max(_SHORTEST, time + 0.5 * motor.decay_s), _LONGEST)
+    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
+    time = setup.motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
+    return min(max(_SHORTEST, time + 0.5 * setup.motor.decay_s), _LONGEST)
 
 
 def _check_duration(setup: Point, duration: float) -> None:
@@ -490,10 +493,6 @@ class _Measurement:
     def current(self, place: str, group: str) -> Array:
         """Return the current at a place."""
         return self.samples[groups.current(place, group)]
-
-    def power(self, place: str, group: str) -> Array:
-        """Return the power that passes through a place."""
-        return self.voltage(place, group) * self.current(place, group)
 
     def port(self, place: str, group: str) -> Port:
         """Return the means and harmonics at a place."""

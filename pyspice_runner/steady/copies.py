@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
-from pyspice_runner.circuit.bench import METERED, Bench, add_meters, add_set_speed, brake_parts, connect_brake
+from pyspice_runner.circuit.bench import METERED, Bench, add_meters, brake_parts, connect_brake
 from pyspice_runner.circuit.evaluated import LINE, Derived, plotted_nodes
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
@@ -423,7 +423,7 @@ class Plant:
         """Add what holds or loads the shaft, and the meters, if any."""
         if meters:
             add_meters(circuit, self.motor, self.law, {"lag": discretisation.slider_time})
-            add_set_speed(circuit, self.load.speed)
+            circuit.V("set", "set", circuit.gnd, f"DC {float(self.load.speed or 0.0)!r}")
             connect_brake(circuit, self.load.torque, grips=self.load.speed is not None)
             return
         for group, line in zip(GROUPS, METERED, strict=True):
