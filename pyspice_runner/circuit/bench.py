@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.circuit.evaluated import Derived, plotted_nodes
-from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_values
+from pyspice_runner.circuit.law import PAPER_LAW, PINS, Law, contact_library, contact_values
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
-from pyspice_runner.circuit.own_law import PINS
 from pyspice_runner.circuit.source import GROUPS, TRANSIENT_OPTIONS, Source, not_below_rounding
 from pyspice_runner.circuit.state import (
     Discretisation,

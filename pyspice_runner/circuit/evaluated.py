@@ -36,13 +36,9 @@ _FUNCTIONS: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class LibraryFunction:
-    """The equations of a library.
+    """The equations of a library."""
 
-    Attributes:
-        states: nodes whose capacitors hold the state.
-    """
-
-    states: tuple[str, ...]
+    states: tuple[str, ...]  # nodes whose capacitors hold the state
     _program: tuple[tuple[str, CodeType, int], ...]  # node or parameter, its value, how often it is evaluated
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,11 +162,7 @@ def powers_of(
 ) -> Iterator[tuple[str, Derived]]:
     """Yield the powers and energies of an instance of a library by their vectors.
 
-    Args:
-        library: the library.
-        instance: name of the instance, with the x, in lower case.
-        nodes: node of the circuit for each pin.
-        values: value of each parameter.
+    ``instance`` is its name with the x, in lower case, ``nodes`` has the node of the circuit for each pin.
     """
     constants = dict(values)
     for name, expression in _PARAMETER.findall(library.subcircuit):

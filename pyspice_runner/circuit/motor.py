@@ -20,6 +20,7 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.circuit.law import (
     PAPER_LAW,
+    PINS,
     REACH,
     ContactLaw,
     Law,
@@ -29,7 +30,6 @@ from pyspice_runner.circuit.law import (
     touching_law,
     unplotted,
 )
-from pyspice_runner.circuit.own_law import PINS
 from pyspice_runner.circuit.state import (
     PLATES,
     Discretisation,
@@ -438,29 +438,20 @@ def add_motor(
     law: Law | None = PAPER_LAW,
     discretisation: Discretisation | None = None,
     start: Motion | None = None,
-    thermal: Thermal | None = None,
-    approach: bool = False,
-    check: bool = False,
-    plotted: bool = True,
-    name: str = "",
     settings: Mapping[str, float | str] | None = None,
+    **written: Any,
 ) -> None:
     """Add a motor to a PySpice circuit. All copies of one motor share one definition.
 
     ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
-    such as ``"{preload}"`` is an expression. A run of the package is without the node ``check``: parameters, step and
-    drive are checked before it, and computes what only serves a plot of a brush after it, if not ``plotted``. A second,
-    different motor in one circuit needs another name. Raise
-    ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
-    have or whose value is out of range.
+    such as ``"{preload}"`` is an expression. ``written`` are further arguments of :class:`MotorSubCircuit`; a second,
+    different motor in one circuit needs another name. Raise ParameterError if the circuit already has a different motor
+    of that name, or for a setting that the motor does not have or whose value is out of range.
     """
     write = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
-    definition = write(
-        motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
-        approach=approach, check=check, plotted=plotted, name=name,
-    )  # fmt: skip
+    definition = write(motor, law=law, discretisation=discretisation, startable=start is not None, **written)
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
     if not present:

@@ -62,7 +62,9 @@ class Source(Excitation):
         Raises:
             ParameterError: for a source without such values.
         """
-        raise ParameterError(f"The parameters of a {type(self).__name__} have no paths.")
+        if self.ideal is None:
+            raise ParameterError(f"The parameters of a {type(self).__name__} have no paths.")
+        return self.ideal
 
     @property
     def ideal(self) -> Drive | None:
@@ -200,8 +202,8 @@ class UniformSource(Source):
         return f"i(v{group})", -1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return kind and label, and the values of the drive."""
-        return {"kind": type(self).__name__, "label": self.label, **self.drive.model_dump()}
+        """Return kind, label and values of the drive."""
+        return {"kind": type(self.drive).__name__, "label": self.label, **self.drive.model_dump()}
 
 
 @dataclass(frozen=True)
@@ -209,11 +211,6 @@ class DriveSource(UniformSource):
     """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
 
     drive: Drive  # the two voltages
-
-    @property
-    def given(self) -> Stated:
-        """The drive."""
-        return self.drive
 
     @property
     def ideal(self) -> Drive:
@@ -239,10 +236,6 @@ class DriveSource(UniformSource):
             nodes = [node, *series, circuit.gnd]
             for index, tone in enumerate(active):
                 circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return kind, label and values of the drive."""
-        return super().to_dict() | {"kind": type(self.drive).__name__}
 
 
 def source_of(excitation: Drive | Excitation, motor: Motor, law: Law | None) -> Source:

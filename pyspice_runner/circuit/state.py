@@ -102,12 +102,7 @@ def first_guess(
 
     Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
     in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
-
-    Args:
-        motor: the motor.
-        law: law of its contact.
-        stem_m: compression of the compliance in series at the start, less that at rest, m.
-        discretisation: of the run.
+    ``stem_m`` is the compression of the compliance in series at the start in m, less that at rest.
     """
     contact, compliance = motor.contact, stems(motor, law).get("stem")
     if law is None or not compliance or discretisation is None:

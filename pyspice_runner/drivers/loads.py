@@ -143,8 +143,6 @@ def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mappi
 def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
     """Return supplies, transistors and dead time."""
     found: list[PartLoad] = []
-    if driver.kind == "ideal":
-        return found
     of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
