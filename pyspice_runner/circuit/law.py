@@ -24,8 +24,6 @@ from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.spice.library import LAW, PREFIX, Library, LibraryParameter, parse_library, read_library
 from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
 
-ENDING = ".lib"
-
 #: the built-in laws and their libraries; the first is the default
 LAWS: dict[str, str] = {
     "spring-slider": "piezomotor_contact",
@@ -35,6 +33,7 @@ LAWS: dict[str, str] = {
 PINS = ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state")
 #: parameters that the motor sets in every law, to start the contact at its preload
 REQUIRED = ("normal_stiffness", "mu", "radius", "preload", "deflection")
+ENDING = ".lib"  # of the file of a user's own law
 _OWN_NAME = f"{PREFIX}{LAW}"  # of the subcircuit in a netlist; the file may use another name
 _MOST_BYTES = 1 << 18
 _RULES = Rules("law", forbidden={r"\bic\s*=": "remove ic=; a run starts with no voltage there"})
@@ -447,10 +446,10 @@ def read_own_law(path: str) -> Library:
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise ParameterError(f"{path}, line {line}: only ASCII characters are allowed; write um for µm.") from None
-    return _Law(path, text, _RULES).library()
+    return _OwnLaw(path, text, _RULES).library()
 
 
-class _Law(OwnFile):
+class _OwnLaw(OwnFile):
     """Reader of one law."""
 
     def library(self) -> Library:

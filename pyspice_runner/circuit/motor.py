@@ -198,7 +198,10 @@ class MotorSubCircuit(Assembly):
             self._add_groups(warm)
         self._add_modes(warm, preload if law else 0.0)
         if library:
-            moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
+            moved = {}
+            if sway := static_sway(motor, law, discretisation):  # of the tip at rest from the crown, by the preload
+                self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * (sway / preload))!r}*preload}}")
+                moved["x"] = CROWN
             moved |= self._add_tangential("fx", moved.get("x", "x"))
             moved |= self._add_mount(approach=approach)
             for stem, compliance in stems(motor, law).items():
@@ -296,13 +299,6 @@ class MotorSubCircuit(Assembly):
         values = spring_values(along, self._discretisation) | {"preload": 0.0}
         self._put("mount_x", "piezomotor_mount", (force, x, "vx", *MOUNTED_X.values(), "base_x"), values)
         return MOUNTED_X
-
-    def _add_sway(self, sway: float) -> dict[str, str]:
-        """Add the crown of the rotor, in m per N of preload from the tip at rest; return the contact's node for x."""
-        if not sway:
-            return {}
-        self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
-        return {"x": CROWN}
 
     def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str]) -> dict[str, str]:
         """Add a compliance in series with the contact, which the contact force compresses, or friction along x.

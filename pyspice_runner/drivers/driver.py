@@ -638,10 +638,8 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
     Without its source, another one drives the nodes ``control_a`` and ``control_b``: 1 V amplitude for a bridge, the
     voltage over the gain for a linear amplifier.
     """
-    libraries = driver.libraries()
     source = source and driver.controlled
-    if source:
-        libraries.insert(0, read_library("driver_source"))
+    libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
     circuit.raw_spice += definitions(*libraries) + "\n"
     if source:
         amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in GROUPS}

@@ -204,9 +204,8 @@ def _of_network(part: Part, group: str, before: Array, after: Array, samples: Ma
 def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
-    ``exceeded`` has a sentence for each limit of a part that is exceeded.
-
-    The field of a group is its largest voltage over the distance of its electrodes; ``None`` where that is not known.
+    ``exceeded`` has a sentence for each limit of a part that is exceeded. The field of a group is its largest voltage
+    over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
     for group in GROUPS:
@@ -279,28 +278,26 @@ class _Switch:
 
 def _switches(driver: Driver) -> list[_Switch]:
     """Return the transistors of the bridges of both groups; none for another stage."""
-    return [switch for group in GROUPS if driver.kind in BRIDGES for switch in _switches_of(driver, group)]
-
-
-def _switches_of(driver: Driver, group: str) -> list[_Switch]:
-    stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
-    if driver.kind == "push-pull":
-        return [
-            _Switch(
-                f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
-                f"i(v.{stage}.vdrain_{other})", 1.0,
-            )
-            for own, other in ("pn", "np")
-        ]  # fmt: skip
-    out, line, back = groups.current("out", group), groups.voltage("line", group), groups.voltage("return", group)
-    if driver.kind == "half-bridge":
-        legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
-    else:
-        legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
-    found = []
-    for ramp, voltage, sign, high, low in legs:
-        found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
-        found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
+    found: list[_Switch] = []
+    for group in GROUPS if driver.kind in BRIDGES else ():
+        stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
+        if driver.kind == "push-pull":
+            found += [
+                _Switch(
+                    f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
+                    f"i(v.{stage}.vdrain_{other})", 1.0,
+                )
+                for own, other in ("pn", "np")
+            ]  # fmt: skip
+            continue
+        out, line, back = groups.current("out", group), groups.voltage("line", group), groups.voltage("return", group)
+        if driver.kind == "half-bridge":
+            legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
+        else:
+            legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
+        for ramp, voltage, sign, high, low in legs:
+            found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
+            found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
     return found
 
 

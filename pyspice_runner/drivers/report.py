@@ -337,7 +337,7 @@ def drive_report(
     measured = _Measurement(window, samples, driver)
     ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
     budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
-    power_a, power_b = (measured.voltage("pin", group) * measured.current("pin", group) for group in GROUPS)
+    power_a, power_b = (measured.voltage("pin", group) * samples[groups.current("pin", group)] for group in GROUPS)
     power = power_a + power_b
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
     currents = measured.supply_currents()
@@ -490,13 +490,9 @@ class _Measurement:
         back = self.samples[groups.voltage("return", group)] if self.driver.kind == "full-bridge" else 0.0
         return self.samples[groups.voltage("line", group)] - back
 
-    def current(self, place: str, group: str) -> Array:
-        """Return the current at a place."""
-        return self.samples[groups.current(place, group)]
-
     def port(self, place: str, group: str) -> Port:
         """Return the means and harmonics at a place."""
-        window, voltage, current = self.window, self.voltage(place, group), self.current(place, group)
+        window, voltage, current = self.window, self.voltage(place, group), self.samples[groups.current(place, group)]
         volts, amperes = window.harmonics(voltage), window.harmonics(current)
         rms_v, rms_a = window.rms(voltage), window.rms(current)
         power = window.mean(voltage * current)
@@ -565,7 +561,7 @@ class _Measurement:
         for group in GROUPS:
             for place, name in (("out", groups.named("output", group)), ("pin", groups.named("group", group))):
                 columns[f"{name}_v"] = self.window.cut(self.voltage(place, group))
-                columns[f"{name}_a"] = self.window.cut(self.current(place, group))
+                columns[f"{name}_a"] = self.window.cut(self.samples[groups.current(place, group)])
         return columns
 
     def _mean(self, part: Part, kind: str, name: str) -> float:

@@ -157,17 +157,16 @@ class Description:
         return written(root)
 
     def _add_interfaces(self, root: ElementTree.Element) -> None:
-        version = self.version
-        state = "FMUstate" if version == 2 else "FMUState"
+        state = "FMUstate" if self.version == 2 else "FMUState"
         common = {"modelIdentifier": self.identifier, f"canGetAndSet{state}": "true", f"canSerialize{state}": "true"}
-        common |= {"canNotUseMemoryManagementFunctions": "true"} if version == 2 else {}
+        common |= {"canNotUseMemoryManagementFunctions": "true"} if self.version == 2 else {}
         step = {"canHandleVariableCommunicationStepSize": "true"}
-        if version == 3:
+        if self.version == 3:
             step |= {"providesIntermediateUpdate": "true", "mightReturnEarlyFromDoStep": "true",
                      "canReturnEarlyAfterIntermediateUpdate": "true"}  # fmt: skip
         for name, more in (("ModelExchange", {}), ("CoSimulation", step)):
             interface = ElementTree.SubElement(root, name, common | more)
-            if version == 2:
+            if self.version == 2:
                 files = ElementTree.SubElement(interface, "SourceFiles")
                 for file in self.sources:
                     ElementTree.SubElement(files, "File", {"name": file})
@@ -185,7 +184,6 @@ class Description:
                 ElementTree.SubElement(base, "BaseUnit", {key: f"{value!r}" for key, value in _UNITS[unit].items()})
 
     def _add_variables(self, root: ElementTree.Element) -> None:
-        version = self.version
         count, first, shown = state_count(self.motor), len(self.known), self._shown
         listed = ElementTree.SubElement(root, "ModelVariables")
         place_of: dict[int, int] = {}  # value reference → place in the list, which FMI 2.0 refers to
@@ -193,7 +191,7 @@ class Description:
         def add(name: str, reference: int, meaning: str, kind: dict[str, str], **real: str) -> None:
             place_of[reference] = len(place_of) + 1
             common = {"name": name, "valueReference": str(reference), "description": meaning, **kind}
-            if version == 2:
+            if self.version == 2:
                 ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", common), "Real", real)
             else:
                 ElementTree.SubElement(listed, "Float64", common | real)
@@ -207,9 +205,9 @@ class Description:
         for number, reference in enumerate(states, start=1):
             add(f"state[{number}]", reference, "state of the averaged motor", KINDS["state"])
         for number, (reference, of) in enumerate(zip(rates, states, strict=True), start=1):
-            derivative = str(place_of[of] if version == 2 else of)
+            derivative = str(place_of[of] if self.version == 2 else of)
             add(f"der(state[{number}])", reference, "rate of this state, in 1/s", KINDS["state"], derivative=derivative)
-        if version == 3:
+        if self.version == 3:
             add("time", first + 2 * count, "time", KINDS["time"], unit="s")
         outputs = [item.reference for item in shown if item.causality == "output"]
         parts: dict[str, Iterable[int]] = {
