@@ -28,13 +28,14 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.library import Library, definitions, read_library
+from pyspice_runner.spice.library import definitions, read_library
 
 FREE = Load()  # a free shaft
 # ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
 AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
+BRAKE = "piezomotor_dynamometer"
 METERED = ("metered_a", "metered_b")  # nodes of the source in front of the wattmeters
-_METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
+METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def dynamometer_bench(
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: dynamometer")
-    circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
+    circuit.raw_spice += definitions(*map(read_library, (BRAKE, *(METERS if meters else ())))) + "\n"
     source.add(circuit, motor, METERED if meters else GROUPS, begun=begun)
     circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
     add_motor(
@@ -180,15 +181,10 @@ def _bench(
     return Bench(circuit, options, {f"xmotor.{node}": voltage for node, voltage in nodes.items()}, signals)
 
 
-def brake_parts(*, meters: bool) -> list[Library]:
-    """Return the libraries of a dynamometer, and those of the meters if asked for."""
-    return [read_library(name) for name in ("piezomotor_dynamometer", *(_METERS if meters else ()))]
-
-
 def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:
     """Connect the brake to the shaft: it holds the speed, or only draws a torque in N·m."""
     instantiate(
-        circuit, "brake", "piezomotor_dynamometer", ("set", "shaft", "xmotor.normal", "xmotor.friction"),
+        circuit, "brake", BRAKE, ("set", "shaft", "xmotor.normal", "xmotor.friction"),
         torque=load_torque, **({} if grips else {"grip": 0.0}),
     )  # fmt: skip
 

@@ -400,19 +400,14 @@ def not_below_rounding(
         return dict(options)
     found, half_step = dict(options), discretisation.slider_time
     for motor in motors:
-        for name, least in zip(("vntol", "abstol"), _rounding_errors(motor, law, half_step), strict=True):
+        contact = motor.contact
+        compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
+        rate = _SUMS * float_info.epsilon * compressed / half_step  # error of that of the compliance, m/s
+        limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+        pulled = limit * contact_law.normal_damping(contact) * rate / half_step  # error of that of the slider, m/s
+        for name, least in (("vntol", rate), ("abstol", pulled)):
             found[name] = f"{least:.3g}" if least > float(found[name]) else found[name]
     return found
-
-
-@derived
-def _rounding_errors(motor: Motor, law: Law | None, half_step: float) -> tuple[float, float]:
-    """Return the rounding error of the rate of a compliance in series in m/s, and that of the slider's in m/s."""
-    contact = motor.contact
-    compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
-    velocity = _SUMS * float_info.epsilon * compressed / half_step
-    limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
-    return velocity, limit * contact_law.normal_damping(contact) * velocity / half_step
 
 
 def sine(tone: Tone, begun: float = 0.0) -> str:

@@ -509,12 +509,12 @@ def _solved(points: Sequence[Point], starts: Sequence[Orbit | None]) -> list[Ste
 def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where: str) -> str:
     """Return in a sentence at which state there is no stable steady state; an empty text if there is at all."""
     lost = [name for name, state in states.items() if not _steady(state)]
+    if not lost:
+        return ""
     volts = " and ".join(f"{value:.4g} V" for value in wanted.values())
     return (
         f"At {', '.join(lost)} there is no stable steady state {where} ({volts}), so that no design can be checked. "
         "Change the frequency or the voltage, and look at the motor with simulate."
-        if lost
-        else ""
     )
 
 

@@ -393,16 +393,10 @@ _BEGIN, _LASTS, _SWEEPS = 1e-3, 0.5e-3, 2e-3  # s: power-up, each event, a sweep
 
 
 def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the maxima of a run, as :func:`.maxima`, for each event.
+    """Return the maxima of a run, as :func:`.maxima`, for each event, from the vectors that it takes.
 
-    Args:
-        setup: motor, source and load; the load steps from nothing to its torque, or to that of friction under the
-            preload, which stalls the motor. A shaft that is held has no step.
-        driver: the driver of the source.
-        vectors: those that :func:`.maxima` takes.
-
-    Raises:
-        SimulationError: if ngspice fails or its result cannot be trusted.
+    The load steps from nothing to its torque, or to that of friction under the preload, which stalls the motor. A shaft
+    that is held has no step. Raise SimulationError if ngspice fails or its result cannot be trusted.
     """
     motor = setup.motor
     steps = setup.load.speed is None

@@ -83,8 +83,8 @@ class _Devices(OwnFile):
 
     def driver(self) -> Library:
         """Return a driver as a library whose subcircuit is called :data:`DRIVER`."""
-        block = self._block(self._name)
-        self._header, pins = Header(self._path, block.header), block.pins
+        block = self._chosen()
+        pins = block.pins
         if not set(_NEEDED) <= set(pins) <= set(_PINS) or len(set(pins)) < len(pins):
             self._fail(
                 block.begin,
@@ -109,8 +109,8 @@ class _Devices(OwnFile):
         if name.lower() in self._models and name.lower() not in self._blocks:
             text = self._wrapped(name)
             return self._library(MOSFET, name, ("d", "g", "s"), (), text, ())
-        block = self._block(name)
-        self._header, pins = Header(self._path, block.header), block.pins
+        block = self._chosen()
+        pins = block.pins
         if len(pins) != 3 or len(set(pins)) < 3:
             self._fail(
                 block.begin,
@@ -158,13 +158,15 @@ class _Devices(OwnFile):
         if name.lower() in others:
             self._fail(line, f"{name} is defined twice")
 
-    def _block(self, name: str) -> _Block:
-        block = self._blocks.get(name.lower())
+    def _chosen(self) -> _Block:
+        """Return the subcircuit NAME, and take its header for that of the library."""
+        block = self._blocks.get(self._name.lower())
         if block is None:
             known = [one.name for one in self._blocks.values()]
             listed = f"{', '.join(known[:8])}{', …' if len(known) > 8 else ''}"
             has = f"It has {listed}." if known else "It has none."
-            raise ParameterError(f"{self._path}: there is no .subckt {name}. {has}")
+            raise ParameterError(f"{self._path}: there is no .subckt {self._name}. {has}")
+        self._header = Header(self._path, block.header)
         return block
 
     def _wrapped(self, name: str) -> str:

@@ -337,6 +337,7 @@ def drive_report(
     measured = _Measurement(window, samples, driver)
     ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
     budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
+    put_in, losses, feeds, stored = zip(*budgets, strict=True)
     power_a, power_b = (measured.voltage("pin", group) * samples[groups.current("pin", group)] for group in GROUPS)
     power = power_a + power_b
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
@@ -353,12 +354,12 @@ def drive_report(
         },
         outputs=ports["out"],
         groups=ports["pin"],
-        supply_power_w=sum(budget.put_in for budget in budgets),
-        gate_power_w=sum(budget.feed for budget in budgets),
+        supply_power_w=sum(put_in),
+        gate_power_w=sum(feeds),
         supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
         supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
-        losses_w={name: loss for budget in budgets for name, loss in budget.losses.items()},
-        stored_power_w=sum(budget.stored for budget in budgets),
+        losses_w={name: loss for of_group in losses for name, loss in of_group.items()},
+        stored_power_w=sum(stored),
         motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
         shaft_power_w=window.mean(torque * samples["v(shaft)"]),
         mean_torque_n_m=window.mean(torque),
@@ -463,16 +464,6 @@ def _to_come(setup: Point, samples: dict[str, Array], signals: dict[str, Array])
 
 
 @dataclass(frozen=True)
-class _Budget:
-    """Mean powers in W of the channel of one group."""
-
-    put_in: float  # power of its supplies
-    losses: dict[str, float]  # ``PART_GROUP.DEVICE`` → loss
-    feed: float  # power of the gate drivers
-    stored: float  # rate of the stored energy
-
-
-@dataclass(frozen=True)
 class _Measurement:
     """Voltages, currents and powers of a driver over the window of a run.
 
@@ -519,8 +510,11 @@ class _Measurement:
             ),
         )
 
-    def budget(self, group: str, output_w: float) -> _Budget:
-        """Return the powers of the channel of a group whose stage delivers a power.
+    def budget(self, group: str, output_w: float) -> tuple[float, dict[str, float], float, float]:
+        """Return the mean powers in W of the channel of a group whose stage delivers a power.
+
+        They are the power of its supplies, losses by ``PART_GROUP.DEVICE``, the power of the gate drivers and the rate
+        of the stored energy.
 
         The header of the user's own stage may have no ``LOSS`` lines. Its loss is then the difference of supply and
         output power, which is negative if the stage has sources of its own.
@@ -536,7 +530,7 @@ class _Measurement:
         inside = stored[0] - feeds[0] if self.driver.own else 0.0  # of the user's own stage, besides its losses
         if not self.driver.supplied:
             lost = sum(loss for name, loss in losses.items() if self.driver.own and name.startswith("driver_"))
-            return _Budget(output_w + lost + inside, losses, sum(feeds), sum(stored))
+            return output_w + lost + inside, losses, sum(feeds), sum(stored)
         put_in = sum(
             self.window.mean(-self.samples[groups.voltage(rail, group)] * self.samples[groups.current(rail, group)])
             for rail in RAILS
@@ -544,7 +538,7 @@ class _Measurement:
         )
         if self.driver.own and not parts[0].library.losses:
             losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
-        return _Budget(put_in, losses, sum(feeds), sum(stored))
+        return put_in, losses, sum(feeds), sum(stored)
 
     def supply_currents(self) -> dict[str, Array]:
         """Return the currents that the rails deliver, both groups together."""

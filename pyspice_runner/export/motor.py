@@ -46,10 +46,6 @@ class MotorExport:
     rotational: bool = False
     fmi: Version = 2
 
-    def text(self, ending: str) -> str:
-        """Return the netlist of a format, of an ``.fmu`` its model description, of other formats the ``.lib``."""
-        return FORMATS[ending].text(self)
-
     def save(self, path: str | Path) -> Path:
         """Write the file, in the format of its ending, and return its path."""
         self.check(path)
@@ -75,7 +71,7 @@ class MotorExport:
 class Format:
     """A format of files."""
 
-    text: Callable[[MotorExport], str]  # function that returns the text for ``MotorExport.text``
+    text: Callable[[MotorExport], str]  # the netlist; of an ``.fmu`` its model description, of others the ``.lib``
     # function that returns the content of the file at a path, where it is not just this text.
     content: Callable[[MotorExport, Path], str | bytes] | None = None
     averaged: bool = False  # whether it can contain the averaged motor

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
-from pyspice_runner.circuit.bench import METERED, Bench, add_meters, brake_parts, connect_brake
+from pyspice_runner.circuit.bench import BRAKE, METERED, METERS, Bench, add_meters, connect_brake
 from pyspice_runner.circuit.evaluated import LINE, Derived, plotted_nodes
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
@@ -46,7 +46,7 @@ from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_pha
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.run.point import Point
-from pyspice_runner.spice.library import PREFIX, definition_texts
+from pyspice_runner.spice.library import PREFIX, definition_texts, read_library
 
 Array = NDArray[np.float64]
 
@@ -405,7 +405,7 @@ class Plant:
         passed = {name: f"{{{name}}}" for name in starts}
         circuit.X("motor", self.motor_name, "a", "b", circuit.gnd, "shaft", **passed)
         parts = {name: LINE.sub("", text) for name, text in definition_texts(*self.front.libraries()).items()}
-        parts |= definition_texts(*(brake_parts(meters=True) if meters else ()))
+        parts |= definition_texts(*map(read_library, (BRAKE, *METERS) if meters else ()))
         return parts | self.motor_texts(discretisation, plotted=meters) | {self.bench_name: str(circuit).strip()}
 
     def _add_controls(self, circuit: SubCircuit) -> None:
