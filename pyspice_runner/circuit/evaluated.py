@@ -22,8 +22,6 @@ from pyspice_runner.spice.library import Library, number
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-7  # step of a difference quotient over the scale: the curvature and rounding change less than that
 _REPETITIONS = 3  # of a node that depends on itself by a small term, as the penetration over the radius of the rotor
-
-
 _FUNCTIONS: dict[str, Any] = {
     **{name: getattr(np, name) for name in ("absolute", "maximum", "minimum", "exp", "sqrt", "tanh")},
     "ramp_up": lambda x: np.maximum(x, 0.0),

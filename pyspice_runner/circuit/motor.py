@@ -199,7 +199,7 @@ class MotorSubCircuit(Assembly):
         self._add_modes(warm, preload if law else 0.0)
         if library:
             moved = {}
-            if sway := static_sway(motor, law, discretisation):  # of the tip at rest from the crown, by the preload
+            if sway := static_sway(motor, law, discretisation):  # the crown stands beside the tip at rest
                 self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * (sway / preload))!r}*preload}}")
                 moved["x"] = CROWN
             moved |= self._add_tangential("fx", moved.get("x", "x"))
@@ -442,9 +442,11 @@ def add_motor(
     ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
-    such as ``"{preload}"`` is an expression. ``written`` are further arguments of :class:`MotorSubCircuit`; a second,
-    different motor in one circuit needs another name. Raise ParameterError if the circuit already has a different motor
-    of that name, or for a setting that the motor does not have or whose value is out of range.
+    such as ``"{preload}"`` is an expression. ``written`` are further arguments of :class:`MotorSubCircuit`. A run of
+    the package is without the node ``check``: parameters, step and drive are checked before it; what only serves a plot
+    of a brush is computed after it, if not ``plotted``. A second, different motor in one circuit needs another name.
+    Raise ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does
+    not have or whose value is out of range.
     """
     write = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
     definition = write(motor, law=law, discretisation=discretisation, startable=start is not None, **written)
