@@ -5,7 +5,7 @@ from .averaged.simulate import simulate_averaged as simulate_averaged
 from .calibration.estimate import calibrate as calibrate
 from .calibration.motor_from import motor_from as motor_from
 from .circuit.law import Law as Law
-from .circuit.waveforms import Waveform as Waveform
+from .circuit.source import Waveform as Waveform
 from .control.electronics import Electronics as Electronics
 from .control.simulate import Sample as Sample
 from .control.simulate import simulate_controlled as simulate_controlled

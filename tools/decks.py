@@ -18,8 +18,7 @@ from pathlib import Path
 from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation
 
-from pyspice_runner.circuit.bench import Bench, dynamometer_bench, motor_bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS, METERED, admittance_bench
+from pyspice_runner.circuit.bench import AC_OPTIONS, METERED, Bench, admittance_bench, dynamometer_bench, motor_bench
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, DriveSource

@@ -27,8 +27,7 @@ from pyspice_runner.averaged.library import (
     schedule_text,
 )
 from pyspice_runner.averaged.schedules import ScheduleLike, settings_of
-from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import add_cooling
+from pyspice_runner.circuit.bench import Bench, add_cooling
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad, TwoPhaseDrive, check_together

@@ -1,28 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bench of a motor with its source, load and contact."""
+"""Benches: a motor with its source, load and contact, a dynamometer, meters, the contact alone, a two-port."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from PySpice.Spice.Netlist import Circuit
+from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.evaluated import Plotted, Power, plotted_nodes
-from pyspice_runner.circuit.fixtures import METERED, add_cooling, add_meters, add_set_speed, brake_parts, connect_brake
-from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library, contact_values
-from pyspice_runner.circuit.motor import add_motor, instantiate
-from pyspice_runner.circuit.own_law import PINS
+from pyspice_runner.circuit.evaluated import Derived, plotted_nodes
+from pyspice_runner.circuit.law import PAPER_LAW, PINS, Law, contact_library, contact_values
+from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
 from pyspice_runner.circuit.source import GROUPS, TRANSIENT_OPTIONS, Source, not_below_rounding
-from pyspice_runner.circuit.state import Discretisation, Motion, first_guess, motor_states, plate_nodes, start_nodes
+from pyspice_runner.circuit.state import (
+    Discretisation,
+    Motion,
+    first_guess,
+    held_piezo,
+    motor_states,
+    plate_nodes,
+    start_values,
+)
+from pyspice_runner.motor import groups
+from pyspice_runner.motor.dielectric import Branch
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact
+from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.library import definitions
+from pyspice_runner.spice.library import definitions, read_library
 
-Derived = Plotted | Power  # a vector that follows from others
 FREE = Load()  # a free shaft
+# ngspice ends a sweep within reltol of a frequency step. With a much smaller reltol, round-off may drop the last point.
+AC_OPTIONS = {"reltol": "1e-6", "vntol": "1e-12", "abstol": "1e-12"}
+BRAKE = "piezomotor_dynamometer"
+METERED = ("metered_a", "metered_b")  # nodes of the source in front of the wattmeters
+METERS = ("piezomotor_contactmeter", "piezomotor_wattmeter", "piezomotor_heat", "piezomotor_groupheat")
 
 
 @dataclass(frozen=True)
@@ -74,7 +87,6 @@ def motor_bench(
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
     elif load.torque:
         circuit.I("load", "shaft", circuit.gnd, f"DC {float(load.torque)!r}")
-    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
     if thermal is not None:
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
@@ -83,9 +95,8 @@ def motor_bench(
         law=law, discretisation=discretisation, start=start,
         thermal=thermal or source.thermal, approach="approach" in nodes, check=check, plotted=False,
     )  # fmt: skip
-    first = _start(motor, source, law, start, discretisation)
-    nodes_left_out = plotted_nodes(motor, law, "xmotor") if law and law.row else {}
-    return Bench(circuit, options, first, signals={**nodes_left_out, **powers})
+    signals = {**plotted_nodes(motor, law, "xmotor"), **powers}
+    return _bench(circuit, motor, source, law, start, discretisation, signals)
 
 
 def dynamometer_bench(
@@ -112,9 +123,9 @@ def dynamometer_bench(
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: dynamometer")
-    circuit.raw_spice += definitions(*brake_parts(meters=meters)) + "\n"
+    circuit.raw_spice += definitions(*map(read_library, (BRAKE, *(METERS if meters else ())))) + "\n"
     source.add(circuit, motor, METERED if meters else GROUPS, begun=begun)
-    add_set_speed(circuit, speed)
+    circuit.V("set", "set", circuit.gnd, f"DC {float(speed or 0.0)!r}")
     add_motor(
         circuit, motor, ("a", "b", circuit.gnd, "shaft"),
         law=law, discretisation=discretisation, start=start, check=check,
@@ -122,8 +133,7 @@ def dynamometer_bench(
     connect_brake(circuit, load_torque, grips=speed is not None)
     if meters:
         add_meters(circuit, motor, law, {"lag": discretisation.slider_time} if discretisation else {})
-    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
-    return Bench(circuit, options, _start(motor, source, law, start, discretisation))
+    return _bench(circuit, motor, source, law, start, discretisation, {})
 
 
 def contact_bench(
@@ -150,19 +160,99 @@ def contact_bench(
     return Bench(circuit, TRANSIENT_OPTIONS)
 
 
-def _start(
+def _bench(
+    circuit: Circuit,
     motor: Motor,
     source: Source,
     law: Law | None,
     start: Motion | None,
     discretisation: Discretisation | None,
-) -> dict[str, float]:
-    """Return the initial voltages inside the motor, by node; those of its states only for a given motion."""
+    signals: Mapping[str, Derived],
+) -> Bench:
+    """Return the bench of a motor and its source, with the initial voltages of its states only for a given motion."""
+    options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
     nodes = first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
     if start is not None:
         states = motor_states(motor, law)
-        nodes |= start_nodes(states, [state.of(start) for state in states], discretisation)
+        nodes |= start_values(states, [state.of(start) for state in states], discretisation)[1]
     else:
         for group, voltage in zip(GROUPS, source.initial_voltages(), strict=True):
             nodes |= dict.fromkeys(plate_nodes(group), voltage) if abs(voltage) > 1e-12 else {}
-    return {f"xmotor.{node}": voltage for node, voltage in nodes.items()}
+    return Bench(circuit, options, {f"xmotor.{node}": voltage for node, voltage in nodes.items()}, signals)
+
+
+def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:
+    """Connect the brake to the shaft: it holds the speed, or only draws a torque in N·m."""
+    instantiate(
+        circuit, "brake", BRAKE, ("set", "shaft", "xmotor.normal", "xmotor.friction"),
+        torque=load_torque, **({} if grips else {"grip": 0.0}),
+    )  # fmt: skip
+
+
+def add_meters(circuit: Netlist, motor: Motor, law: Law | None, lag: dict[str, float]) -> None:
+    """Put meters of power, losses and states around a motor whose source is at ``metered_a`` and ``metered_b``."""
+    tip, piezo = contact_nodes(motor, law), held_piezo(motor, law)
+    inside = [f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], "normal", "friction", "state")]
+    nodes: tuple[str | int, ...] = ("shaft", *inside)
+    instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
+    for index, mode in enumerate(motor.modes, start=1):
+        nodes = (f"xmotor.xmode{index}.damped", f"xmotor.xmode{index}.elastic")
+        instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)
+    for spring, part in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
+        nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")
+        instantiate(circuit, f"heat_{part}", "piezomotor_heat", nodes, resistance=spring.damping_n_s_per_m)
+    between = abs(piezo.capacitance_ab_f)
+    for group, line in zip(GROUPS, METERED, strict=True):
+        nodes = (line, group, circuit.gnd)
+        instantiate(circuit, groups.named("meter", group), "piezomotor_wattmeter", nodes, **lag)
+        nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
+        own = 1.0 - between / groups.of(piezo.capacitances, group)
+        _add_groupheat(circuit, dielectric_branches(motor, group, law), group, nodes, own)
+    if between:  # in a capacitance of its own at the difference of the voltages, at their sum for a negative one
+        plates = ([f"xmotor.{node}" for node in plate_nodes(group)] for group in GROUPS)
+        pairs = [GROUPS, *zip(*plates, strict=True)]
+        sign = "-" if piezo.capacitance_ab_f > 0.0 else "+"
+        for number, (a, b) in enumerate(pairs):
+            circuit.B(f"across{number}", f"across{number}", circuit.gnd, v=f"V({a}){sign}V({b})")
+        nodes = tuple(f"across{number}" for number in range(len(pairs)))
+        _add_groupheat(circuit, dielectric_branches(motor, "a", law), "ab", nodes, between / piezo.capacitance_a_f)
+
+
+def _add_groupheat(
+    circuit: Netlist, branches: Sequence[Branch], name: str, nodes: Sequence[str | int], share: float
+) -> None:
+    """Integrate the heat in a share of the capacitance of a group; that between the groups is a share of group A's."""
+    resistances = [branch.resistance_ohm / share for branch in branches]
+    values = {f"resistance{index}": value for index, value in enumerate(resistances)}
+    instantiate(circuit, f"heat_{name}", "piezomotor_groupheat", nodes, **values)
+
+
+def add_cooling(circuit: Circuit, thermal: Thermal) -> None:
+    """Put heat capacity and thermal resistance between the nodes heat and temperature."""
+    circuit.raw_spice += read_library("piezomotor_cooling").subcircuit + "\n"
+    instantiate(
+        circuit, "cooling", "piezomotor_cooling", ("heat", "temperature"),
+        capacity=thermal.heat_capacity_j_per_k, resistance=thermal.thermal_resistance_k_per_w,
+        ambient=thermal.ambient_k, start=thermal.ambient_k,
+    )  # fmt: skip
+
+
+def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circuit:
+    """Return two copies of one motor, the first driven at A with B shorted, the second at B with A shorted.
+
+    One AC analysis gives the two-port: the currents of ``Va1``, ``Vb1`` are −Y_AA, −Y_BA, those of ``Va2``,
+    ``Vb2`` are −Y_AB, −Y_BB. Shafts are free to turn on their bearings.
+    """
+    circuit = Circuit(title or f"{motor.name}: admittance, {'preloaded' if preloaded else 'free'}")
+    for copy, driven in (("1", "a"), ("2", "b")):
+        for group in ("a", "b"):
+            amplitude = 1 if group == driven else 0
+            circuit.V(f"{group}{copy}", f"{group}{copy}", circuit.gnd, f"DC 0 AC {amplitude}")
+        add_motor(
+            circuit,
+            motor,
+            (f"a{copy}", f"b{copy}", circuit.gnd, f"shaft{copy}"),
+            instance=f"motor{copy}",
+            law=PAPER_LAW if preloaded else None,
+        )
+    return circuit

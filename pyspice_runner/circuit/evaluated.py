@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import ast
 import re
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from threading import Lock
 from types import CodeType
 from typing import Any
@@ -24,15 +22,9 @@ from pyspice_runner.spice.library import Library, number
 Array = NDArray[np.float64]
 DIFFERENCE = 1e-7  # step of a difference quotient over the scale: the curvature and rounding change less than that
 _REPETITIONS = 3  # of a node that depends on itself by a small term, as the penetration over the radius of the rotor
-
-
-def _ramp_up(x: Array) -> Array:
-    return np.maximum(x, 0.0)
-
-
 _FUNCTIONS: dict[str, Any] = {
     **{name: getattr(np, name) for name in ("absolute", "maximum", "minimum", "exp", "sqrt", "tanh")},
-    "ramp_up": _ramp_up,
+    "ramp_up": lambda x: np.maximum(x, 0.0),
     "ramp_down": lambda x: np.maximum(-x, 0.0),
     "unit_step": lambda x: np.greater(x, 0.0).astype(float),
     "power32": lambda x: np.maximum(x, 0.0) * np.sqrt(np.maximum(x, 0.0)),
@@ -42,33 +34,22 @@ _FUNCTIONS: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class LibraryFunction:
-    """The equations of a library.
+    """The equations of a library."""
 
-    Attributes:
-        states: nodes whose capacitors hold the state.
-    """
-
-    states: tuple[str, ...]
+    states: tuple[str, ...]  # nodes whose capacitors hold the state
     _program: tuple[tuple[str, CodeType, int], ...]  # node or parameter, its value, how often it is evaluated
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all nodes, and the rate of each state as ``rate_NODE`` in V/s.
-
-        ``values`` has the parameters, the pins that are inputs, and the states, in the units of the library; they are
-        numbers or arrays whose shapes agree. A node that depends on itself starts from the value that is given, or 0.
-        """
-        found = dict(values)
-        for name, code, times in self._program:
-            found.setdefault(name, 0.0)
-            for _ in range(times):
-                found[name] = eval(code, _FUNCTIONS, found)
-        return found
+        """Return all nodes, and the rate of each state as ``rate_NODE`` in V/s, from the values of :meth:`of`."""
+        return self.of([name for name, *_ in self._program], values)
 
     def of(self, nodes: Sequence[str], values: Mapping[str, Any], start: Mapping[str, Any] = {}) -> dict[str, Any]:
-        """Return some nodes, from parameters and those nodes that are given.
+        """Return some nodes.
 
-        A node that depends on itself begins at its value in ``start``, or 0. What is no longer needed on the way is
-        forgotten, so that its memory serves again while it is in the cache.
+        ``values`` has the parameters and those nodes that are given, such as the pins that are inputs and the states,
+        in the units of the library; they are numbers or arrays whose shapes agree. A node that depends on itself begins
+        at its value in ``start``, or 0. What is no longer needed on the way is forgotten, so that its memory serves
+        again while it is in the cache.
         """
         found = {**start, **values}
         for name, code, times, dead in _needed(self, tuple(nodes), frozenset(values)):
@@ -96,47 +77,36 @@ def _needed(
     return program[::-1]
 
 
-@dataclass(frozen=True)
-class Plotted:
-    """A node of a brush that the circuit leaves out, because nothing depends on it (:func:`.contact.unplotted`)."""
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """The voltage of a node that a circuit leaves out, because nothing depends on it."""
 
-    node: str  # of the library
-    library: Library
-    constants: Mapping[str, float]  # its parameters
-    terms: Mapping[str, str]  # node of the library by vector: what the sliders are held by
+    terms: Mapping[str, str]  # name in the equations by vector
+    value: Callable[[Mapping[str, Array]], Any]  # the equations
+    line: str = ""  # of the library, which the circuit leaves out
 
-
-def plotted_vectors(signals: Mapping[str, Plotted], vectors: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the vectors of plotted nodes by name, those of contacts with equal parameters from one evaluation."""
-    alike: dict[tuple[Any, ...], dict[str, Plotted]] = {}
-    for name, one in signals.items():
-        alike.setdefault((one.library.name, *one.constants.items()), {})[name] = one
-    found: dict[str, Array] = {}
-    for group in alike.values():
-        first = next(iter(group.values()))
-        contacts = list(dict.fromkeys(tuple(one.terms) for one in group.values()))  # by what they are computed from
-        known = {
-            node: np.array([vectors[vector] for vector in of_node])
-            for node, of_node in zip(first.terms.values(), zip(*contacts, strict=True), strict=True)
-        }
-        nodes = list(dict.fromkeys(one.node for one in group.values()))
-        values = library_function(first.library).of(nodes, {**first.constants, **known})
-        found |= {name: values[one.node][contacts.index(tuple(one.terms))] for name, one in group.items()}
-    return found
+    def of(self, vectors: Mapping[str, Array]) -> Array:
+        """Return the vector of the node."""
+        return np.asarray(self.value({name: vectors[vector] for vector, name in self.terms.items()}), dtype=float)
 
 
-def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Plotted]:
-    """Return the nodes of a brush that the circuits of a motor leave out, by the names of their vectors."""
+def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, Derived]:
+    """Return the nodes of a brush that the circuits of a motor leave out (:func:`.unplotted`), by their vectors."""
     if law is None or not law.row:
         return {}
     library = contact_library(law, motor.contact)
     constants = {item.name: item.default for item in library.parameters}
     constants |= contact_values(law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
-    inside = ("delta", "factor", *library_function(library).states)
-    found: dict[str, Plotted] = {}
+    function = library_function(library)
+
+    def value(node: str, known: Mapping[str, Array]) -> Any:
+        return function.of([node], {**constants, **known})[node]
+
+    found: dict[str, Derived] = {}
     for instance in instances:
-        terms = {f"v({instance}.xcontact.{node})": node for node in inside}
-        found |= {f"v({instance}.{node})": Plotted(node, library, constants, terms) for node in ("slider", "state")}
+        terms = {f"v({instance}.xcontact.{node})": node for node in ("delta", "factor", *function.states)}
+        for node in ("slider", "state"):
+            found[f"v({instance}.{node})"] = Derived(terms, partial(value, node))
     return found
 
 
@@ -154,51 +124,11 @@ def library_function(library: Library) -> LibraryFunction:
         leak = f"-V({node})/{known.resistances[node]}" if node in known.resistances else ""
         texts.append((f"rate_{node}", f"({flow}{leak})/{capacitance}", 1))
     with _PARSING:
-        parsed = [ast.parse(translated(text, "python", str), mode="eval").body for _, text, _ in texts]
-    values = [_Shorter().visit(tree) for tree in parsed]
-    shared = _Shared(value for value, (*_, times) in zip(values, texts, strict=True) if times == 1)
-    program = []
-    for (name, _, times), value in zip(texts, values, strict=True):
-        found = shared.visit(value) if times == 1 else value
-        for node, expression, repeated in (*shared.taken(), (name, found, times)):
-            tree = ast.fix_missing_locations(ast.Expression(expression))
-            program.append((node, compile(tree, f"<{library.name}>", "eval"), repeated))
-    return LibraryFunction(tuple(known.capacitances), tuple(program))
-
-
-class _Shorter(ast.NodeTransformer):
-    """Leaves out factors of 1 before a value, and writes the sum with a negative value as a difference."""
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        left, right = self.visit(node.left), self.visit(node.right)
-        if isinstance(node.op, ast.Mult) and isinstance(left, ast.Constant) and left.value == 1.0:
-            return right  # type: ignore[no-any-return]
-        if isinstance(node.op, ast.Add) and isinstance(right, ast.UnaryOp) and isinstance(right.op, ast.USub):
-            return ast.BinOp(left, ast.Sub(), right.operand)
-        return ast.BinOp(left, node.op, right)
-
-
-class _Shared(ast.NodeTransformer):
-    """Replaces what several expressions contain by a name, so that it is evaluated once."""
-
-    def __init__(self, expressions: Iterable[ast.expr]) -> None:
-        inside = (node for one in expressions for node in ast.walk(one) if isinstance(node, ast.BinOp | ast.Call))
-        self._counts = Counter(map(ast.unparse, inside))
-        self._names: dict[str, str] = {}
-        self._new: list[tuple[str, ast.expr, int]] = []
-
-    def taken(self) -> list[tuple[str, ast.expr, int]]:
-        """Return the expressions named since the last call; each follows those that it contains."""
-        self._new, found = [], self._new
-        return found
-
-    def visit(self, node: ast.AST) -> Any:
-        text = ast.unparse(node) if isinstance(node, ast.BinOp | ast.Call) else ""
-        if self._counts[text] > 1 and text not in self._names:
-            value = self.generic_visit(node)
-            self._names[text] = f"shared_{len(self._names)}"
-            self._new.append((self._names[text], value, 1))  # type: ignore[arg-type]
-        return ast.Name(self._names[text], ast.Load()) if text in self._names else self.generic_visit(node)
+        program = tuple(
+            (name, compile(translated(text, "python", str), f"<{library.name}>", "eval"), times)
+            for name, text, times in texts
+        )
+    return LibraryFunction(tuple(known.capacitances), program)
 
 
 def parameter_columns(
@@ -225,35 +155,20 @@ _PARAMETER = re.compile(r"^\.param (\w+)=\{(.*)\}$", re.M)  # of a library, whic
 _SENSED = re.compile(r"([VI])\((\w+)(?:,(\w+))?\)")  # a voltage or current in an expression
 
 
-@dataclass(frozen=True, eq=False)
-class Power:
-    """The voltage of a node that a circuit leaves out, because nothing depends on it."""
-
-    line: str  # of the library, which the circuit leaves out
-    terms: Mapping[str, str]  # name in the expression by vector
-    constants: Mapping[str, float]  # parameters of the part
-    _code: CodeType
-
-    def of(self, vectors: Mapping[str, Array]) -> Array:
-        """Return the vector of the node."""
-        recorded = {name: vectors[vector] for vector, name in self.terms.items()}
-        return np.asarray(eval(self._code, {}, {**self.constants, **recorded}), dtype=float)
-
-
 def powers_of(
     library: Library, instance: str, nodes: Mapping[str, str], values: Mapping[str, float]
-) -> Iterator[tuple[str, Power]]:
+) -> Iterator[tuple[str, Derived]]:
     """Yield the powers and energies of an instance of a library by their vectors.
 
-    Args:
-        library: the library.
-        instance: name of the instance, with the x, in lower case.
-        nodes: node of the circuit for each pin.
-        values: value of each parameter.
+    ``instance`` is its name with the x, in lower case, ``nodes`` has the node of the circuit for each pin.
     """
     constants = dict(values)
     for name, expression in _PARAMETER.findall(library.subcircuit):
         constants[name] = eval(_python(expression), {}, constants)
+
+    def value(code: CodeType, recorded: Mapping[str, Array]) -> Any:
+        return eval(code, {}, {**constants, **recorded})
+
     for line in LINE.finditer(library.subcircuit):
         node, expression = line.groups()
         terms: dict[str, str] = {}
@@ -268,8 +183,8 @@ def powers_of(
                 return terms.setdefault(f"i(v.{instance}.{first.lower()})", f"current_{first.lower()}")
             return f"({voltage(first)}-{voltage(second)})"
 
-        text = _python(_SENSED.sub(sensed, expression))
-        yield f"v({instance}.{node})", Power(line.group(), terms, constants, compile(text, f"<{library.name}>", "eval"))
+        code = compile(_python(_SENSED.sub(sensed, expression)), f"<{library.name}>", "eval")
+        yield f"v({instance}.{node})", Derived(terms, partial(value, code), line.group())
 
 
 def _python(expression: str) -> str:

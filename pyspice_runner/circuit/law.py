@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The laws of the contact: their libraries, and the values of an instance.
 
-:data:`LAWS` lists the built-in ones. All have the same pins. The path of a ``.lib`` file is a user's own law, see
-:mod:`.own_law`.
+:data:`LAWS` lists the built-in ones. All have the same pins. The path of a ``.lib`` file is a user's own law:
+``docs/tutorial_contact_law.md`` shows how to write one; :mod:`.own_file` reads it.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -16,11 +17,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.own_law import ENDING, PINS, REQUIRED, read_own_law
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.document import read_bytes
 from pyspice_runner.motor.parameters import Contact
-from pyspice_runner.spice.library import Library, LibraryParameter, parse_library, read_library
+from pyspice_runner.spice.library import LAW, PREFIX, Library, LibraryParameter, parse_library, read_library
+from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
 
 #: the built-in laws and their libraries; the first is the default
 LAWS: dict[str, str] = {
@@ -28,6 +30,13 @@ LAWS: dict[str, str] = {
     "brush": "piezomotor_brush",
     "coulomb": "piezomotor_coulomb",
 }
+PINS = ("x", "y", "vx", "vy", "fx", "fy", "shaft", "normal", "friction", "slider", "state")
+#: parameters that the motor sets in every law, to start the contact at its preload
+REQUIRED = ("normal_stiffness", "mu", "radius", "preload", "deflection")
+ENDING = ".lib"  # of the file of a user's own law
+_OWN_NAME = f"{PREFIX}{LAW}"  # of the subcircuit in a netlist; the file may use another name
+_MOST_BYTES = 1 << 18
+_RULES = Rules("law", forbidden={r"\bic\s*=": "remove ic=; a run starts with no voltage there"})
 MOST_SLIDERS = 200
 _STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
 # parameters of a library that follow from the motor and the run; any other is the law's own
@@ -118,7 +127,10 @@ class Law:
 
     @property
     def forms(self) -> frozenset[str]:
-        """The forms in which the law exists: ``spice``, ``verilog-a``, and of built-in laws ``averaged`` and ``c``."""
+        """The forms in which the law exists: ``spice``, ``verilog-a``, and of built-in laws ``averaged`` and ``c``.
+
+        The equations of a law with ``verilog-a`` are read from its library for other languages, numpy among them.
+        """
         found = self._library.forms
         return found & {"spice", "verilog-a"} if is_own(self.name) else found
 
@@ -141,11 +153,6 @@ class Law:
     def falls(self) -> bool:
         """Whether the friction can fall with the slip velocity."""
         return _STRIBECK[0] in {item.name for item in self._library.parameters}
-
-    @property
-    def translated(self) -> bool:
-        """Whether the equations of the law are read from its library for other languages, numpy among them."""
-        return "verilog-a" in self.forms
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -426,3 +433,59 @@ def row_library(library: Library, sliders: int) -> str:
 def _between(text: str, first: str, after: str, lines: Sequence[str]) -> str:
     """Return a text with other lines from one to before another, which are given by their beginnings."""
     return "\n".join((text[: text.index(first)], *lines)) + text[text.index(after) :]
+
+
+def read_own_law(path: str) -> Library:
+    """Read a contact law from a ``.lib`` file that holds one ``.subckt`` with the pins :data:`PINS`.
+
+    Raise ParameterError for a file that cannot be read or used; the message names the line.
+    """
+    data = read_bytes(path, "contact law", _MOST_BYTES)
+    try:
+        text = data.decode("ascii")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise ParameterError(f"{path}, line {line}: only ASCII characters are allowed; write um for µm.") from None
+    return _OwnLaw(path, text, _RULES).library()
+
+
+class _OwnLaw(OwnFile):
+    """Reader of one law."""
+
+    def library(self) -> Library:
+        """Return the law as a library with the subcircuit :data:`_OWN_NAME`."""
+        (begin, first), *body, (end, last) = self._subcircuit()
+        words = words_of(first)
+        name, pins = words[1].lower(), [word.lower() for word in words[2:] if "=" not in word]
+        if tuple(pins) != PINS:
+            self._fail(begin, f"the pins are {' '.join(pins) or 'missing'}; they must be {' '.join(PINS)}")
+        if last.split()[1:] and last.split()[1].lower() != name:
+            self._fail(end, f"{short(last)} does not end .subckt {words[1]}")
+        needs = self._needs()
+        parameters = self._parameters(begin, [word for word in words[2:] if "=" in word])
+        known = {parameter.name for parameter in parameters}
+        missing = [name for name in REQUIRED if name not in known]
+        if missing:
+            self._fail(begin, f"the parameters {', '.join(missing)} are missing; the motor sets them")
+        for taken in ("friction", "inertia", "bearing"):
+            if taken in known:
+                self._fail(begin, f"a parameter cannot be called {taken}, since another one is; rename it")
+        for line, text in body:
+            known |= self._check(line, text, known, needs)
+        values = " ".join(f"{parameter.name}={parameter.default!r}" for parameter in parameters)
+        lines = [f".subckt {_OWN_NAME} {' '.join(PINS)} {values}", *(text for _, text in body), f".ends {_OWN_NAME}"]
+        return self._library(_OWN_NAME, words[1], PINS, parameters, "\n".join(lines), needs)
+
+    def _subcircuit(self) -> list[Statement]:
+        """Return the lines from ``.subckt`` to ``.ends``, the only ones in the file."""
+        lines = self._statements
+        begins = [index for index, (_, line) in enumerate(lines) if re.match(r"\.subckt\s+\S", line, re.I)]
+        ends = [index for index, (_, line) in enumerate(lines) if re.match(r"\.ends\b", line, re.I)]
+        if len(begins) != 1 or len(ends) != 1 or ends[0] < begins[0]:
+            raise ParameterError(
+                f"{self._path} must hold one subcircuit, from .subckt NAME {' '.join(PINS)} to .ends; "
+                f"it has {len(begins)} .subckt and {len(ends)} .ends."
+            )
+        for count, line in (*lines[: begins[0]], *lines[ends[0] + 1 :]):
+            self._fail(count, f"{short(line)} is outside of the subcircuit; remove it")
+        return lines

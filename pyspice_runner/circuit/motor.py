@@ -20,6 +20,7 @@ from PySpice.Spice.Netlist import Netlist, SubCircuit
 
 from pyspice_runner.circuit.law import (
     PAPER_LAW,
+    PINS,
     REACH,
     ContactLaw,
     Law,
@@ -29,7 +30,6 @@ from pyspice_runner.circuit.law import (
     touching_law,
     unplotted,
 )
-from pyspice_runner.circuit.own_law import PINS
 from pyspice_runner.circuit.state import (
     PLATES,
     Discretisation,
@@ -40,7 +40,7 @@ from pyspice_runner.circuit.state import (
     motor_states,
     plate_nodes,
     pushes,
-    start_parameters,
+    start_values,
     static_sway,
     stems,
     written,
@@ -74,14 +74,8 @@ CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of th
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
 _POINTS = 100  # smallest number of steps in a period of the fastest motion for an exported motor
-# parameters of the motor's X line → the parameters of the contact that they set
-_OF_CONTACT = {
-    "preload": "preload",
-    "friction": "mu",
-    "normal_stiffness": "normal_stiffness",
-    "compliance": "compliance",
-    "radius": "radius",
-}
+# parameters of the motor's X line that set those of the contact and stand first
+_FIRST = ("preload", "friction", "normal_stiffness", "compliance", "radius")
 SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
 _DERIVED = ("deflection", "damping", "span")  # parameters of a contact that the motor sets
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
@@ -204,7 +198,10 @@ class MotorSubCircuit(Assembly):
             self._add_groups(warm)
         self._add_modes(warm, preload if law else 0.0)
         if library:
-            moved = self._add_sway(static_sway(motor, law, discretisation) / preload)
+            moved = {}
+            if sway := static_sway(motor, law, discretisation):  # the crown stands beside the tip at rest
+                self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * (sway / preload))!r}*preload}}")
+                moved["x"] = CROWN
             moved |= self._add_tangential("fx", moved.get("x", "x"))
             moved |= self._add_mount(approach=approach)
             for stem, compliance in stems(motor, law).items():
@@ -221,7 +218,9 @@ class MotorSubCircuit(Assembly):
                 self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
                 self._add_tangential(self.gnd, "x")
         self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
-        self._add_dry_bearing()
+        if motor.rotor.bearing_friction_n_m:
+            dry = {"torque": motor.rotor.bearing_friction_n_m, "angle": motor.rotor.bearing_presliding_rad}
+            self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), dry)
         if check:
             limits: dict[str, float | str] = {"step": coarsest_step(motor), "outside": outside(self.settable)}
             self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
@@ -301,13 +300,6 @@ class MotorSubCircuit(Assembly):
         self._put("mount_x", "piezomotor_mount", (force, x, "vx", *MOUNTED_X.values(), "base_x"), values)
         return MOUNTED_X
 
-    def _add_sway(self, sway: float) -> dict[str, str]:
-        """Add the crown of the rotor, in m per N of preload from the tip at rest; return the contact's node for x."""
-        if not sway:
-            return {}
-        self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * sway)!r}*preload}}")
-        return {"x": CROWN}
-
     def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str]) -> dict[str, str]:
         """Add a compliance in series with the contact, which the contact force compresses, or friction along x.
 
@@ -334,12 +326,6 @@ class MotorSubCircuit(Assembly):
         self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
         return {pin: node for pin, node in moved.items() if pin != "x"}
 
-    def _add_dry_bearing(self) -> None:
-        rotor = self._motor.rotor
-        if rotor.bearing_friction_n_m:
-            values = {"torque": rotor.bearing_friction_n_m, "angle": rotor.bearing_presliding_rad}
-            self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), values)
-
     def _add_mount(self, *, approach: bool) -> dict[str, str]:
         """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
         mount = self._mount
@@ -364,8 +350,7 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float, 
 
     ``covered`` is that of :class:`.Law`.
     """
-    outer = {inner: name for name, inner in _OF_CONTACT.items()}
-    written = {name: f"{{{outer.get(name, name)}}}" for name in _settable_names(law)}
+    written = {item.name: f"{{{_outer(item.name)}}}" for item in law.parameters if item.name not in _DERIVED}
     written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
     if "span" in values:
         part = f"{covered!r}*" if covered < 1.0 else ""
@@ -376,21 +361,18 @@ def _expressions(law: Library, values: Mapping[str, float], flexibility: float, 
     return written
 
 
-def _settable_names(law: Library) -> list[str]:
-    """Return the parameters of a law that the X line of a motor sets, by their names in the law."""
-    return [parameter.name for parameter in law.parameters if parameter.name not in _DERIVED]
+def _outer(name: str) -> str:
+    """Return the name of a parameter of the contact on the X line of a motor; a law's own ones keep their names."""
+    return "friction" if name == "mu" else name
 
 
 def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryParameter]:
-    """Return the parameters of the X line that set those of the contact; a law's own ones keep their names."""
-    if law is None:
-        return []
-    declared = {parameter.name: parameter for parameter in law.parameters}
-    names = {outer: inner for outer, inner in _OF_CONTACT.items() if inner in declared}
-    names |= {name: name for name in _settable_names(law) if name not in _OF_CONTACT.values()}
+    """Return the parameters of the X line that set those of the contact."""
+    declared = {_outer(item.name): item for item in (law.parameters if law else ()) if item.name not in _DERIVED}
     return [
-        replace(declared[inner], name=outer, default=rounded(values.get(inner, declared[inner].default)))
-        for outer, inner in names.items()
+        replace(declared[name], name=name, default=rounded(values.get(declared[name].name, declared[name].default)))
+        for name in dict.fromkeys([*_FIRST, *declared])
+        if name in declared
     ]
 
 
@@ -452,29 +434,22 @@ def add_motor(
     law: Law | None = PAPER_LAW,
     discretisation: Discretisation | None = None,
     start: Motion | None = None,
-    thermal: Thermal | None = None,
-    approach: bool = False,
-    check: bool = False,
-    plotted: bool = True,
-    name: str = "",
     settings: Mapping[str, float | str] | None = None,
+    **written: Any,
 ) -> None:
     """Add a motor to a PySpice circuit. All copies of one motor share one definition.
 
     ``nodes`` are those of the pins a, b, com, shaft, then temperature, heat and approach if the motor has them. A run
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
-    such as ``"{preload}"`` is an expression. A run of the package is without the node ``check``: parameters, step and
-    drive are checked before it, and computes what only serves a plot of a brush after it, if not ``plotted``. A second,
-    different motor in one circuit needs another name. Raise
-    ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does not
-    have or whose value is out of range.
+    such as ``"{preload}"`` is an expression. ``written`` are further arguments of :class:`MotorSubCircuit`. A run of
+    the package is without the node ``check``: parameters, step and drive are checked before it; what only serves a plot
+    of a brush is computed after it, if not ``plotted``. A second, different motor in one circuit needs another name.
+    Raise ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does
+    not have or whose value is out of range.
     """
     write = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
-    definition = write(
-        motor, law=law, discretisation=discretisation, startable=start is not None, thermal=thermal,
-        approach=approach, check=check, plotted=plotted, name=name,
-    )  # fmt: skip
+    definition = write(motor, law=law, discretisation=discretisation, startable=start is not None, **written)
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
     if not present:
@@ -487,8 +462,10 @@ def add_motor(
         )
     if settings:
         check_parameters(name, definition.settable, settings)
-    states = motor_states(motor, law) if start else ()
-    starts = start_parameters(states, [state.of(start) for state in states], discretisation) if start else {}
+    starts: dict[str, float] = {}
+    if start:
+        states = motor_states(motor, law)
+        starts, _ = start_values(states, [state.of(start) for state in states], discretisation)
     circuit.X(instance, name, *nodes, **(settings or {}), **starts)
 
 
@@ -583,7 +560,7 @@ def editable_parameters(motor: Motor) -> str:
     return " ".join(
         f"{item.name}={format_float_positional(item.default, trim='-')}"
         for item in MotorSubCircuit(motor).settable
-        if item.name in (*_OF_CONTACT, "inertia", "bearing")
+        if item.name in (*_FIRST, "inertia", "bearing")
     )
 
 

@@ -1,24 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources at the pins of a motor: the interface of all of them, and ideal voltages."""
+"""Sources at the pins of a motor: the interface of all of them, and ideal voltages, as sines or of any shape."""
 
 from __future__ import annotations
 
+import csv
+import io
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import degrees, inf, pi
+from pathlib import Path
 from sys import float_info
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.evaluated import Power
+from pyspice_runner.circuit.evaluated import Derived
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.state import Discretisation, stems
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, Tone, check_together
+from pyspice_runner.motor.document import read_document
+from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive, check_together
 from pyspice_runner.motor.groups import GROUPS as GROUPS
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.refusal import Stated
@@ -35,6 +41,12 @@ FEWEST_POINTS_PER_PERIOD = 16  # of the fastest motion; fewer points do not reso
 UNIFORM_POINTS = 128  # steps in a period of the fastest motion, see Source.points_per_period
 _SUMS = 16.0  # margin above the rounding error of one force; random motors needed up to 8
 _SMALL = 1e-5  # tolerance over the smallest of a motor's forces and displacements, if a nanovolt is larger
+
+MOST_POINTS = 20_000  # of a waveform: ngspice searches them at every step
+_MOST_BYTES = 2**25  # of a file: that many points with all signals of a run
+COLUMNS = ("time_s", "voltage_a_v", "voltage_b_v")
+_EVER = 1e9  # s
+_ON_A_LINE = 6
 
 
 class Excitation(ABC):
@@ -62,11 +74,16 @@ class Source(Excitation):
         Raises:
             ParameterError: for a source without such values.
         """
-        raise ParameterError(f"The parameters of a {type(self).__name__} have no paths.")
+        if self.ideal is None:
+            raise ParameterError(f"The parameters of a {type(self).__name__} have no paths.")
+        return self.ideal
 
     @property
     def ideal(self) -> Drive | None:
-        """The drive, if the voltages of the pins are its sines at any current; ``None`` for another source."""
+        """The drive, if the voltages of the pins are its sines at any current; ``None`` for another source.
+
+        The source then has no state, so that a run can continue from the motion of the motor alone.
+        """
         return None
 
     @property
@@ -109,16 +126,6 @@ class Source(Excitation):
         """Whether a run takes uniform steps. Switching edges and digital events shorten them."""
         return False
 
-    @property
-    def continues(self) -> bool:
-        """Whether a run can continue from the motion of the motor alone, because the source has no state."""
-        return False
-
-    @property
-    def rise_time(self) -> float:
-        """Time in s over which the amplitude rises at the start."""
-        return 0.0
-
     fewest_points = FEWEST_POINTS_PER_PERIOD  # minimum number of steps in a period of the fastest motion
     vectors: ClassVar[tuple[str, ...]] = ()  # that a run records in addition to those of the motor
 
@@ -136,7 +143,7 @@ class Source(Excitation):
         return inf
 
     @property
-    def powers(self) -> Mapping[str, Power]:
+    def powers(self) -> Mapping[str, Derived]:
         """Powers and energies inside the source that a run need not compute, by the vectors of their nodes."""
         return {}
 
@@ -207,8 +214,8 @@ class UniformSource(Source):
         return f"i(v{group})", -1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return kind and label, and the values of the drive."""
-        return {"kind": type(self).__name__, "label": self.label, **self.drive.model_dump()}
+        """Return kind, label and values of the drive."""
+        return {"kind": type(self.drive).__name__, "label": self.label, **self.drive.model_dump()}
 
 
 @dataclass(frozen=True)
@@ -216,30 +223,144 @@ class DriveSource(UniformSource):
     """Ideal voltage sources at the pins: ``Va`` and ``Vb``."""
 
     drive: Drive  # the two voltages
-    continues = True
-
-    @property
-    def given(self) -> Stated:
-        """The drive."""
-        return self.drive
 
     @property
     def ideal(self) -> Drive:
         """The drive."""
         return self.drive
 
-    @property
-    def rise_time(self) -> float:
-        """Soft start of the drive in s."""
-        return self.drive.soft_start
-
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
-        """Add the two sources."""
-        add_drive(circuit, self.drive, pins, begun=begun)
+        """Add the sources ``Va`` and ``Vb``, which have been on for ``begun`` seconds."""
+        for group, node, tones in zip(GROUPS, pins, self.drive.tones, strict=True):
+            active = [tone for tone in tones if tone.amplitude] or [tones[0]]
+            if self.drive.soft_start > 0.0:
+                shape = "+".join(
+                    f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
+                    f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
+                    for tone in active
+                )
+                since = f"(time+{begun!r})" if begun else "time"
+                source = groups.named("drive", group)
+                circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{self.drive.soft_start!r})*({shape})\n"
+                circuit.V(group, node, source, "DC 0")
+                continue
+            series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
+            nodes = [node, *series, circuit.gnd]
+            for index, tone in enumerate(active):
+                circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
+
+
+@dataclass(frozen=True)
+class Waveform(UniformSource):
+    """Voltages at given times, with linear interpolation; the last values hold afterwards.
+
+    They are functions of time in behavioural sources, which set no breakpoints: the steps stay uniform.
+
+    Attributes:
+        time_s: times in s, rising from 0.
+        voltage_a_v: voltage of group A in V at them.
+        voltage_b_v: that of group B.
+        frequency: of the drive in Hz; means are over its periods, and it determines the time step.
+
+    Raises:
+        ParameterError: by the constructor, for arrays of different lengths, or a value out of range.
+    """
+
+    time_s: ArrayLike
+    voltage_a_v: ArrayLike
+    voltage_b_v: ArrayLike
+    frequency: float
+
+    def __post_init__(self) -> None:
+        arrays = [_numbers(name, getattr(self, name)) for name in COLUMNS]
+        for name, values in zip(COLUMNS, arrays, strict=True):
+            object.__setattr__(self, name, values)
+        time = arrays[0]
+        if len({len(values) for values in arrays}) > 1:
+            lengths = ", ".join(f"{name} {len(values)}" for name, values in zip(COLUMNS, arrays, strict=True))
+            raise ParameterError(f"A waveform's columns must have one length, and have {lengths}.")
+        if not 2 <= len(time) <= MOST_POINTS:
+            raise ParameterError(f"A waveform has {len(time)} points: it must have 2 to {MOST_POINTS}. Thin it out.")
+        if time[0] != 0.0 or (np.diff(time) <= 0.0).any():
+            at = 0 if time[0] else int(np.argmax(np.diff(time) <= 0.0)) + 1
+            raise ParameterError(f"time_s[{at}] = {time[at]:g} s: the times of a waveform must rise from 0 s.")
+        _ = self.drive  # it checks frequency and largest voltage
+
+    @property
+    def drive(self) -> TwoPhaseDrive:  # type: ignore[override]
+        """A drive of the same frequency and largest voltage, for the checks."""
+        greatest = float(max(np.abs(self.voltage_a_v).max(), np.abs(self.voltage_b_v).max()))
+        return TwoPhaseDrive(voltage=greatest, frequency=self.frequency)
+
+    @property
+    def label(self) -> str:
+        """Number of points and end time."""
+        return f"waveform of {len(np.asarray(self.time_s))} points to {1e3 * np.asarray(self.time_s)[-1]:g} ms"
+
+    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+        """Add the two sources ``Va`` and ``Vb`` as ``pwl`` of the time, over many lines."""
+        for group, pin, values in zip("ab", pins, (self.voltage_a_v, self.voltage_b_v), strict=True):
+            times, volts = np.append(np.asarray(self.time_s), _EVER), np.append(values, np.asarray(values)[-1])
+            pairs = [f"{at!r},{volt!r}" for at, volt in zip(times.tolist(), volts.tolist(), strict=True)]
+            lines = [",".join(pairs[place : place + _ON_A_LINE]) for place in range(0, len(pairs), _ON_A_LINE)]
+            voltage = "pwl(time,\n+ " + ",\n+ ".join(lines) + ")"
+            source = groups.named("drive", group)
+            circuit.raw_spice += f"B{source} {source} 0 V={voltage}\n"
+            circuit.V(group, pin, source, "DC 0")
+
+    def initial_voltages(self) -> tuple[float, float]:
+        """Return U_A and U_B at t = 0."""
+        return float(np.asarray(self.voltage_a_v)[0]), float(np.asarray(self.voltage_b_v)[0])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return kind, label and values of the drive."""
-        return super().to_dict() | {"kind": type(self.drive).__name__}
+        """Return kind, number of points and frequency, JSON-ready."""
+        points = len(np.asarray(self.time_s))
+        return {"kind": type(self).__name__, "label": self.label, "points": points, "frequency": self.frequency}
+
+
+def read_waveform(path: str | Path, frequency: float) -> Waveform:
+    """Return a waveform from a CSV file with the columns time_s, voltage_a_v and voltage_b_v; others are ignored.
+
+    The file of ``simulate --output`` is one. ``frequency`` is that of :class:`Waveform`.
+
+    Raises:
+        ParameterError: for a file that cannot be read, lacks a column, or has a cell that is not a number.
+    """
+    text = read_document(Path(path), "a .csv file", _MOST_BYTES).removeprefix("\ufeff")
+    try:
+        rows = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
+        raise ParameterError(f"{path} cannot be read as a waveform: {error}.") from None
+    header = [name.strip() for name in rows[0]] if rows else []
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise ParameterError(f"{path} has no column {missing[0]}: its first line must name {', '.join(COLUMNS)}.")
+    places = [header.index(name) for name in COLUMNS]
+    found = []
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            found += [[float(row[place]) for place in places]] if any(row) else []
+        except (ValueError, IndexError):
+            raise ParameterError(
+                f"{path}, line {number}: {','.join(row)[:60]!r} must have a number for each column."
+            ) from None
+    try:
+        time, voltage_a, voltage_b = np.array(found, dtype=float).reshape(-1, len(COLUMNS)).T
+        return Waveform(time, voltage_a, voltage_b, frequency)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+
+
+def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.empty((0, 0))
+    if found.ndim != 1:
+        raise ParameterError(f"{name} of a waveform must be a list of numbers.")
+    if not np.isfinite(found).all():
+        raise ParameterError(f"{name}[{int(np.argmin(np.isfinite(found)))}] of a waveform is not a finite number.")
+    return found
 
 
 def source_of(excitation: Drive | Excitation, motor: Motor, law: Law | None) -> Source:
@@ -279,40 +400,14 @@ def not_below_rounding(
         return dict(options)
     found, half_step = dict(options), discretisation.slider_time
     for motor in motors:
-        for name, least in zip(("vntol", "abstol"), _rounding_errors(motor, law, half_step), strict=True):
+        contact = motor.contact
+        compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
+        rate = _SUMS * float_info.epsilon * compressed / half_step  # error of that of the compliance, m/s
+        limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
+        pulled = limit * contact_law.normal_damping(contact) * rate / half_step  # error of that of the slider, m/s
+        for name, least in (("vntol", rate), ("abstol", pulled)):
             found[name] = f"{least:.3g}" if least > float(found[name]) else found[name]
     return found
-
-
-@derived
-def _rounding_errors(motor: Motor, law: Law | None, half_step: float) -> tuple[float, float]:
-    """Return the rounding error of the rate of a compliance in series in m/s, and that of the slider's in m/s."""
-    contact = motor.contact
-    compressed = contact.preload_n * stems(motor, law).get("stem", 0.0)
-    velocity = _SUMS * float_info.epsilon * compressed / half_step
-    limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
-    return velocity, limit * contact_law.normal_damping(contact) * velocity / half_step
-
-
-def add_drive(circuit: Circuit, drive: Drive, pins: tuple[str, str], *, begun: float = 0.0) -> None:
-    """Put ideal sources ``Va`` and ``Vb`` at the nodes of groups A and B; they have been on for ``begun`` seconds."""
-    for group, node, tones in zip(GROUPS, pins, drive.tones, strict=True):
-        active = [tone for tone in tones if tone.amplitude] or [tones[0]]
-        if drive.soft_start > 0.0:
-            shape = "+".join(
-                f"({tone.amplitude!r})*sin({2.0 * pi * tone.frequency!r}*time"
-                f"+({tone.phase + 2.0 * pi * ((tone.frequency * begun) % 1.0)!r}))"
-                for tone in active
-            )
-            since = f"(time+{begun!r})" if begun else "time"
-            source = groups.named("drive", group)
-            circuit.raw_spice += f"B{source} {source} 0 V=min(1,{since}/{drive.soft_start!r})*({shape})\n"
-            circuit.V(group, node, source, "DC 0")
-            continue
-        series = (f"{groups.named('drive', group)}{index}" for index in range(1, len(active)))
-        nodes = [node, *series, circuit.gnd]
-        for index, tone in enumerate(active):
-            circuit.V(f"{group}{index or ''}", nodes[index], nodes[index + 1], sine(tone, begun))
 
 
 def sine(tone: Tone, begun: float = 0.0) -> str:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import Law, contact_library, is_own
+from pyspice_runner.circuit.law import Law, contact_library
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor, derived
@@ -102,12 +102,7 @@ def first_guess(
 
     Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
     in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
-
-    Args:
-        motor: the motor.
-        law: law of its contact.
-        stem_m: compression of the compliance in series at the start, less that at rest, m.
-        discretisation: of the run.
+    ``stem_m`` is the compression of the compliance in series at the start in m, less that at rest.
     """
     contact, compliance = motor.contact, stems(motor, law).get("stem")
     if law is None or not compliance or discretisation is None:
@@ -176,9 +171,9 @@ class State:
         """Parameter of the X line of a motor that sets the start."""
         return f"start_{self.name}"
 
-    def within(self, instance: str, shaft: str = "shaft") -> str:
-        """Return the vector for the instance of a motor, in lower case, and the node of its shaft."""
-        return self.vector.format(instance, shaft)
+    def within(self, instance: str) -> str:
+        """Return the vector for the instance of a motor, in lower case, whose shaft is the node ``shaft``."""
+        return self.vector.format(instance, "shaft")
 
     def scale(self, discretisation: Discretisation | None) -> float:
         """Return the SI value of 1 V or 1 A of the vector."""
@@ -187,10 +182,6 @@ class State:
     def at_rest(self, discretisation: Discretisation | None) -> float:
         """Return the SI value at preloaded rest."""
         return self.rest / written(self.spring, discretisation)[1] if self.spring else 0.0
-
-    def start_value(self, value: float, discretisation: Discretisation | None) -> float:
-        """Return the parameter or the initial voltage for an SI value at the start."""
-        return float((value - self.at_rest(discretisation)) / self.unit)
 
     def of(self, motion: Motion) -> float:
         """Return the SI value of a motion; 0 for a number that the motion does not have."""
@@ -202,16 +193,6 @@ class State:
 
 def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> tuple[State, ...]:
     """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
-    # the file of a user's own law may change
-    return _states_now(motor, law, kinds) if law and is_own(law.name) else _states(motor, law, kinds)
-
-
-@derived
-def _states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None) -> tuple[State, ...]:
-    return _states_now(motor, law, kinds)
-
-
-def _states_now(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None) -> tuple[State, ...]:
     modes = list(enumerate(motor.modes))
     preload = motor.contact.preload_n if law else 0.0
     states = [
@@ -261,11 +242,9 @@ def plate_nodes(group: str) -> tuple[str, ...]:
     return tuple(f"{groups.named('xgroup', group)}.{plate}" for plate in PLATES)
 
 
-def state_vectors(
-    motor: Motor, law: Law | None, instance: str = "xmotor", kinds: tuple[Kind, ...] | None = None
-) -> list[str]:
-    """Return the vectors that hold the state of a motor, of some kinds or of all."""
-    return [state.within(instance) for state in motor_states(motor, law, kinds)]
+def state_vectors(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> list[str]:
+    """Return the vectors that hold the state of the motor of a bench, of some kinds or of all."""
+    return [state.within("xmotor") for state in motor_states(motor, law, kinds)]
 
 
 def recorded_states(
@@ -278,14 +257,6 @@ def recorded_states(
     ]
 
 
-def motion(
-    values: Mapping[str, float], motor: Motor, law: Law | None, discretisation: Discretisation, instance: str = "xmotor"
-) -> Motion:
-    """Return the motion for values of :func:`state_vectors`."""
-    states = motor_states(motor, law)
-    return motion_of(states, [values[state.within(instance)] * state.scale(discretisation) for state in states])
-
-
 def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:
     """Return the motion with the SI values of states; others are 0 or missing."""
     fields: dict[str, float | tuple[float, ...]] = {}
@@ -295,26 +266,19 @@ def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:
     return Motion(**fields)  # type: ignore[arg-type]
 
 
-def start_parameters(
+def start_values(
     states: Sequence[State], values: Sequence[float], discretisation: Discretisation | None
-) -> dict[str, float]:
-    """Return the parameters of the X line with which a motor starts at the SI values of its states."""
-    return {
-        state.parameter: state.start_value(value, discretisation)
-        for state, value in zip(states, values, strict=True)
-        if state.part
-    }
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the parameters of the X line and the initial voltages of a motor that starts at SI values of its states.
 
-
-def start_nodes(
-    states: Sequence[State], values: Sequence[float], discretisation: Discretisation | None
-) -> dict[str, float]:
-    """Return the initial voltages by node inside a motor that starts at the SI values of its states.
-
-    They are those of the states without a parameter.
+    The voltages, by node inside the motor, are those of the states without a parameter.
     """
-    return {
-        state.name: state.start_value(value, discretisation)
-        for state, value in zip(states, values, strict=True)
-        if not state.part
-    }
+    parameters: dict[str, float] = {}
+    nodes: dict[str, float] = {}
+    for state, value in zip(states, values, strict=True):
+        start = float((value - state.at_rest(discretisation)) / state.unit)
+        if state.part:
+            parameters[state.parameter] = start
+        else:
+            nodes[state.name] = start
+    return parameters, nodes

@@ -39,7 +39,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, equations, translated
 from pyspice_runner.spice.library import LibraryParameter, check_name, data_path, read_library, slider_words
 
-WRITTEN = tuple(name for name in LAWS if Law(name).translated)  # the laws that have a Verilog-A form
+WRITTEN = tuple(name for name in LAWS if "verilog-a" in Law(name).forms)  # the laws that have a Verilog-A form
 _BLOCKS = ("parameters of mode", "states of mode", "motion of mode", "mode")
 _OF_CONTACT = {"mu": "friction", "damping": "normal_damping"}  # parameters of the contact with other names outside
 _OF_RUN = ("deflection", "start")  # parameters of the contact that rest and the start of a run replace

@@ -129,7 +129,7 @@ def export(call: Call) -> None:
         with common.busy("writing"):
             exported.save(path)
 
-    text = exported.text(ending)
+    text = FORMATS[ending].text(exported)
     call.write({"motor": loaded.name, "library": text}, "" if output else text, save, loaded.plot)
 
 

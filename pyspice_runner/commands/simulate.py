@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.waveforms import Waveform, read_waveform
+from pyspice_runner.circuit.source import Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import in_front
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, LAW, TARGETS, Call, command, option

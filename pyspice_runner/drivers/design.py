@@ -23,7 +23,7 @@ import numpy as np
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
-from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads, winding_of
+from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads
 from pyspice_runner.drivers.parts import (
     CABLE,
     E12,
@@ -32,12 +32,9 @@ from pyspice_runner.drivers.parts import (
     NO_CAPACITOR,
     SMALLEST_CAPACITANCE,
     SMALLEST_INDUCTANCE,
-    WINDING_CAPACITANCE,
     WINDING_QUALITY,
-    Passed,
     largest_inductance,
     nearest,
-    passed,
     suited,
 )
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -205,12 +202,6 @@ class Design:
     starts: bool | None = None
     load_torque_n_m: float = 0.0
 
-    def checked_driver(self) -> Driver:
-        """Return the driver. Raise NoDriverError with the reason if there is none."""
-        if self.driver is None:
-            raise NoDriverError(self)
-        return self.driver
-
     def to_dict(self) -> dict[str, Any]:
         """Return the design without the driver, which its report has, JSON-ready."""
         names = ("parts", "feasible", "reason", "starts", "wanted_v", "share", "unmatched", "points")
@@ -305,27 +296,15 @@ def at_stage(
     """Return voltage and current of the lossless stage behind its transformer, for those of the pin."""
     if driver is not None:
         omega = 2.0 * pi * (driver.frequency if frequency is None else frequency)
-        for found in _passed(driver.equivalent, group, volts, amperes, omega):
+        for _, found in driver.equivalent.passed(group, volts, amperes, omega):
             volts, amperes = found.volts, found.amperes
     return volts, amperes
 
 
-def _passed(driver: Driver, group: str, volts: Any, amperes: Any, omega: float) -> list[Passed]:
-    """Return the network of a group from the pin to the stage for phasors of the pin: a cable first."""
-    found = []
-    for part in reversed(driver.parts(group)):
-        before = passed(part.label, part.values, volts, amperes, omega)
-        if before is None:
-            break
-        found.append(before)
-        volts, amperes = before.volts, before.amperes
-    return found
-
-
 def load_of(driver: Driver, group: str, load: complex) -> complex:
     """Return the impedance in front of the cable, if there is one, for that of the group at its pin."""
-    for part in driver.parts(group):
-        if part.label == CABLE and (found := passed(CABLE, part.values, load, 1.0, 2.0 * pi * driver.frequency)):
+    for part, found in driver.passed(group, load, 1.0, 2.0 * pi * driver.frequency):
+        if part.label == CABLE:
             return complex(found.volts / found.amperes)
     return load
 
@@ -337,9 +316,9 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
         pin = np.array([complex(point.group(group).voltage_v) for point in points])
         amperes = pin / np.array([point.group(group).impedance_ohm for point in points])
         line, through = pin, amperes
-        for before in _passed(driver, group, pin, amperes, 2.0 * pi * driver.frequency):
+        for part, before in driver.passed(group, pin, amperes, 2.0 * pi * driver.frequency):
             stores, instance = before.stores, groups.named("xnetwork", group)
-            if "lline" in stores:
+            if part.label == CABLE:
                 found |= {
                     f"i(v.xcable_{group}.vcurrent)": stores["lline"],
                     groups.voltage(driver.network, group): before.volts,
@@ -530,12 +509,12 @@ def _solved(points: Sequence[Point], starts: Sequence[Orbit | None]) -> list[Ste
 def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where: str) -> str:
     """Return in a sentence at which state there is no stable steady state; an empty text if there is at all."""
     lost = [name for name, state in states.items() if not _steady(state)]
+    if not lost:
+        return ""
     volts = " and ".join(f"{value:.4g} V" for value in wanted.values())
     return (
         f"At {', '.join(lost)} there is no stable steady state {where} ({volts}), so that no design can be checked. "
         "Change the frequency or the voltage, and look at the motor with simulate."
-        if lost
-        else ""
     )
 
 
@@ -631,7 +610,7 @@ class _Search:
             return {}
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
         for group in GROUPS:
-            most = largest_inductance(driver.frequency, winding_of(driver, group) or WINDING_CAPACITANCE)
+            most = largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
@@ -640,7 +619,7 @@ class _Search:
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
-                coil = min(nearest(total - leakage, E12), max(value for value in _decades(E12) if value <= most))
+                coil = min(nearest(total - leakage, E12), _largest(most))
             excess = omega * (coil + leakage) - wanted
             capacitor = NO_CAPACITOR
             if excess > _DETUNED * omega * (coil + leakage) and excess > 0.0 and (filtering or wanted < 0.0):
@@ -661,8 +640,7 @@ class _Search:
         middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
         coil, capacitor = NO_COIL, -middle / omega
         if middle > 0.0:
-            largest = min(most, 1.0 / (omega * middle))
-            coil = max(value for value in _decades(E12) if value <= largest)
+            coil = _largest(min(most, 1.0 / (omega * middle)))
             capacitor = 1.0 / (omega**2 * coil) - middle / omega
         capacitor = NO_PARALLEL if capacitor < SMALLEST_CAPACITANCE else nearest(capacitor, E24)
         label = f"llcc_{group}.parallel_"
@@ -785,6 +763,7 @@ def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
     return notes
 
 
-def _decades(series: tuple[float, ...]) -> list[float]:
-    """Return the values of a series from 1 µH on."""
-    return [float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in series]
+def _largest(limit: float) -> float:
+    """Return the largest inductance in H of the series E12, from 1 µH on, up to a limit."""
+    values = (float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in E12)
+    return max(value for value in values if value <= limit)

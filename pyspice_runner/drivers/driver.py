@@ -20,12 +20,12 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 from pydantic import Field, PrivateAttr
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.evaluated import Power, powers_of
+from pyspice_runner.circuit.evaluated import Derived, powers_of
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, UNIFORM_POINTS, Pins, Source, transient_options
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
-from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, WINDING_CAPACITANCE, Passed, passed, ratings
 from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import two_phasors
@@ -251,11 +251,6 @@ class Driver(Stated, Source):
         return not self.switched
 
     @property
-    def rise_time(self) -> float:
-        """Time in s over which the supply rises."""
-        return 0.0 if self.kind == "ideal" else self.supply_rise_s
-
-    @property
     def points_per_period(self) -> int:
         """Default number of steps in a period of the fastest motion, of a bridge between its edges."""
         return SWITCHED_POINTS if self.switched else UNIFORM_POINTS
@@ -328,6 +323,10 @@ class Driver(Stated, Source):
     def ahead(self, group: str) -> float:
         """Return by what part of a period a group is ahead of group A."""
         return self.phase_deg / 360.0 if group == "b" else 0.0
+
+    def winding(self, group: str) -> float:
+        """Return the capacitance in F of the winding of the coil in series; an assumed one if it is not stated."""
+        return self.values(group, self.network).get("winding_capacitance") or WINDING_CAPACITANCE
 
     @property
     def transformer_label(self) -> str:
@@ -494,6 +493,17 @@ class Driver(Stated, Source):
         """Return the parameters of a part of a group by its label; empty without it."""
         return next((part.values for part in self.parts(group) if part.label == label), {})
 
+    def passed(self, group: str, volts: Any, amperes: Any, omega: float) -> list[tuple[Part, Passed]]:
+        """Return the network of a group from the pin to the stage, a cable first, for phasors of the pin."""
+        found = []
+        for part in reversed(self.parts(group)):
+            before = passed(part.label, part.values, volts, amperes, omega)
+            if before is None:
+                break
+            found.append((part, before))
+            volts, amperes = before.volts, before.amperes
+        return found
+
     def _chain_of(self, group: str) -> tuple[Part, ...]:
         chain = list[tuple[str, str, Library]]()  # first part of the instance's name, label, library
         if self._stage:
@@ -522,7 +532,7 @@ class Driver(Stated, Source):
         add_driver(circuit, self, dict(zip(GROUPS, pins, strict=True)))
 
     @property
-    def powers(self) -> dict[str, Power]:
+    def powers(self) -> dict[str, Derived]:
         """Powers and energies of the parts that the package has, by the vectors of their nodes."""
         chains = [one for group in GROUPS for one in _chain(self, group) if one[0].label != _OWN]
         return {
@@ -628,10 +638,8 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
     Without its source, another one drives the nodes ``control_a`` and ``control_b``: 1 V amplitude for a bridge, the
     voltage over the gain for a linear amplifier.
     """
-    libraries = driver.libraries()
     source = source and driver.controlled
-    if source:
-        libraries.insert(0, read_library("driver_source"))
+    libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
     circuit.raw_spice += definitions(*libraries) + "\n"
     if source:
         amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in GROUPS}

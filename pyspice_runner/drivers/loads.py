@@ -143,8 +143,6 @@ def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mappi
 def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
     """Return supplies, transistors and dead time."""
     found: list[PartLoad] = []
-    if driver.kind == "ideal":
-        return found
     of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
@@ -178,38 +176,36 @@ def _winding(part: Part, group: str, volts: float) -> list[PartLoad]:
 
 def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
     """Return coils and capacitors of a network between two voltages."""
-    values, llcc, of_group = part.values, part.label == "llcc", f"group {group.upper()}"
+    values, llcc = part.values, part.label == "llcc"
     prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
-    coil, capacitor = values[f"{prefix}inductance"], values[f"{prefix}capacitance"]
-    found: list[PartLoad] = []
-    if coil > LEAST_COIL:
-        wound = _peak(samples[f"i(v.{instance}.vcoil)"])
-        found.append(PartLoad(f"series coil, {of_group}", coil, "H", _peak(before - inner), wound))
-    if capacitor != NO_CAPACITOR:
-        found.append(PartLoad(f"series capacitor, {of_group}", capacitor, "F", _peak(inner - after), _peak(through)))
-    if (bleeder := values["bleeder"]) != NO_BLEEDER:
-        volts = _peak(inner - after)
-        found.append(PartLoad(f"bleeder, {of_group}", bleeder, "Ω", volts, volts / bleeder))
-    if not llcc:
-        return found
-    across, volts = samples[f"i(v.{instance}.vparallel)"], _peak(after)
-    drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
-    coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
-    if coil != NO_COIL:
-        found.append(PartLoad(f"parallel coil, {of_group}", coil, "H", volts, _peak(across)))
-    if capacitor != NO_PARALLEL:
-        rest = _peak(through - drawn - across)
-        found.append(PartLoad(f"parallel capacitor, {of_group}", capacitor, "F", volts, rest))
-    return found
+    coil, capacitor, bleeder = values[f"{prefix}inductance"], values[f"{prefix}capacitance"], values["bleeder"]
+    # name, value, unit, voltage, current, and whether it is there
+    rows = [
+        ("series coil", coil, "H", before - inner, samples[f"i(v.{instance}.vcoil)"], coil > LEAST_COIL),
+        ("series capacitor", capacitor, "F", inner - after, through, capacitor != NO_CAPACITOR),
+        ("bleeder", bleeder, "Ω", inner - after, (inner - after) / bleeder, bleeder != NO_BLEEDER),
+    ]
+    if llcc:
+        across = samples[f"i(v.{instance}.vparallel)"]
+        drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
+        coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
+        rows += [
+            ("parallel coil", coil, "H", after, across, coil != NO_COIL),
+            ("parallel capacitor", capacitor, "F", after, through - drawn - across, capacitor != NO_PARALLEL),
+        ]
+    return [
+        PartLoad(f"{name}, group {group.upper()}", value, unit, _peak(volts), _peak(amperes))
+        for name, value, unit, volts, amperes, present in rows
+        if present
+    ]
 
 
 def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
-    ``exceeded`` has a sentence for each limit of a part that is exceeded.
-
-    The field of a group is its largest voltage over the distance of its electrodes; ``None`` where that is not known.
+    ``exceeded`` has a sentence for each limit of a part that is exceeded. The field of a group is its largest voltage
+    over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
     for group in GROUPS:
@@ -228,11 +224,6 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
     return found
 
 
-def winding_of(driver: Driver, group: str) -> float:
-    """Return the capacitance in F of the winding of the coil in series; 0 if it is not stated."""
-    return driver.setting(f"{driver.network}_{group}.winding_capacitance") if driver.network != "none" else 0.0
-
-
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
     frequency = driver.frequency
@@ -249,8 +240,8 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if part.name.startswith(TRANSISTOR) and volts > breakdown:
             notes.append(f"The {part.name} is at {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
-            winding = winding_of(driver, part.name[-1].lower()) if part.name.startswith("series") else 0.0
-            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding or WINDING_CAPACITANCE)
+            winding = driver.winding(part.name[-1].lower()) if part.name.startswith("series") else WINDING_CAPACITANCE
+            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding)
     return notes
 
 
@@ -285,53 +276,61 @@ class _Switch:
     helping: float  # sign of that current where it moves the leg towards this transistor
 
 
-def _switches(driver: Driver, group: str) -> list[_Switch]:
-    """Return the transistors of the bridge of a group."""
-    stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
-    if driver.kind == "push-pull":
-        return [
-            _Switch(
-                f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
-                f"i(v.{stage}.vdrain_{other})", 1.0,
-            )
-            for own, other in ("pn", "np")
-        ]  # fmt: skip
-    out, line, back = groups.current("out", group), groups.voltage("line", group), groups.voltage("return", group)
-    if driver.kind == "half-bridge":
-        legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
-    else:
-        legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
-    found = []
-    for ramp, voltage, sign, high, low in legs:
-        found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
-        found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
+def _switches(driver: Driver) -> list[_Switch]:
+    """Return the transistors of the bridges of both groups; none for another stage."""
+    found: list[_Switch] = []
+    for group in GROUPS if driver.kind in BRIDGES else ():
+        stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
+        if driver.kind == "push-pull":
+            found += [
+                _Switch(
+                    f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
+                    f"i(v.{stage}.vdrain_{other})", 1.0,
+                )
+                for own, other in ("pn", "np")
+            ]  # fmt: skip
+            continue
+        out, line, back = groups.current("out", group), groups.voltage("line", group), groups.voltage("return", group)
+        if driver.kind == "half-bridge":
+            legs = [(f"v({stage}.ramp)", line, 1.0, "high", "low")]
+        else:
+            legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
+        for ramp, voltage, sign, high, low in legs:
+            found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
+            found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
     return found
 
 
 def switching_vectors(driver: Driver) -> list[str]:
     """Return the vectors that :func:`turn_ons` takes, beside those of the report."""
-    switches = [switch for group in GROUPS if driver.kind in BRIDGES for switch in _switches(driver, group)]
-    return [name for switch in switches for name in (switch.ramp, switch.voltage, switch.current)]
+    return [name for switch in _switches(driver) for name in (switch.ramp, switch.voltage, switch.current)]
 
 
 def turn_ons(driver: Driver, samples: Mapping[str, Array], window: Window) -> tuple[TurnOn, ...]:
-    """Return the turn-ons of all transistors of a bridge over the window; none for another stage."""
-    found: list[TurnOn] = []
-    for group in GROUPS if driver.kind in BRIDGES else ():
-        for switch in _switches(driver, group):
-            offs, ons = _edges(samples, switch)
-            late = offs >= window.start
-            if late.any():
-                found.append(_turn_on(driver, switch, (offs[late], ons[late]), samples, driver.swing(group)))
+    """Return the turn-ons of all transistors of a bridge, means over the window; none for another stage."""
+    found, time = [], samples["time"]
+    part = ratings(driver.mosfet) if driver.mosfet in MOSFETS else None
+    for switch in _switches(driver):
+        ramp = samples[switch.ramp] * (1.0 if switch.rising else -1.0)
+        offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
+        places = np.searchsorted(offs, ons) - 1  # of the turn-off of the other transistor before each turn-on
+        offs, ons = offs[places[places >= 0]], ons[places >= 0]
+        late = offs >= window.start
+        if not late.any():
+            continue
+        volts = np.interp(ons[late], time, samples[switch.voltage])
+        left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
+        current = switch.helping * float(np.mean(np.interp(offs[late], time, samples[switch.current])))
+        swing = driver.swing(switch.name[0])  # of its group
+        charge = part.swing_charge(swing) if part else None
+        found.append(
+            TurnOn(
+                switch.name, left <= ZERO * swing, left, current, charge,
+                dead_time_s=charge / current if charge is not None and current > 0.0 else None,
+                hard_switching_w=driver.frequency * part.swing_loss(left, swing) if part else None,
+            )
+        )  # fmt: skip
     return tuple(found)
-
-
-def _edges(samples: Mapping[str, Array], switch: _Switch) -> tuple[Array, Array]:
-    """Return the times at which the other transistor turns off and this one turns on, for every edge."""
-    time, ramp = samples["time"], samples[switch.ramp] * (1.0 if switch.rising else -1.0)
-    offs, ons = (_crossings(time, ramp, level) for level in (-OFF, ON))
-    places = np.searchsorted(offs, ons) - 1
-    return offs[places[places >= 0]], ons[places >= 0]
 
 
 def _crossings(time: Array, values: Array, level: float) -> Array:
@@ -339,23 +338,6 @@ def _crossings(time: Array, values: Array, level: float) -> Array:
     before = np.flatnonzero((values[:-1] < level) & (values[1:] >= level))
     share = (level - values[before]) / (values[before + 1] - values[before])
     return np.asarray(time[before] + share * (time[before + 1] - time[before]))
-
-
-def _turn_on(
-    driver: Driver, switch: _Switch, edges: tuple[Array, Array], samples: Mapping[str, Array], swing: float
-) -> TurnOn:
-    """Return the mean over the edges of a transistor."""
-    time, (offs, ons) = samples["time"], edges
-    volts = np.interp(ons, time, samples[switch.voltage])
-    left = float(np.mean(volts - switch.bottom if switch.top is None else switch.top - volts))
-    current = switch.helping * float(np.mean(np.interp(offs, time, samples[switch.current])))
-    charge, dead_time, loss = None, None, None
-    if driver.mosfet in MOSFETS:
-        part = ratings(driver.mosfet)
-        charge = part.swing_charge(swing)
-        dead_time = charge / current if current > 0.0 else None
-        loss = driver.frequency * part.swing_loss(left, swing)
-    return TurnOn(switch.name, left <= ZERO * swing, left, current, charge, dead_time, loss)
 
 
 _EDGE = 1e-6  # s, in which a load steps and a control stops
@@ -411,16 +393,10 @@ _BEGIN, _LASTS, _SWEEPS = 1e-3, 0.5e-3, 2e-3  # s: power-up, each event, a sweep
 
 
 def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the maxima of a run, as :func:`.maxima`, for each event.
+    """Return the maxima of a run, as :func:`.maxima`, for each event, from the vectors that it takes.
 
-    Args:
-        setup: motor, source and load; the load steps from nothing to its torque, or to that of friction under the
-            preload, which stalls the motor. A shaft that is held has no step.
-        driver: the driver of the source.
-        vectors: those that :func:`.maxima` takes.
-
-    Raises:
-        SimulationError: if ngspice fails or its result cannot be trusted.
+    The load steps from nothing to its torque, or to that of friction under the preload, which stalls the motor. A shaft
+    that is held has no step. Raise SimulationError if ngspice fails or its result cannot be trusted.
     """
     motor = setup.motor
     steps = setup.load.speed is None
@@ -435,13 +411,11 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
         one, other = pool.map(lambda run: run[0].run(run[1], vectors).vectors(), runs)
     windows = [(LOAD_STEP, one, _BEGIN, stops)] if steps else []
     windows += [(STOP, one, stops, np.inf), (SWEEP, other, 0.0, np.inf)]
-    return {name: maxima(motor, driver, _cut(samples, begin, end)) for name, samples, begin, end in windows}
-
-
-def _cut(samples: Mapping[str, Array], begin: float, end: float) -> dict[str, Array]:
-    """Return the samples from one time in s to another."""
-    within = (samples["time"] >= begin) & (samples["time"] <= end)
-    return {name: values[within] for name, values in samples.items()}
+    found = {}
+    for name, samples, begin, end in windows:
+        within = (samples["time"] >= begin) & (samples["time"] <= end)
+        found[name] = maxima(motor, driver, {vector: values[within] for vector, values in samples.items()})
+    return found
 
 
 def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -42,8 +42,7 @@ def read_driver(text: str) -> Library:
 
     Raise ParameterError for a file that cannot be read or used; the message names the line.
     """
-    devices, name = _opened(text, "driver", "driver library")
-    return devices.driver(name)
+    return _Devices(text, "driver", "driver library").driver()
 
 
 def read_mosfet(text: str) -> Library:
@@ -51,18 +50,7 @@ def read_mosfet(text: str) -> Library:
 
     Raise ParameterError for a file that cannot be read or used; the message names the line.
     """
-    devices, name = _opened(text, "mosfet", "MOSFET library")
-    return devices.mosfet(name)
-
-
-def _opened(text: str, what: str, file: str) -> tuple[_Devices, str]:
-    """Return the library and the name of ``FILE:NAME``.
-
-    A character that is not ASCII is an error only in a line that a simulator reads.
-    """
-    path, _, name = text.rpartition(":")
-    require(path and _NAME.fullmatch(name), what, text, "FILE:NAME, with a NAME of letters, digits and _ . + -")
-    return _Devices(path, read_bytes(path, file, _MOST_BYTES).decode("ascii", errors="replace")), name
+    return _Devices(text, "mosfet", "MOSFET library").mosfet()
 
 
 @dataclass
@@ -79,18 +67,24 @@ class _Block:
 
 
 class _Devices(OwnFile):
-    """Reader of one library: its subcircuits and the models outside of them, by their names in lower case."""
+    """Reader of ``FILE:NAME``: the subcircuits of the file and the models outside of them, by names in lower case.
 
-    def __init__(self, path: str, text: str) -> None:
-        super().__init__(path, text, _RULES)
+    A character that is not ASCII is an error only in a line that a simulator reads.
+    """
+
+    def __init__(self, reference: str, what: str, file: str) -> None:
+        path, _, self._name = reference.rpartition(":")
+        form = "FILE:NAME, with a NAME of letters, digits and _ . + -"
+        require(path and _NAME.fullmatch(self._name), what, reference, form)
+        super().__init__(path, read_bytes(path, file, _MOST_BYTES).decode("ascii", errors="replace"), _RULES)
         self._blocks: dict[str, _Block] = {}
         self._models: dict[str, Statement] = {}
         self._sort()
 
-    def driver(self, name: str) -> Library:
+    def driver(self) -> Library:
         """Return a driver as a library whose subcircuit is called :data:`DRIVER`."""
-        block = self._block(name)
-        self._header, pins = Header(self._path, block.header), block.pins
+        block = self._chosen()
+        pins = block.pins
         if not set(_NEEDED) <= set(pins) <= set(_PINS) or len(set(pins)) < len(pins):
             self._fail(
                 block.begin,
@@ -109,13 +103,14 @@ class _Devices(OwnFile):
         self._check_powers(text)
         return self._library(DRIVER, block.name, pins, parameters, text, needs)
 
-    def mosfet(self, name: str) -> Library:
+    def mosfet(self) -> Library:
         """Return a MOSFET as a library that replaces :data:`MOSFET`; its parameters keep their defaults."""
+        name = self._name
         if name.lower() in self._models and name.lower() not in self._blocks:
             text = self._wrapped(name)
             return self._library(MOSFET, name, ("d", "g", "s"), (), text, ())
-        block = self._block(name)
-        self._header, pins = Header(self._path, block.header), block.pins
+        block = self._chosen()
+        pins = block.pins
         if len(pins) != 3 or len(set(pins)) < 3:
             self._fail(
                 block.begin,
@@ -149,18 +144,13 @@ class _Devices(OwnFile):
                 self._blocks[name.lower()] = inside
             elif inside:
                 inside.body.append((line, text))
-            else:
-                self._outside(line, text, words)
+            elif re.match(r"\.model\s+\S", text, re.I):
+                self._check_name(line, words[0], self._models)
+                self._models[words[0].lower()] = (line, text)
+            elif text.lower() != ".end":
+                self._fail(line, f"{short(text)} is outside of a subcircuit; only .subckt and .model are read there")
         if inside:
             self._fail(inside.begin, f".subckt {inside.name} has no .ends")
-
-    def _outside(self, line: int, text: str, words: list[str]) -> None:
-        """Store a model outside of subcircuits."""
-        if re.match(r"\.model\s+\S", text, re.I):
-            self._check_name(line, words[0], self._models)
-            self._models[words[0].lower()] = (line, text)
-        elif text.lower() != ".end":
-            self._fail(line, f"{short(text)} is outside of a subcircuit; only .subckt and .model are read there")
 
     def _check_name(self, line: int, name: str, others: Collection[str]) -> None:
         if not _NAME.fullmatch(name):
@@ -168,13 +158,15 @@ class _Devices(OwnFile):
         if name.lower() in others:
             self._fail(line, f"{name} is defined twice")
 
-    def _block(self, name: str) -> _Block:
-        block = self._blocks.get(name.lower())
+    def _chosen(self) -> _Block:
+        """Return the subcircuit NAME, and take its header for that of the library."""
+        block = self._blocks.get(self._name.lower())
         if block is None:
             known = [one.name for one in self._blocks.values()]
             listed = f"{', '.join(known[:8])}{', …' if len(known) > 8 else ''}"
             has = f"It has {listed}." if known else "It has none."
-            raise ParameterError(f"{self._path}: there is no .subckt {name}. {has}")
+            raise ParameterError(f"{self._path}: there is no .subckt {self._name}. {has}")
+        self._header = Header(self._path, block.header)
         return block
 
     def _wrapped(self, name: str) -> str:

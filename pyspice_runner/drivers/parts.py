@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -149,10 +148,7 @@ SMALLEST_CAPACITANCE, LARGEST_CAPACITANCE = 47e-12, 1e-6  # F; below, the wiring
 def nearest(value: float, series: Sequence[float]) -> float:
     """Return the value of a series that is nearest to a positive one, by ratio."""
     decade = 10.0 ** floor(log10(value))
-    steps = [*series, 10.0]
-    above = min(bisect(steps, value / decade), len(steps) - 1)
-    below, over = steps[above - 1], steps[above]
-    chosen = below if (value / decade) ** 2 < below * over else over
+    chosen = min((*series, 10.0), key=lambda step: abs(log10(step * decade / value)))
     return float(f"{chosen * decade:.6g}")
 
 

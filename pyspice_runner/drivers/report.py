@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, design_driver
+from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
 from pyspice_runner.drivers.loads import (
     PartLoad,
@@ -318,12 +318,14 @@ def drive_report(
         speed = held
     design = driver if isinstance(driver, Design) else None
     if isinstance(driver, Design):
-        driver = driver.checked_driver()
+        if driver.driver is None:
+            raise NoDriverError(driver)
+        driver = driver.driver
     setup = Point.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
     if duration is None:
-        duration = _DURATION if design is None else _start_time(motor, design, load_torque)
+        duration = _DURATION if design is None else _start_time(setup, design)
     _check_duration(setup, duration)
     recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
@@ -335,7 +337,9 @@ def drive_report(
     measured = _Measurement(window, samples, driver)
     ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
     budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
-    power = measured.power("pin", "a") + measured.power("pin", "b")
+    put_in, losses, feeds, stored = zip(*budgets, strict=True)
+    power_a, power_b = (measured.voltage("pin", group) * samples[groups.current("pin", group)] for group in GROUPS)
+    power = power_a + power_b
     torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
     currents = measured.supply_currents()
     report = DriveReport(
@@ -350,12 +354,12 @@ def drive_report(
         },
         outputs=ports["out"],
         groups=ports["pin"],
-        supply_power_w=sum(budget.put_in for budget in budgets),
-        gate_power_w=sum(budget.feed for budget in budgets),
+        supply_power_w=sum(put_in),
+        gate_power_w=sum(feeds),
         supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
         supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
-        losses_w={name: loss for budget in budgets for name, loss in budget.losses.items()},
-        stored_power_w=sum(budget.stored for budget in budgets),
+        losses_w={name: loss for of_group in losses for name, loss in of_group.items()},
+        stored_power_w=sum(stored),
         motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
         shaft_power_w=window.mean(torque * samples["v(shaft)"]),
         mean_torque_n_m=window.mean(torque),
@@ -418,19 +422,19 @@ def _judged(setup: Point) -> tuple[str, ...]:
     return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
 
 
-def _start_time(motor: Motor, design: Design, load_torque: float) -> float:
+def _start_time(setup: Point, design: Design) -> float:
     """Return the time in s of the run of a design.
 
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
     take long, it begins to.
     """
-    if design.checked_driver().switched:
+    if not setup.source.uniform:
         return _SHORTEST
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)
-    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(load_torque)
-    time = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
-    return min(max(_SHORTEST, time + 0.5 * motor.decay_s), _LONGEST)
+    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
+    time = setup.motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
+    return min(max(_SHORTEST, time + 0.5 * setup.motor.decay_s), _LONGEST)
 
 
 def _check_duration(setup: Point, duration: float) -> None:
@@ -460,16 +464,6 @@ def _to_come(setup: Point, samples: dict[str, Array], signals: dict[str, Array])
 
 
 @dataclass(frozen=True)
-class _Budget:
-    """Mean powers in W of the channel of one group."""
-
-    put_in: float  # power of its supplies
-    losses: dict[str, float]  # ``PART_GROUP.DEVICE`` → loss
-    feed: float  # power of the gate drivers
-    stored: float  # rate of the stored energy
-
-
-@dataclass(frozen=True)
 class _Measurement:
     """Voltages, currents and powers of a driver over the window of a run.
 
@@ -487,17 +481,9 @@ class _Measurement:
         back = self.samples[groups.voltage("return", group)] if self.driver.kind == "full-bridge" else 0.0
         return self.samples[groups.voltage("line", group)] - back
 
-    def current(self, place: str, group: str) -> Array:
-        """Return the current at a place."""
-        return self.samples[groups.current(place, group)]
-
-    def power(self, place: str, group: str) -> Array:
-        """Return the power that passes through a place."""
-        return self.voltage(place, group) * self.current(place, group)
-
     def port(self, place: str, group: str) -> Port:
         """Return the means and harmonics at a place."""
-        window, voltage, current = self.window, self.voltage(place, group), self.current(place, group)
+        window, voltage, current = self.window, self.voltage(place, group), self.samples[groups.current(place, group)]
         volts, amperes = window.harmonics(voltage), window.harmonics(current)
         rms_v, rms_a = window.rms(voltage), window.rms(current)
         power = window.mean(voltage * current)
@@ -524,8 +510,11 @@ class _Measurement:
             ),
         )
 
-    def budget(self, group: str, output_w: float) -> _Budget:
-        """Return the powers of the channel of a group whose stage delivers a power.
+    def budget(self, group: str, output_w: float) -> tuple[float, dict[str, float], float, float]:
+        """Return the mean powers in W of the channel of a group whose stage delivers a power.
+
+        They are the power of its supplies, losses by ``PART_GROUP.DEVICE``, the power of the gate drivers and the rate
+        of the stored energy.
 
         The header of the user's own stage may have no ``LOSS`` lines. Its loss is then the difference of supply and
         output power, which is negative if the stage has sources of its own.
@@ -541,7 +530,7 @@ class _Measurement:
         inside = stored[0] - feeds[0] if self.driver.own else 0.0  # of the user's own stage, besides its losses
         if not self.driver.supplied:
             lost = sum(loss for name, loss in losses.items() if self.driver.own and name.startswith("driver_"))
-            return _Budget(output_w + lost + inside, losses, sum(feeds), sum(stored))
+            return output_w + lost + inside, losses, sum(feeds), sum(stored)
         put_in = sum(
             self.window.mean(-self.samples[groups.voltage(rail, group)] * self.samples[groups.current(rail, group)])
             for rail in RAILS
@@ -549,7 +538,7 @@ class _Measurement:
         )
         if self.driver.own and not parts[0].library.losses:
             losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
-        return _Budget(put_in, losses, sum(feeds), sum(stored))
+        return put_in, losses, sum(feeds), sum(stored)
 
     def supply_currents(self) -> dict[str, Array]:
         """Return the currents that the rails deliver, both groups together."""
@@ -566,7 +555,7 @@ class _Measurement:
         for group in GROUPS:
             for place, name in (("out", groups.named("output", group)), ("pin", groups.named("group", group))):
                 columns[f"{name}_v"] = self.window.cut(self.voltage(place, group))
-                columns[f"{name}_a"] = self.window.cut(self.current(place, group))
+                columns[f"{name}_a"] = self.window.cut(self.samples[groups.current(place, group)])
         return columns
 
     def _mean(self, part: Part, kind: str, name: str) -> float:

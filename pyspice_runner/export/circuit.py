@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.export.symbols import RESONATOR_PINS, ascii_line, kicad_symbol, library_name, ltspice_symbol
-from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit
@@ -24,6 +23,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.spice.library import check_name
 
 RESONATOR = "resonator"
+REFERENCE_OHM = 50.0  # of a Touchstone file
 _LEAST = 1e-9
 _POINTS = 1601
 _NEAR_POINTS = 201  # over ten bandwidths around each resonance
@@ -95,6 +95,30 @@ CIRCUIT_FORMATS: dict[str, Callable[[CircuitExport, Path], str]] = {
     ".s1p": _touchstone,
     ".toml": lambda export, _: circuit_toml(export.circuit, title=export.title),
 }
+
+
+# --- Touchstone ---
+
+
+def touchstone(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex128], *, title: str = "") -> str:
+    """Return an admittance in S, shape (points, ports, ports), as the text of a Touchstone 1.1 file, to sixteen digits.
+
+    S = (1 + Z₀Y)⁻¹ (1 − Z₀Y) at Z₀ = 50 Ω.
+    """
+    ports = matrix_s.shape[-1]
+    one = np.eye(ports)
+    normalised = REFERENCE_OHM * matrix_s
+    scattering = np.linalg.solve(one + normalised, one - normalised)
+    # a two-port's columns are S11 S21 S12 S22, by the standard
+    cells = scattering.transpose(0, 2, 1).reshape(len(frequency_hz), -1)
+    lines = [
+        f"! {ascii_line(title) or 'piezoelectric resonator'}",
+        f'! USE: import skrf; y = skrf.Network("THIS.s{ports}p").y, or `piezomotor fit THIS.s{ports}p`',
+        f"# Hz S RI R {REFERENCE_OHM:g}",
+    ]
+    for frequency, row in zip(frequency_hz.tolist(), cells, strict=True):
+        lines.append(" ".join([repr(frequency), *(f"{part:.16e}" for cell in row for part in (cell.real, cell.imag))]))
+    return "\n".join(lines) + "\n"
 
 
 # --- the library ---

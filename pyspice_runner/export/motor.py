@@ -17,10 +17,9 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.export.fmu import fmu_archive, fmu_texts
-from pyspice_runner.export.fmu_description import Version
+from pyspice_runner.export.circuit import touchstone
+from pyspice_runner.export.fmu import Version, fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
-from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.export.xyce import Dialect, xyce_library
 from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.motor import Motor
@@ -47,10 +46,6 @@ class MotorExport:
     rotational: bool = False
     fmi: Version = 2
 
-    def text(self, ending: str) -> str:
-        """Return the netlist of a format, of an ``.fmu`` its model description, of other formats the ``.lib``."""
-        return FORMATS[ending].text(self)
-
     def save(self, path: str | Path) -> Path:
         """Write the file, in the format of its ending, and return its path."""
         self.check(path)
@@ -76,7 +71,7 @@ class MotorExport:
 class Format:
     """A format of files."""
 
-    text: Callable[[MotorExport], str]  # function that returns the text for ``MotorExport.text``
+    text: Callable[[MotorExport], str]  # the netlist; of an ``.fmu`` its model description, of others the ``.lib``
     # function that returns the content of the file at a path, where it is not just this text.
     content: Callable[[MotorExport, Path], str | bytes] | None = None
     averaged: bool = False  # whether it can contain the averaged motor

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import Bench, Derived
-from pyspice_runner.circuit.evaluated import Plotted, plotted_vectors
+from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.evaluated import Derived
 from pyspice_runner.errors import Interrupted, SimulationError
 from pyspice_runner.spice.ngspice import SpiceRun
 from pyspice_runner.spice.pyspice import BatchSimulator
@@ -63,11 +63,7 @@ class Outcome:
 
     def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
         """Add those that follow from others to vectors."""
-        if not self.signals:
-            return vectors
-        plotted = {name: signal for name, signal in self.signals.items() if isinstance(signal, Plotted)}
-        found = vectors | plotted_vectors(plotted, vectors)
-        return found | {name: one.of(vectors) for name, one in self.signals.items() if not isinstance(one, Plotted)}
+        return vectors | {name: one.of(vectors) for name, one in self.signals.items()}
 
 
 def simulator(bench: Bench, vectors: Sequence[str], timeout: float | None = None) -> BatchSimulator:

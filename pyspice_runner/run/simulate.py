@@ -60,7 +60,7 @@ def simulate(
     Args:
         motor: the motor.
         drive: the voltages of both groups, or what makes them: a driver circuit, or a tracker of the last mode; also a
-            waveform (:class:`pyspice_runner.circuit.waveforms`).
+            waveform (:class:`pyspice_runner.circuit.source`).
         duration: simulated time in s.
         accuracy: error allowed of the tip's trajectory, RMS relative to its motion, such as 0.005. The step is chosen
             so that :attr:`Waveforms.error_estimate` stays below it; a given step that is too coarse is an error. By

@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS, admittance_bench
+from pyspice_runner.circuit.bench import AC_OPTIONS, Bench, admittance_bench
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_two_port

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""SPICE files of the user's own: contact laws (:mod:`.own_law`), drivers and MOSFETs (:mod:`.own_device`).
+"""SPICE files of the user's own: contact laws (:mod:`.law`), drivers and MOSFETs (:mod:`.own_device`).
 
 The text of such a file enters netlists. Therefore only circuit elements are accepted: no control language, no files, no
 code models.

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit, SubCircuit
 
-from pyspice_runner.circuit.bench import Bench, Derived
-from pyspice_runner.circuit.evaluated import LINE, plotted_nodes
-from pyspice_runner.circuit.fixtures import METERED, add_meters, add_set_speed, brake_parts, connect_brake
+from pyspice_runner.circuit.bench import BRAKE, METERED, METERS, Bench, add_meters, connect_brake
+from pyspice_runner.circuit.evaluated import LINE, Derived, plotted_nodes
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
 from pyspice_runner.circuit.source import GROUPS, not_below_rounding, sine, transient_options
@@ -38,17 +37,16 @@ from pyspice_runner.circuit.state import (
     motion_of,
     motor_states,
     plate_nodes,
-    start_nodes,
-    start_parameters,
+    start_values,
 )
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
-from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR, passed
+from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_phases
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.run.point import Point
-from pyspice_runner.spice.library import PREFIX, definition_texts
+from pyspice_runner.spice.library import PREFIX, definition_texts, read_library
 
 Array = NDArray[np.float64]
 
@@ -231,7 +229,7 @@ class Plant:
 
     def start_values(self, state: Array, discretisation: Discretisation) -> dict[str, float]:
         """Return the parameters of the X line for a state."""
-        values = start_parameters(self.states, state.tolist(), discretisation)
+        values, _ = start_values(self.states, state.tolist(), discretisation)
         return values if self.load.speed is None else values | {"start_speed": self.load.speed}
 
     def start_nodes(
@@ -244,7 +242,7 @@ class Plant:
         plates: bool = True,
     ) -> dict[str, float]:
         """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
-        nodes = start_nodes(self.states, state.tolist(), discretisation)
+        _, nodes = start_values(self.states, state.tolist(), discretisation)
         stem_m = motion_of(self.states, state.tolist()).stem_m
         nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
         for group in "ab" if plates else "":
@@ -368,13 +366,8 @@ class Plant:
         """
         omega, of_devices = 2.0 * pi * self.front.frequency, dict[tuple[str, str], complex]()
         for group in GROUPS:
-            volts, amperes = pins[group], currents[group]
-            for part in reversed(self.front.parts(group)):
-                before = passed(part.label, part.values, volts, amperes, omega)
-                if before is None:
-                    break
+            for part, before in self.front.passed(group, pins[group], currents[group], omega):
                 of_devices |= {(part.instance.lower(), device): value for device, value in before.stores.items()}
-                volts, amperes = before.volts, before.amperes
         return [of_devices.get((store.instance, store.device), 0j) for store in self.stores]
 
     @cached_property
@@ -412,7 +405,7 @@ class Plant:
         passed = {name: f"{{{name}}}" for name in starts}
         circuit.X("motor", self.motor_name, "a", "b", circuit.gnd, "shaft", **passed)
         parts = {name: LINE.sub("", text) for name, text in definition_texts(*self.front.libraries()).items()}
-        parts |= definition_texts(*(brake_parts(meters=True) if meters else ()))
+        parts |= definition_texts(*map(read_library, (BRAKE, *METERS) if meters else ()))
         return parts | self.motor_texts(discretisation, plotted=meters) | {self.bench_name: str(circuit).strip()}
 
     def _add_controls(self, circuit: SubCircuit) -> None:
@@ -430,7 +423,7 @@ class Plant:
         """Add what holds or loads the shaft, and the meters, if any."""
         if meters:
             add_meters(circuit, self.motor, self.law, {"lag": discretisation.slider_time})
-            add_set_speed(circuit, self.load.speed)
+            circuit.V("set", "set", circuit.gnd, f"DC {float(self.load.speed or 0.0)!r}")
             connect_brake(circuit, self.load.torque, grips=self.load.speed is not None)
             return
         for group, line in zip(GROUPS, METERED, strict=True):

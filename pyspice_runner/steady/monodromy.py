@@ -73,7 +73,7 @@ class Course:
 def differentiable(plant: Plant) -> bool:
     """Return whether the equations of a plant are known here: no law of the user's own, no mode that softens."""
     soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in plant.motor.modes)
-    return plant.law is not None and plant.law.translated and not soft
+    return plant.law is not None and "verilog-a" in plant.law.forms and not soft
 
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:

@@ -70,11 +70,10 @@ def settle(
 
     The meters cost time; they come in when the next block is expected to be settled, and for the last half of patience.
     """
-    if not bench.source.continues:
+    if (drive := bench.source.ideal) is None:
         return _settle_from_rest(bench, speed, settling, stop)
-    soft_start = bench.source.rise_time
     # what goes on from another motion is driven at full amplitude
-    begun = ceil(soft_start / bench.source.period) * bench.source.period if start else 0.0
+    begun = ceil(drive.soft_start / bench.source.period) * bench.source.period if start else 0.0
     motion = replace(start, speed_rad_s=speed) if start else bench.rest(speed)
     blocks: list[Block] = []
     meters = False
@@ -84,7 +83,7 @@ def settle(
         blocks.append(bench.run(motion, speed, begun, meters=meters))
         motion, begun = blocks[-1].end, blocks[-1].ended
         before, now = _groups(blocks)
-        if before and begun - 2 * len(now) * bench.duration >= soft_start * (1.0 - 1e-9):
+        if before and begun - 2 * len(now) * bench.duration >= drive.soft_start * (1.0 - 1e-9):
             if all(block.metered for block in now) and settling.holds(before, now):
                 return _outcome(now, before, len(blocks), settling.tolerance, True), blocks[-1]
             meters = meters or settling.holds(before, now, slack=_APPROACH)

@@ -19,8 +19,7 @@ from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor
 from pyspice_runner.averaged.point import deck_of
 from pyspice_runner.averaged.simulate import averaged_engine
-from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import add_cooling
+from pyspice_runner.circuit.bench import Bench, add_cooling
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError, require

@@ -18,8 +18,7 @@ from math import pi, sqrt
 
 from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
-from pyspice_runner.circuit.bench import motor_bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.bench import AC_OPTIONS, motor_bench
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW, Law
 from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource, transient_options

@@ -11,7 +11,7 @@ import pytest
 from PySpice.Spice.Netlist import Circuit
 from scipy.optimize import brentq
 
-from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.bench import AC_OPTIONS
 from pyspice_runner.circuit.law import (
     LAWS,
     PINS,

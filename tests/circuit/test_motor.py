@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import motor_bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS, admittance_bench
+from pyspice_runner.circuit.bench import AC_OPTIONS, admittance_bench, motor_bench
 from pyspice_runner.circuit.law import LAWS, Law, law_of
 from pyspice_runner.circuit.motor import MotorSubCircuit, add_motor, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS, DriveSource

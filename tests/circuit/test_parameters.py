@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.bench import AC_OPTIONS
 from pyspice_runner.circuit.law import LAWS, Law
 from pyspice_runner.circuit.motor import add_motor, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS

@@ -12,9 +12,8 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
-from pyspice_runner.circuit.source import DriveSource, source_of
+from pyspice_runner.circuit.source import DriveSource, Waveform, source_of
 from pyspice_runner.circuit.state import motor_states
-from pyspice_runner.circuit.waveforms import Waveform
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.library import read_library
 

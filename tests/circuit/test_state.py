@@ -10,8 +10,9 @@ from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource
-from pyspice_runner.circuit.state import Discretisation, motion, motion_of, motor_states, state_vectors
+from pyspice_runner.circuit.state import Discretisation, motion_of, motor_states, state_vectors
 from pyspice_runner.run.kernel import transient
+from pyspice_runner.run.point import Point
 from tests.motors import BEAM40
 
 STEP = 1e-12  # s: within it no state moves visibly
@@ -33,7 +34,7 @@ def test_a_run_starts_at_the_values_of_its_states(motor: pr.Motor, law: Law | No
     )
     outcome = transient(bench, state_vectors(motor, law), step=STEP, duration=2 * STEP)
     begun = {name: float(values[0]) for name, values in outcome.vectors().items()}
-    found = motion(begun, motor, law, discretisation)
+    found = Point.of(motor, pr.default_drive(motor), contact=law, step=discretisation.step).motion(begun)
     for state in states:
         if state.kind != "group":  # an ideal source recharges the plates
             assert state.of(found) == pytest.approx(state.of(start), rel=1e-3), state.name

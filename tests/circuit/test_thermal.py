@@ -13,8 +13,7 @@ import pytest
 from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import motor_bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.bench import AC_OPTIONS, motor_bench
 from pyspice_runner.circuit.motor import add_motor
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS, DriveSource
 from pyspice_runner.motor.dielectric import lossy_capacitance

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.waveforms import Waveform, read_waveform
+from pyspice_runner.circuit.source import Waveform, read_waveform
 from pyspice_runner.cli import run
 
 DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)

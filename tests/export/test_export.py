@@ -18,9 +18,8 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.export.circuit import CircuitExport
+from pyspice_runner.export.circuit import CircuitExport, touchstone
 from pyspice_runner.export.motor import FORMATS, endings
-from pyspice_runner.export.touchstone import touchstone
 from pyspice_runner.motor.circuit_file import load_circuit
 from pyspice_runner.motor.stator import CAPACITANCE_AT
 from pyspice_runner.spice.ngspice import find_ngspice

@@ -23,8 +23,7 @@ import pyspice_runner as pr
 from pyspice_runner.averaged.c_code import CORE, variables
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.cli import run
-from pyspice_runner.export.fmu import fmu_texts
-from pyspice_runner.export.fmu_description import Version, state_count
+from pyspice_runner.export.fmu import Version, fmu_texts, state_count
 from pyspice_runner.spice.compiler import compile_library
 from tests.motors import BEAM40
 from tests.selection import mostly

@@ -17,7 +17,7 @@ from fmpy.validation import validate_fmu
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.export.fmu_description import Version
+from pyspice_runner.export.fmu import Version
 from tests.motors import BEAM40
 from tests.selection import mostly
 

@@ -147,7 +147,7 @@ from pyspice_runner.run.kernel import simulator as ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.circuit.motor import motor_library
-from pyspice_runner.circuit.fixtures import admittance_bench
+from pyspice_runner.circuit.bench import admittance_bench
 motor = pr.load_motor("andersen2002")
 drive = pr.TwoToneDrive(voltage_1=1, frequency_1=2e4, voltage_2=2, frequency_2=4e4, phase_deg=30)
 setup = Point(motor, source_of(drive, motor, None), Load(torque=1e-3))

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import Bench
-from pyspice_runner.circuit.fixtures import AC_OPTIONS
+from pyspice_runner.circuit.bench import AC_OPTIONS, Bench
 from pyspice_runner.cli import run
 from pyspice_runner.run.kernel import run_bench
 from pyspice_runner.run.point import Point
