@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.averaged.c_code import Front, session_texts, state_names, variables
 from pyspice_runner.averaged.c_source import NETWORK, TRACKER, Parts, circuit_parameters
-from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, require_averaged
+from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, first, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
 from pyspice_runner.motor.motor import Motor
@@ -209,7 +209,7 @@ class AveragedMotor:
 
         Raise SimulationError if the equations have no solution, or after ``timeout`` in s of wall time.
         """
-        self.begin(**{name: float(np.interp(0.0, *np.transpose(course))) for name, course in courses.items()})
+        self.begin(**{name: first(course) for name, course in courses.items()})
         found = [np.array([[0.0, *self._values[: len(self.shown)]]])]
         deadline = monotonic() + (inf if timeout is None else timeout)
         for begin, end in self._follow(courses, 0.0, duration):

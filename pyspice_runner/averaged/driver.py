@@ -15,7 +15,7 @@ from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.drivers.parts import CABLE
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases, two_phasors
+from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases
 from pyspice_runner.spice.library import read_library
 
 _LIBRARY = "driver_averaged"
@@ -48,11 +48,6 @@ class AveragedDrive:
         same = drive.equivalent
         _check(same)
         return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
-
-    @property
-    def phasors(self) -> dict[str, complex]:
-        """Voltages of the stages in V, group A at phase 0."""
-        return two_phasors(self.stage)
 
     @property
     def networks(self) -> tuple[dict[str, float], ...]:

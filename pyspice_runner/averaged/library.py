@@ -16,6 +16,7 @@ from functools import cache
 from math import cos, pi, radians, sin
 from typing import NamedTuple
 
+import numpy as np
 from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.circuit.law import LAWS, ContactLaw, Law, law_of
@@ -540,6 +541,11 @@ def add_surroundings(circuit: Circuit, settings: Mapping[str, Schedule], thermal
         flow = [(time, (value - thermal.ambient_k) / thermal.thermal_resistance_k_per_w)
                 for time, value in settings["temperature"]]  # fmt: skip
         circuit.I("surroundings", circuit.gnd, "temperature", schedule_text(flow))
+
+
+def first(course: Schedule) -> float:
+    """Return the value of a course at the start."""
+    return float(np.interp(0.0, *np.transpose(course)))
 
 
 def schedule_text(points: Schedule) -> str:

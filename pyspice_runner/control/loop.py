@@ -16,14 +16,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
-from math import atan2, copysign, cos, degrees, isfinite, log, pi, radians, sin, tan
+from math import atan2, copysign, cos, degrees, log, pi, radians, sin, tan
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.core import AveragedMotor
-from pyspice_runner.control.simulate import Sample, simulate_controlled
+from pyspice_runner.control.simulate import Sample, check_sample_time, simulate_controlled
 from pyspice_runner.control.state_space import at_speed, by_input, small_signals_at
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive
@@ -297,11 +297,7 @@ def sampled_loop(
         ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
         SimulationError: if there is no C compiler, no steady state, a motor that stands still, or no stable loop.
     """
-    if not (isfinite(sample_time) and sample_time >= drive.period):
-        raise ParameterError(
-            f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
-            f"{drive.period:.3g} s."
-        )
+    check_sample_time(sample_time, drive)
     highest = 0.5 * NYQUIST / sample_time
     if not 0.0 < crossover <= highest:
         raise ParameterError(
@@ -458,25 +454,23 @@ def _controller(plant: _Plant, gain: float, ratio: float, frequency: Array) -> C
 def _margins(frequency: Array, loop: Complex) -> tuple[float, float, float | None]:
     """Return crossover in Hz, phase margin in degrees and gain margin in dB, each the worst of several."""
     level, phase, place = np.log(np.abs(loop)), np.unwrap(np.angle(loop)), np.log(frequency)
+    index = np.arange(len(loop))
 
-    def crossings(values: Array) -> list[tuple[int, float]]:
+    def crossings(values: Array) -> Array:
+        """Return the indices, with the share of a step, at which values are 0."""
         found = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-        return [(at, float(values[at] / (values[at] - values[at + 1]))) for at in found.tolist()]
+        return np.asarray(found + values[found] / (values[found] - values[found + 1]))
 
-    def between(values: Array, at: int, share: float) -> float:
-        return float(values[at] + share * (values[at + 1] - values[at]))
-
-    margins = [
-        ((degrees(between(phase, at, share)) + 360.0) % 360.0 - 180.0, float(np.exp(between(place, at, share))))
-        for at, share in crossings(level)
-    ]
-    if not margins:
+    ones = crossings(level)
+    if not ones.size:
         raise SimulationError("The loop gain does not cross 1 below half of the sampling rate.")
-    worst, crossover = min(margins)
-    turns = [crossings(phase - pi * odd) for odd in range(-9, 10, 2)]
-    levels = [between(level, at, share) for one in turns for at, share in one]
-    above = [value for value in levels if value < 0.0]
-    return crossover, worst, -20.0 * max(above) / log(10.0) if above else None
+    margins = (np.degrees(np.interp(ones, index, phase)) + 360.0) % 360.0 - 180.0
+    worst = int(margins.argmin())
+    turns = np.concatenate([crossings(phase - pi * odd) for odd in range(-9, 10, 2)])
+    levels = np.interp(turns, index, level)
+    above = levels[levels < 0.0]
+    crossover = float(np.exp(np.interp(ones[worst], index, place)))
+    return crossover, float(margins[worst]), -20.0 * float(above.max()) / log(10.0) if above.size else None
 
 
 def _predicted(plant: _Plant, gain: float, ratio: float, count: int) -> Array:

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, pi
 
-import numpy as np
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.averaged.library import Schedule, add_angle, add_surroundings, schedule_text
@@ -94,7 +93,7 @@ def controlled_bench(
     uniform step in s of the full motor, ``None`` the averaged motor. Raise ParameterError for a course that the motor
     cannot follow.
     """
-    motor, settings, thermal = run.motor, run.settings, run.thermal
+    motor, settings, thermal = run.point.motor, run.settings, run.point.thermal
     if step is None:
         bench = run.bench()
         for group in "ab":
@@ -105,10 +104,10 @@ def controlled_bench(
         power = "+".join(f"V({group}_{part})*I(V{group}_{part})" for group in "ab" for part in _PARTS)
         bench.circuit.raw_spice += f"Benergy 0 energy I=0.5*({power})\n"
     else:
-        bench = motor_bench(
-            motor, CommandedSource(settings, run.drive, run.front.driver), discretisation=Discretisation(step),
-            thermal=thermal, approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
-        )  # fmt: skip
+        source = CommandedSource(settings, run.front.stage, run.front.driver)
+        moved = [(time, 1e6 * motor.approach_m(preload)) for time, preload in settings.get("preload", ())]
+        approach = schedule_text(moved) if moved else ""  # the stator moves so that its preload follows the course
+        bench = motor_bench(motor, source, discretisation=Discretisation(step), thermal=thermal, approach=approach)
         bench.circuit.I("load", "shaft", bench.circuit.gnd, schedule_text(settings["load_torque"]))
         add_angle(bench.circuit, run.shaft)
         if thermal:
@@ -125,12 +124,6 @@ def controlled_bench(
             f"Vclock{number} clock{number} 0 PULSE(0 1 {begin!r} {time} {time} {time} {4.0 * float(time)!r})\n"
         )
     return bench
-
-
-def _approach(motor: Motor, preload: Schedule) -> str:
-    """Return the value of a source that moves the stator so that its preload follows a course."""
-    moved = [(time, 1e6 * motor.approach_m(value)) for time, value in preload]
-    return schedule_text(moved)
 
 
 # --- running motors ---
@@ -153,11 +146,6 @@ class State:
     tip_y_amplitude: float = 0.0  # m, fundamental of the tip towards the rotor
     heat: float = 0.0  # W
     energy: float = 0.0  # J, electrical, into both groups since the start
-
-
-def first(course: Schedule) -> float:
-    """Return the value of a course at the start."""
-    return float(np.interp(0.0, *np.transpose(course)))
 
 
 class Spice:
@@ -190,7 +178,6 @@ class Compiled:
 
     def __init__(self, run: AveragedPoint, *, steady: bool) -> None:
         self._motor, self._time = run.compiled(), 0.0
-        self._motor.begin(**{name: first(course) for name, course in run.inputs.items()})
         self._courses = {name: course for name, course in run.inputs.items() if len(course) > 1}
         if steady:
             self._motor.settle()

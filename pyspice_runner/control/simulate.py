@@ -20,9 +20,8 @@ from typing import Literal
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.averaged.library import Schedule
-from pyspice_runner.averaged.point import AveragedPoint, deck_of
-from pyspice_runner.averaged.schedules import ScheduleLike, schedule_of
+from pyspice_runner.averaged.library import Schedule, first
+from pyspice_runner.averaged.point import AveragedPoint, ScheduleLike, deck_of, schedule_of
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
@@ -37,7 +36,6 @@ from pyspice_runner.control.plants import (
     Spice,
     State,
     controlled_bench,
-    first,
 )
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
@@ -139,10 +137,16 @@ def simulate_controlled(
     course = schedule_of("reference", given.pop("reference", 0.0), duration)
     point = Point.of(motor, drive, load_torque=load_torque, thermal=thermal)
     run = AveragedPoint.of(point, duration, courses=given, shaft=shaft)
-    count = _count(run.drive, duration, sample_time)
+    stage = run.front.stage
+    check_sample_time(sample_time, stage)
+    count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0
+    if not 1 <= count <= MOST_SAMPLES:
+        raise ParameterError(
+            f"duration = {duration:g} s is out of range: it must hold 1 to {MOST_SAMPLES} samples of {sample_time:g} s."
+        )
     quantity, reference = _controlled(controller, course)
     parts = electronics or IDEAL
-    parts.check(sample_time, run.drive.frequency)
+    parts.check(sample_time, stage.frequency)
     require(1 <= records <= MOST_RECORDS, "records", records, f"a whole number from 1 to {MOST_RECORDS}")
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
@@ -152,7 +156,7 @@ def simulate_controlled(
         )
     uniform = None
     if not averaged:  # the largest step that divides the sample time and is not above the usual one
-        source = CommandedSource(run.settings, run.drive, run.front.driver)
+        source = CommandedSource(run.settings, stage, run.front.driver)
         coarsest = Point(motor, source, solver=Solver(step)).step
         uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
     elif step is not None:
@@ -163,9 +167,9 @@ def simulate_controlled(
 
     vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
     vectors += ["v(load_position)"] if run.shaft.coupling_stiffness_n_m_per_rad else []
-    timing = transient_timing(uniform or run.drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
+    timing = transient_timing(uniform or stage.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
     write_deck = run.deck(vectors, timing, bench)
-    decide = Firmware(controller, run.drive, sample_time) if isinstance(controller, str | Path) else controller
+    decide = Firmware(controller, stage, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
             plant: Plant = Compiled(run, steady=start == "steady")
@@ -187,7 +191,7 @@ def simulate_controlled(
                 "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
                 "step_s": uniform, "start": start,
                 "electronics": None if electronics is None else electronics.model_dump(),
-                "resolution": parts.resolution(sample_time, run.drive.frequency), "reference": [*map(list, course)],
+                "resolution": parts.resolution(sample_time, stage.frequency), "reference": [*map(list, course)],
                 "quantity": quantity,
                 **run.run_settings(),
             },
@@ -213,19 +217,13 @@ def _controlled(controller: object, course: Schedule) -> tuple[str | None, Calla
     return quantity, lambda time: float(set_point(time))
 
 
-def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
-    """Return the number of samples."""
+def check_sample_time(sample_time: float, drive: TwoPhaseDrive) -> None:
+    """Raise ParameterError for a time between two samples below one period of a drive."""
     if not (isfinite(sample_time) and sample_time >= drive.period):
         raise ParameterError(
             f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
             f"{drive.period:.3g} s."
         )
-    count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0
-    if not 1 <= count <= MOST_SAMPLES:
-        raise ParameterError(
-            f"duration = {duration:g} s is out of range: it must hold 1 to {MOST_SAMPLES} samples of {sample_time:g} s."
-        )
-    return count
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,6 @@ def settled(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> AveragedM
     """
     run = AveragedPoint.of(Point.of(motor, drive.model_copy(update={"soft_start": 0.0}), load_torque=load_torque), 0.0)
     running = run.compiled()
-    running.begin(**{name: course[0][1] for name, course in run.inputs.items()})
     running.settle()
     return running
 

@@ -103,10 +103,15 @@ def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, cont
         raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
     lag = running_resonance(motor, tracker, mode=mode, contact=contact)
     loop_filter = propose_filter(tracker, lag)
-    steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
-    frequency = tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps)
+    frequency = swept_hz(tracker)
     gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
     return crossing(tracker, loop_filter, frequency, gain)
+
+
+def swept_hz(tracker: Tracker) -> Array:
+    """Return the frequencies in Hz to either side of the bandwidth."""
+    steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
+    return np.asarray(tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps))
 
 
 def crossing(
@@ -153,19 +158,17 @@ class _Answer:
 
     modulation: Array  # Hz
     currents: Complex  # phasors of the drive's currents, A
-    own: tuple[Complex, Complex]  # at the side band above by voltages there, and below by conjugate ones there, S
-    image: tuple[Complex, Complex]  # above by conjugate voltages below, and below by voltages above, S
+    # from the voltages at the side band above and the conjugate ones below to such currents, shape (…, 4, 4), S
+    inner: Complex
     error: Array  # estimated error of the admittances, S
 
     def at(self, frequency: Array) -> _Answer:
         """Return the answer at other modulations; admittances are smooth, the phase behind a network is not."""
         from scipy.interpolate import CubicSpline  # takes long to load
 
-        def between(values: NDArray[Any]) -> Any:
-            return CubicSpline(np.log(self.modulation), values)(np.log(frequency))
-
-        own, image = (tuple(map(between, pair)) for pair in (self.own, self.image))
-        return _Answer(frequency, self.currents, (own[0], own[1]), (image[0], image[1]), between(self.error))
+        before, after = np.log(self.modulation), np.log(frequency)
+        inner, error = (CubicSpline(before, values)(after) for values in (self.inner, self.error))
+        return _Answer(frequency, self.currents, inner, error)
 
 
 def running_loop(
@@ -203,8 +206,8 @@ def _free(point: LockedPoint, modulation: Array) -> _Answer:
         np.array([cold_admittance(point.motor, frequency + side * at) for at in modulation]) for side in (1.0, -1.0)
     )
     none = np.zeros_like(above)
-    currents = cold_admittance(point.motor, frequency) @ _volts(point.drive)
-    return _Answer(modulation, currents, (above, below.conj()), (none, none), np.zeros(len(modulation)))
+    currents = cold_admittance(point.motor, frequency) @ volts(point.drive)
+    return _Answer(modulation, currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation)))
 
 
 def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
@@ -218,13 +221,13 @@ def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float
     wave = np.exp(-2j * pi * frequency * waves.time_s)
     columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
     currents = [2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns]
-    places = [[int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)]
-    above, below = places
+    above, below = (
+        [int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)
+    )
     hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s
     worst = error[above].max(axis=(1, 2)) + error[below].max(axis=(1, 2))
-    return _Answer(
-        modulation, np.array(currents), (hot[above], hot[below].conj()), (image[below], image[above].conj()), worst
-    )
+    inner = np.block([[hot[above], image[below]], [image[above].conj(), hot[below].conj()]])
+    return _Answer(modulation, np.array(currents), inner, worst)
 
 
 def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Answer) -> tuple[Complex, Array, float]:
@@ -233,31 +236,29 @@ def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Ans
     The sensed phase in degrees is that of the motional current ahead of the edges of the force.
     """
     frequency, weights = point.drive.frequency, sensing(known, source.tracker, source.mode)
-    currents, forces = (_by_group(weights, kind) for kind in ("current", "force"))
-    volts = _volts(point.drive)
-    motional = complex(currents @ (answer.currents - _copies(weights, frequency) @ volts))
-    harmonics = np.array([forces @ volts]) if point.force is None else point.force
+    currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
+    pins = volts(point.drive)
+    motional = complex(currents @ (answer.currents - copies(weights, frequency) @ pins))
+    harmonics = np.array([forces @ pins]) if point.force is None else point.force
     orders = np.arange(1, len(harmonics) + 1)
     wanted = harmonics * _reference(source, np.asarray(orders * frequency, dtype=float))
     edge = _edge(wanted)
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
     series, across = _network(source, frequency)
-    stage = volts + series * (answer.currents + across * volts)
+    stage = pins + series * (answer.currents + across * pins)
     emf = 0.5 * np.concatenate([stage, stage.conj()])
     turns, errors = [], []
     for index, at in enumerate(answer.modulation.tolist()):
         bands = (frequency + at, at - frequency)
         series, across = np.concatenate([_network(source, band) for band in bands], axis=1)
         # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
-        inner = np.block([
-            [answer.own[0][index], answer.image[0][index]], [answer.image[1][index], answer.own[1][index]],
-        ])  # fmt: skip
+        inner = answer.inner[index]
         moved = np.linalg.solve(np.eye(4) + np.diag(series) @ (inner + np.diag(across)), emf)
         drawn = inner @ moved
         current, force = [], []
         for band, part in zip(bands, (slice(2), slice(2, 4)), strict=True):
-            current.append(currents @ (drawn[part] - _copies(weights, band) @ moved[part]))
+            current.append(currents @ (drawn[part] - copies(weights, band) @ moved[part]))
             force.append(forces @ moved[part] * _reference(source, np.array([band]))[0])
         ahead = current[0] / motional + current[1] / motional.conjugate()
         ahead -= (force[0] * np.exp(1j * edge) + force[1] * np.exp(-1j * edge) + follows) / slope
@@ -283,17 +284,19 @@ def _edge(harmonics: Complex) -> float:
     return edge
 
 
-def _volts(drive: TwoPhaseDrive) -> Complex:
+def volts(drive: TwoPhaseDrive) -> Complex:
+    """Return the phasors of both groups, V."""
     return np.array(list(two_phasors(drive).values()))
 
 
-def _copies(weights: Mapping[str, float], frequency: float) -> Complex:
+def copies(weights: Mapping[str, float], frequency: float) -> Complex:
     """Return the admittances of the copies of the clamped capacitances, S."""
-    impedances = _by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * _by_group(weights, "capacitance"))
+    impedances = by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * by_group(weights, "capacitance"))
     return np.diag(1.0 / impedances)
 
 
-def _by_group(values: Mapping[str, float], name: str) -> Array:
+def by_group(values: Mapping[str, float], name: str) -> Array:
+    """Return the values of both groups."""
     return np.array([values[groups.named(name, group)] for group in GROUPS])
 
 
