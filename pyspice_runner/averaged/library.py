@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from math import cos, pi, radians, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from PySpice.Spice.Netlist import Circuit, Netlist
@@ -305,6 +305,7 @@ class AveragedSubCircuit(Assembly):
         self, name: str, values: dict[str, float], warm: tuple[str | int, str | int], harmonics: int
     ) -> None:
         """Add a mode at each harmonic, and its response to the harmonics left out."""
+        arm = {key: value for key, value in values.items() if not key.startswith(("coupling", "frequency"))}
         for order in range(1, harmonics + CHECKED_HARMONICS + 1):
             within = order <= harmonics
             groups = ("a_re", "a_im", "b_re", "b_im") if order == 1 else (self.gnd,) * 4
@@ -314,13 +315,8 @@ class AveragedSubCircuit(Assembly):
                 nodes = (*groups, *forces, *moves, "frequency", *warm)
                 self._put(f"{name}_{order}", f"{SUBCIRCUIT}_mode", nodes, values | {"harmonic": order})
             else:
-                arm = {key: value for key, value in values.items() if not key.startswith(("coupling", "frequency"))}
-                self._put(
-                    f"check_{name}_{order}",
-                    f"{SUBCIRCUIT}_check",
-                    (*forces, *moves, "frequency"),
-                    arm | {"harmonic": order},
-                )
+                nodes = (*forces, *moves, "frequency")
+                self._put(f"check_{name}_{order}", f"{SUBCIRCUIT}_check", nodes, arm | {"harmonic": order})
 
     def _add_motion_by_voltage(self, motor: Motor) -> None:
         """Add what moves the tip by modes that are left out, and its current j ω S F."""
@@ -470,17 +466,12 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
     return with_header(motor, circuit.library(about, notes))
 
 
-def add_averaged_motor(
-    circuit: Netlist,
-    motor: Motor,
-    nodes: Sequence[str | int],
-    *,
-    phases: int = PHASES,
-    harmonics: int = HARMONICS,
-    thermal: Thermal | None = None,
-) -> None:
-    """Put an averaged motor ``Xmotor`` with the pins :data:`PINS`, and its parts, into a PySpice circuit."""
-    definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
+def add_averaged_motor(circuit: Netlist, motor: Motor, nodes: Sequence[str | int], **settings: Any) -> None:
+    """Put an averaged motor ``Xmotor`` with the pins :data:`PINS`, and its parts, into a PySpice circuit.
+
+    ``settings`` are those of :class:`AveragedSubCircuit`.
+    """
+    definition = AveragedSubCircuit(motor, **settings)
     circuit.raw_spice += definition.parts + "\n"
     circuit.subcircuit(definition)
     circuit.X("motor", SUBCIRCUIT, *nodes)
@@ -491,17 +482,6 @@ def add_averaged_motor(
 OPTIONS = {"method": "gear", "trtol": "50", "reltol": "1e-3", "vntol": "1e-6", "abstol": "1e-9"}
 # an XSPICE device makes ngspice set trtol = 1 while it reads the circuit; this variable has to be set before that
 KEEP_TRTOL = (".control", f"pre_set xtrtol={OPTIONS['trtol']}", ".endc")
-SETTINGS = {  # quantities that may change during a run, with their units
-    "frequency": "Hz",
-    "voltage_a": "V",
-    "voltage_b": "V",
-    "phase_deg": "deg",
-    "load_torque": "N.m",
-}
-SPECIAL = {  # further ones, for which not every engine has a value over time
-    "preload": "N",
-    "temperature": "K",
-}
 Schedule = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
 
 

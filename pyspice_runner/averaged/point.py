@@ -19,8 +19,6 @@ from pyspice_runner.averaged.library import (
     HARMONICS,
     OPTIONS,
     PHASES,
-    SETTINGS,
-    SPECIAL,
     Schedule,
     add_angle,
     add_averaged_motor,
@@ -43,6 +41,11 @@ INPUT_OF = {  # setting → input of the averaged motor in C
     "frequency": "frequency", "voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase",
     "load_torque": "load_torque", "preload": "preload", "temperature": "ambient_temperature",
 }  # fmt: skip
+# quantities that may change during a run, with their units; further ones, which not every engine follows over time
+SETTINGS = {"frequency": "Hz", "voltage_a": "V", "voltage_b": "V", "phase_deg": "deg", "load_torque": "N.m"}
+SPECIAL = {"preload": "N", "temperature": "K"}
+# setting of the drive → node at which a bench has its value
+COMMANDS = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
 MOST_POINTS_OF_A_SCHEDULE = 10_000
 VALUES_OF_A_FUNCTION = 1000  # over the duration of a run
 ScheduleLike = ArrayLike | Callable[[float], float]
@@ -114,10 +117,7 @@ class AveragedPoint:
             )
         motor, load, thermal = self.point.motor, self.point.load, self.point.thermal
         circuit = Circuit(f"{motor.name}: averaged over the period of the drive")
-        sources = {name: schedule_text(self.settings[name]) for name in SETTINGS}
-        nodes = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
-        for name, node in nodes.items():
-            circuit.V(node, node, circuit.gnd, sources[name])
+        add_commands(circuit, self.settings)
         angle = f"{pi / 180.0!r}*V(set_phase)"
         values = {"a_re": "V(set_a)", "a_im": "0", "b_re": f"V(set_b)*cos({angle})", "b_im": f"V(set_b)*sin({angle})"}
         for node, value in values.items():
@@ -128,7 +128,7 @@ class AveragedPoint:
         if load.speed is not None:
             circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
         else:
-            circuit.I("load", "shaft", circuit.gnd, sources["load_torque"])
+            circuit.I("load", "shaft", circuit.gnd, schedule_text(self.settings["load_torque"]))
         add_angle(circuit, self.shaft)
         if thermal is not None:
             add_cooling(circuit, thermal)
@@ -148,15 +148,22 @@ class AveragedPoint:
             return lambda: None
         return partial(deck_of, bench or self.bench, vectors, timing)
 
-    def run_settings(self) -> dict[str, Any]:
-        """Return the description of the run in its results, JSON-ready."""
-        return {
+    def provenance(self, **run: Any) -> dict[str, Any]:
+        """Return the description of a run in its results, JSON-ready; ``run`` are the settings of an analysis."""
+        settings = {
             **PAPER_LAW.to_dict(),
             "load_torque_n_m": self.point.load.torque,
             "shaft": None if self.shaft is UNCOUPLED else self.shaft.model_dump(),
             "courses": {name: [*map(list, course)] for name, course in self.settings.items() if len(course) > 1},
             "thermal": None if self.point.thermal is None else self.point.thermal.model_dump(),
         }
+        return {"motor": self.point.motor.to_dict(), "drive": self.front.to_dict(), "run": run | settings}
+
+
+def add_commands(circuit: Circuit, settings: Mapping[str, Schedule]) -> None:
+    """Add the sources of the drive's settings over time."""
+    for name, node in COMMANDS.items():
+        circuit.V(node, node, circuit.gnd, schedule_text(settings[name]))
 
 
 def deck_of(bench: Callable[[], Bench], vectors: Sequence[str], timing: Mapping[str, Any]) -> str:

@@ -103,24 +103,19 @@ def simulate_averaged(
     vectors = saved_vectors(motor, harmonics, thermal)
     report = progress and progress_callback(progress, duration)
     course = None if speed is not None else run.settings["load_torque"]
-    version, deck_sha256 = None, {}
     if used == "compiled":
         running = run.compiled(longest)
         started = monotonic()
         rows = running.record(run.inputs, duration, timeout=timeout, progress=report)
         seconds, amplitudes = monotonic() - started, running.mode_amplitudes()
-        write_deck = run.deck(vectors, timing)
+        version, deck_sha256, write_deck = None, {}, run.deck(vectors, timing)
     else:
         outcome = run_bench(run.bench(), vectors, timeout, "transient", timing, progress=report)
         rows, amplitudes = spice_rows(motor, outcome.vectors(), harmonics)
         seconds, version = outcome.seconds, outcome.ngspice_version
-        deck_sha256 = {"deck_sha256": outcome.deck_sha256}
-        write_deck = partial(str, outcome.deck)
+        deck_sha256, write_deck = {"deck_sha256": outcome.deck_sha256}, partial(str, outcome.deck)
     columns = averaged_columns(motor, rows, course)
     end = {name: float(values[-1]) for name, values in columns.items()}
-    ceramic = averaged_ceramic(
-        motor, amplitudes, end["normal_force_n"], end["heat_w"], columns["rotor_speed_rad_s"]
-    )  # fmt: skip
     residual = missing_energy(columns, rows["stored_energy"])
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
@@ -133,14 +128,11 @@ def simulate_averaged(
         solver_seconds=seconds,
         ngspice_version=version,
         provenance={
-            "motor": motor.to_dict(),
-            "drive": run.front.to_dict(),
-            "run": {
-                "engine": used, "duration_s": duration, "speed_rad_s": speed, "phases": phases,
-                "harmonics": harmonics, **run.run_settings(),
-            },
+            **run.provenance(
+                engine=used, duration_s=duration, speed_rad_s=speed, phases=phases, harmonics=harmonics
+            ),
             **deck_sha256,
-            **ceramic,
+            **averaged_ceramic(motor, amplitudes, columns),
         },
         write_deck=write_deck,
         check_stability=partial(_stability, run, end, timeout),
@@ -176,18 +168,16 @@ def averaged_engine(engine: Engine) -> Literal["spice", "compiled"]:
     return "compiled"
 
 
-def averaged_ceramic(
-    motor: Motor, amplitudes: Sequence[float], normal_force: float, heat: float, speed: Array
-) -> dict[str, Any]:
+def averaged_ceramic(motor: Motor, amplitudes: Sequence[float], curves: Mapping[str, Array]) -> dict[str, Any]:
     """Return upper bounds of strain and stress at the end (all amplitudes in phase), and the temperature rise.
 
-    ``amplitudes`` of the modes in m, ``normal_force`` in N and ``heat`` in W are those at the end; ``speed`` in rad/s
-    is over time.
+    ``amplitudes`` of the modes in m are those at the end; the curves are named as in :data:`COLUMNS`.
     """
+    normal_force, heat = (float(curves[name][-1]) for name in ("normal_force_n", "heat_w"))
     bent = [abs(mode.tip_y) * normal_force / mode.stiffness_n_per_m for mode in motor.modes]
     total = [static + moved for static, moved in zip(bent, amplitudes, strict=True)]
     rise = temperature_rise(motor, heat)
-    return stated(motor, {**peak_of_amplitudes(motor, total), "temperature_rise_k": rise}, speed)
+    return stated(motor, {**peak_of_amplitudes(motor, total), "temperature_rise_k": rise}, curves["rotor_speed_rad_s"])
 
 
 # --- the curves of a run, from what ngspice or the compiled motor records ---

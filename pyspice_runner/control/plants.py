@@ -14,7 +14,7 @@ from math import hypot, pi
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.averaged.library import Schedule, add_angle, add_surroundings, schedule_text
-from pyspice_runner.averaged.point import INPUT_OF, AveragedPoint
+from pyspice_runner.averaged.point import COMMANDS, INPUT_OF, AveragedPoint, add_commands
 from pyspice_runner.circuit.bench import Bench, motor_bench
 from pyspice_runner.circuit.source import Pins, UniformSource
 from pyspice_runner.circuit.state import Discretisation
@@ -26,7 +26,6 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.spice.library import definitions
 from pyspice_runner.spice.process import Session
 
-COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
 _PARTS = ("re", "im")
 # angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s; 1 V = 1 mJ
 SAMPLED = (
@@ -57,9 +56,7 @@ class CommandedSource(UniformSource):
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
-        for name, source in COMMANDS.items():
-            node = source.removeprefix("v")
-            circuit.V(node, node, circuit.gnd, schedule_text(self.settings[name]))
+        add_commands(circuit, self.settings)
         shift, line = f"{pi / 180.0!r}*V(set_phase)", "control" if self.network else "drive"
         circuit.raw_spice += (
             "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
@@ -170,7 +167,7 @@ class Spice:
 
     def alter(self, name: str, value: float) -> None:
         """Set a command from now on."""
-        self._session.alter(COMMANDS[name], value)
+        self._session.alter(f"v{COMMANDS[name]}", value)
 
 
 class Compiled:
@@ -194,6 +191,3 @@ class Compiled:
     def alter(self, name: str, value: float) -> None:
         """Set a command from now on."""
         self._motor.set(**{INPUT_OF[name]: value})
-
-
-Plant = Spice | Compiled

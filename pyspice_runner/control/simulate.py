@@ -21,22 +21,12 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.averaged.library import Schedule, first
-from pyspice_runner.averaged.point import AveragedPoint, ScheduleLike, deck_of, schedule_of
+from pyspice_runner.averaged.point import COMMANDS, AveragedPoint, ScheduleLike, deck_of, schedule_of
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
 from pyspice_runner.control.firmware import Firmware
-from pyspice_runner.control.plants import (
-    CHECKED,
-    COMMANDS,
-    SAMPLED,
-    CommandedSource,
-    Compiled,
-    Plant,
-    Spice,
-    State,
-    controlled_bench,
-)
+from pyspice_runner.control.plants import CHECKED, SAMPLED, CommandedSource, Compiled, Spice, State, controlled_bench
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, require
@@ -172,30 +162,25 @@ def simulate_controlled(
     decide = Firmware(controller, stage, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
-            plant: Plant = Compiled(run, steady=start == "steady")
+            plant: Spice | Compiled = Compiled(run, steady=start == "steady")
         else:
             deck = str(deck_of(bench, vectors, timing))
             write_deck = partial(str, deck)
             plant = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
-        running = Loop(plant, decide, motor, run.settings, Rounding(parts), reference)
-        samples, between = running.run(count, sample_time, records)
+        samples, between = _run(
+            plant, decide, run, Rounding(parts), reference, count=count, sample_time=sample_time, records=records
+        )
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(run.settings["load_torque"]))
     return ControlledRun(
         samples={name: samples[name] for name in SAMPLES if averaged or name not in OF_AVERAGED},
         records=between,
         logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
-        provenance={
-            "motor": motor.to_dict(),
-            "drive": run.front.to_dict(),
-            "run": {
-                "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
-                "step_s": uniform, "start": start,
-                "electronics": None if electronics is None else electronics.model_dump(),
-                "resolution": parts.resolution(sample_time, stage.frequency), "reference": [*map(list, course)],
-                "quantity": quantity,
-                **run.run_settings(),
-            },
-        },
+        provenance=run.provenance(
+            duration_s=duration, sample_time_s=sample_time, averaged=averaged, engine=used, step_s=uniform, start=start,
+            electronics=None if electronics is None else electronics.model_dump(),
+            resolution=parts.resolution(sample_time, stage.frequency), reference=[*map(list, course)],
+            quantity=quantity,
+        ),
         write_deck=write_deck,
     )  # fmt: skip
 
@@ -226,74 +211,64 @@ def check_sample_time(sample_time: float, drive: TwoPhaseDrive) -> None:
         )
 
 
-@dataclass(frozen=True)
-class Loop:
-    """A controller that acts on a running motor at sample times."""
+def _run(
+    plant: Spice | Compiled, decide: Controller, point: AveragedPoint, rounding: Rounding,
+    reference: Callable[[float], float], *, count: int, sample_time: float, records: int,
+) -> tuple[dict[str, Array], dict[str, Array]]:  # fmt: skip
+    """Run a controller for a number of samples; ``reference`` is over the time in s.
 
-    plant: Plant
-    decide: Controller
-    motor: Motor
-    settings: Mapping[str, Schedule]
-    rounding: Rounding
-    reference: Callable[[float], float]  # over the time in s
+    Return its inputs and commands at each sample, and the records between. Raise ParameterError for a command that is
+    not valid, SimulationError if the engine fails.
+    """
+    motor, settings = point.point.motor, point.settings
+    wanted = {name: first(settings[name]) for name in COMMANDS}  # what the controller set
+    fixed = [name for name in COMMANDS if len(settings[name]) > 1]
+    present, delay = {name: wanted[name] for name in COMMANDS if name not in fixed}, rounding.electronics.delay_s
+    _act(plant, rounding.commands(wanted), present)
+    rows, between = list[list[float]](), list[list[float]]()
+    last = seen = now = State(0.0)
+    measured, exact = 0.0, Rounding(IDEAL)  # the last measured angle; of the records
+    for number in range(1, count + 1):
+        begin, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
+        for part in range(1, records + 1):
+            until = begin + part * sample_time / records if part < records else number * sample_time
+            if waiting and begin + delay <= until:
+                now = plant.advance(begin + delay)
+                _act(plant, rounding.commands(wanted), present)
+                waiting = False
+            if until > now.time:
+                now = plant.advance(until)
+            if records > 1:
+                ideal = vars(_sample(now, seen, exact, seen.position, 0.0)) | {"load_position_rad": now.load_position}
+                between.append([ideal[name] for name in RECORDS])
+                seen = now
+        sample = _sample(now, last, rounding, measured, reference(now.time), linear=motor.slider is not None)
+        power = (now.energy - last.energy) / (now.time - last.time)
+        measured, last = sample.position_rad, now
+        changed = _commands(decide(sample), wanted, motor)
+        for name in fixed:
+            if name in changed:
+                raise ParameterError(f"The controller set {name}, which has a course or a soft start. Leave one out.")
+            wanted[name] = float(np.interp(now.time, *np.transpose(settings[name])))
+        wanted |= changed
+        set_now = rounding.commands(wanted)
+        rows.append([
+            *vars(sample).values(), *set_now.values(), power, now.heat, now.load_position, now.check,
+            now.separated, now.tip_y_amplitude,
+        ])  # fmt: skip
+        if not delay:
+            _act(plant, set_now, present)
+    names = [name for name in SAMPLES if name != "load_torque_n_m"]
+    samples = dict(zip(names, np.transpose(rows), strict=True))
+    return samples, dict(zip(RECORDS, np.transpose(between), strict=True)) if between else {}
 
-    def run(self, count: int, sample_time: float, records: int) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run for a number of samples; return the controller's inputs and commands at each, and the records between.
 
-        Raise ParameterError for a command that is not valid, SimulationError if the engine fails.
-        """
-        wanted = {name: first(self.settings[name]) for name in COMMANDS}  # what the controller set
-        present, delay = dict(wanted), self.rounding.electronics.delay_s
-        self._set(self.rounding.commands(wanted), present)
-        fixed = [name for name in COMMANDS if len(self.settings[name]) > 1]
-        rows, between = list[list[float]](), list[list[float]]()
-        last = seen = now = State(0.0)
-        measured, exact = 0.0, Rounding(IDEAL)  # the last measured angle; of the records
-        for number in range(1, count + 1):
-            begin, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
-            for part in range(1, records + 1):
-                until = begin + part * sample_time / records if part < records else number * sample_time
-                if waiting and begin + delay <= until:
-                    now = self.plant.advance(begin + delay)
-                    self._set(self.rounding.commands(wanted), present)
-                    waiting = False
-                if until > now.time:
-                    now = self.plant.advance(until)
-                if records > 1:
-                    ideal = vars(_sample(now, seen, exact, seen.position, 0.0))
-                    ideal |= {"load_position_rad": now.load_position}
-                    between.append([ideal[name] for name in RECORDS])
-                    seen = now
-            reference = self.reference(now.time)
-            sample = _sample(now, last, self.rounding, measured, reference, linear=self.motor.slider is not None)
-            power = (now.energy - last.energy) / (now.time - last.time)
-            measured, last = sample.position_rad, now
-            changed = _commands(self.decide(sample), wanted, self.motor)
-            for name in fixed:
-                if name in changed:
-                    raise ParameterError(
-                        f"The controller set {name}, which has a course or a soft start. Leave one out."
-                    )
-                wanted[name] = present[name] = float(np.interp(now.time, *np.transpose(self.settings[name])))
-            wanted |= changed
-            set_now = self.rounding.commands(wanted)
-            if not delay:
-                self._set(set_now, present)
-            rows.append([
-                *vars(sample).values(), *set_now.values(), power, now.heat, now.load_position, now.check,
-                now.separated, now.tip_y_amplitude,
-            ])  # fmt: skip
-        names = [name for name in SAMPLES if name != "load_torque_n_m"]
-        table, beside = np.array(rows), np.array(between).reshape(-1, len(RECORDS))
-        samples = {name: table[:, place] for place, name in enumerate(names)}
-        return samples, {name: beside[:, place] for place, name in enumerate(RECORDS)} if records > 1 else {}
-
-    def _set(self, commands: Mapping[str, float], present: dict[str, float]) -> None:
-        """Give the motor the commands that are not the present ones."""
-        for name, value in commands.items():
-            if value != present[name] and len(self.settings[name]) == 1:
-                self.plant.alter(name, value)
-                present[name] = value
+def _act(plant: Spice | Compiled, commands: Mapping[str, float], present: dict[str, float]) -> None:
+    """Give the motor the commands that are not the present ones, which are those without a course."""
+    for name in present:
+        if commands[name] != present[name]:
+            plant.alter(name, commands[name])
+            present[name] = commands[name]
 
 
 def _sample(

@@ -15,8 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
-from pyspice_runner.averaged.c_code import CORE, HEADER, PHASE, START, start_header, variables
-from pyspice_runner.averaged.c_source import phase_source
+from pyspice_runner.averaged.c_code import CORE, HEADER, PHASE, START, phase_source, start_header, variables
 from pyspice_runner.averaged.library import SUBCIRCUIT, require_averaged
 from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.export.fmu_description import VERSIONS, Description, Version, state_count

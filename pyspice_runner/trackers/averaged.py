@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from cmath import rect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from math import pi, radians
 from time import monotonic
@@ -26,33 +26,13 @@ from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.kernel import Outcome, run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.trackers.loop import (
-    POINTS_PER_DECADE,
-    SWEPT_DECADES,
-    Complex,
-    LoopDesign,
-    crossing,
-    swept_hz,
-    volts,
-)
-from pyspice_runner.trackers.tracker import (
-    RAIL,
-    SMOOTHED_PERIODS,
-    UNDISTURBED,
-    Disturbance,
-    StatorLag,
-    TrackedSource,
-    add_disturbance,
-    add_filter,
-    sensing,
-    target_points,
-)
+from pyspice_runner.trackers.loop import POINTS_PER_DECADE, Complex, LoopDesign, crossing, swept_hz, volts
+from pyspice_runner.trackers.tracker import RAIL, SMOOTHED_PERIODS, StatorLag, TrackedSource, add_filter, sensing
 
 AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
 _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
@@ -60,9 +40,7 @@ _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
 
 def averaged_front(source: TrackedSource) -> AveragedDrive:
     """Return the voltages in front of the motor, and the network of a driver."""
-    if source.driver:
-        return AveragedDrive.of(source.driver)
-    return AveragedDrive(TwoPhaseDrive(**two_phases(source.tracker)))
+    return AveragedDrive.of(source.driver or TwoPhaseDrive(**two_phases(source.tracker)))
 
 
 def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
@@ -74,22 +52,16 @@ def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
 
 
 def averaged_tracked_bench(
-    motor: Motor,
-    source: TrackedSource,
-    disturbance: Disturbance,
-    load: Load,
-    *,
-    frozen: tuple[float, float] | None = None,
-    thermal: Thermal | None = None,
+    motor: Motor, source: TrackedSource, load: Load, *, end: Mapping[str, float] | None = None
 ) -> Bench:
     """Return a bench with an averaged motor behind a tracker.
 
     Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
     ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance; a ``"warm-up"`` heats the motor by its
-    losses. ``frozen`` is the control voltage and the temperature at which the loop is open, for ``.ac`` from the
-    oscillator's input; ``thermal`` is the drift with that temperature, by default that of the disturbance.
+    losses. ``end`` are the vectors at the end of a run: the loop is then open, for ``.ac`` from the oscillator's input,
+    and target, speed and temperature are those there.
     """
-    tracker = source.tracker
+    tracker, disturbance, drifting = source.tracker, source.disturbance, source.disturbance.drifting
     circuit = Circuit(f"{motor.name}: averaged over the period of the drive, tracked")
     parts = ("tracker_averaged", "tracker_filter")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
@@ -103,13 +75,12 @@ def averaged_tracked_bench(
             start[node] = 0.0 if front.networks else value
     if front.networks:
         front.add(circuit, after="line", frequency="tuned")
-    circuit.V("target", "target", circuit.gnd, schedule_text(target_points(tracker, disturbance)))
-    if tracker.kind == "none" or frozen:
-        tuning, temperature = frozen or (tracker.start_v, 0.0)
+    targets = [(0.0, end["v(target)"])] if end else source.targets
+    circuit.V("target", "target", circuit.gnd, schedule_text(targets))
+    if tracker.kind == "none" or end:
+        tuning = end["v(control)"] if end else tracker.start_v
         circuit.V("tuning", "tuning", circuit.gnd, f"DC {tuning!r} AC 1")
         circuit.V("control", "control", circuit.gnd, f"DC {tuning!r}")
-        if thermal:
-            circuit.V("temperature", "temperature", circuit.gnd, f"DC {temperature!r}")
     else:
         circuit.V("inject", "tuning", "control", "DC 0")
         add_filter(circuit, source.loop_filter, tracker.start_v)
@@ -119,20 +90,23 @@ def averaged_tracked_bench(
         (*lines, "target", "tuning", "control", "tuned", "phase", "temperature"),
         **_loop_values(motor, source),
     )  # fmt: skip
-    if disturbance.kind == "warm-up":
-        add_cooling(circuit, disturbance.thermal or Thermal())
-    add_disturbance(circuit, motor, disturbance)
-    if load.speed is not None:
-        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
+    if end and drifting:
+        circuit.V("temperature", "temperature", circuit.gnd, f"DC {end['v(temperature)']!r}")
+    if not end:
+        if drifting and disturbance.kind == "warm-up":
+            add_cooling(circuit, drifting)
+        disturbance.add(circuit, motor)
+    speed = end["v(shaft)"] if end else load.speed
+    if speed is not None:
+        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
     pins = (*_AMPLITUDES, "tuned", "shaft", "temperature", "heat")
-    add_averaged_motor(circuit, motor, pins, thermal=thermal or disturbance.drifting)
+    add_averaged_motor(circuit, motor, pins, thermal=drifting)
     return Bench(circuit, OPTIONS, start)
 
 
 LONGEST = 1e5  # s, of an averaged run
-PATIENCE = (
-    60.0  # s of wall time without a timeout: at the limit of its oscillator a loop can oscillate with very short steps
-)
+# s of wall time without a timeout: at the limit of its oscillator a loop can oscillate with very short steps
+PATIENCE = 60.0
 NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
 _HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
 
@@ -143,7 +117,6 @@ class TrackedRun:
 
     setup: Point  # motor, source, load, law and solver
     source: TrackedSource  # the tracker at its pins, with the disturbance
-    disturbance: Disturbance  # the disturbance
     duration: float  # simulated time in s
     lag: StatorLag  # resonance and lag of the mode, for which the filter was designed
     stall_torque_n_m: float | None  # torque on a held shaft, if it was measured
@@ -176,20 +149,20 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
 
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
-    setup, source = run.setup, run.source
+    setup, source, disturbance = run.setup, run.source, run.source.disturbance
     if source.tracker.kind not in ("pll", "none"):
         raise ParameterError(
             f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave "
             "averaged out."
         )
-    if run.disturbance.kind not in AVERAGED_DISTURBANCES:
+    if disturbance.kind not in AVERAGED_DISTURBANCES:
         raise ParameterError(
-            f"disturb = {run.disturbance.kind!r} has no averaged model: it must be one of "
+            f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
             f"{', '.join(AVERAGED_DISTURBANCES)}."
         )
     least = 2 * SMOOTHED_PERIODS / source.tracker.frequency
     require(least <= run.duration <= LONGEST, "duration", run.duration, f"from {least:.3g} to {LONGEST:g} s", unit="s")
-    bench = averaged_tracked_bench(setup.motor, source, run.disturbance, setup.load)
+    bench = averaged_tracked_bench(setup.motor, source, setup.load)
     timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
     if averaged_engine(engine) == "compiled":
         return _compiled(run, deck_of(lambda: bench, ["all"], timing))
@@ -200,7 +173,7 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
 
 
 def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
-    setup, source, disturbance = run.setup, run.source, run.disturbance
+    setup, source, disturbance = run.setup, run.source, run.source.disturbance
     tracker, own, front = source.tracker, source.loop_filter, averaged_front(source)
     stage = front.stage
     values = _loop_values(setup.motor, source) | {
@@ -214,7 +187,7 @@ def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
         longest=max(run.duration / LONGEST_STEPS["compiled"], source.period), loop=Loop(values, source.mode),
         networks=front.networks,
     )  # fmt: skip
-    courses: dict[str, Schedule] = {"target": target_points(tracker, disturbance)}
+    courses: dict[str, Schedule] = {"target": source.targets}
     if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
         running.set(heat_capacity=0.0)
         courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)
@@ -275,6 +248,7 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
 
 def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
     motor, mode, vectors = run.setup.motor, run.source.mode, outcome.vectors()
+    drifting = run.source.disturbance.drifting
     pins = np.array([phasor(vectors, f"v({group}_{{}})") for group in GROUPS])
     currents = [phasor(vectors, f"i(v.xtracker.{groups.named('vline', group)}_{{}})")[-1] for group in GROUPS]
     velocity = phasor(vectors, f"v(xmotor.xmode{mode + 1}_1.v_{{}})")
@@ -282,7 +256,7 @@ def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
     curves = {
         "time_s": vectors["time"], "frequency_hz": vectors["v(tuned)"], "rotor_speed_rad_s": vectors["v(shaft)"],
         "phase_deg": np.degrees(np.angle(velocity * force.conjugate())),
-        "temperature_k": vectors["v(temperature)"] if run.disturbance.drifting else np.zeros(len(vectors["time"])),
+        "temperature_k": vectors["v(temperature)"] if drifting else np.zeros(len(vectors["time"])),
         "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
         "tip_y_amplitude_m": 1e-6 * np.abs(phasor(vectors, "v(xmotor.y_{}1)")),
         "normal_force_n": vectors["v(xmotor.normal)"], "heat_w": vectors["v(heat)"],
@@ -303,16 +277,11 @@ def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
 def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
     """Return the loop of the averaged motor at the end of a run, at the speed and the temperature there."""
     last, source = outcome.last(), run.source
-    held = averaged_tracked_bench(
-        run.setup.motor,
-        replace(source, tracker=source.tracker.model_copy(update={"target_deg": last["v(target)"]})),
-        UNDISTURBED, Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
-        thermal=run.disturbance.drifting,
-    )  # fmt: skip
-    tracker, reach = source.tracker, 10**SWEPT_DECADES
+    held = averaged_tracked_bench(run.setup.motor, source, run.setup.load, end=last)
+    tracker = source.tracker
+    lowest, *_, highest = swept_hz(tracker).tolist()
     sweep = {
-        "variation": "dec", "number_of_points": POINTS_PER_DECADE, "start_frequency": tracker.bandwidth_hz / reach,
-        "stop_frequency": tracker.bandwidth_hz * reach,
+        "variation": "dec", "number_of_points": POINTS_PER_DECADE, "start_frequency": lowest, "stop_frequency": highest,
     }  # fmt: skip
     guess = {name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)}
     vectors = run_bench(held, ["v(phase)"], None, "ac", sweep, guess).phasors()

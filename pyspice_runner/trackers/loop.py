@@ -66,15 +66,8 @@ class LoopDesign:
 
     def to_dict(self) -> dict[str, Any]:
         """Return filter, crossover and margin, JSON-ready."""
-        return {
-            "filter": asdict(self.loop_filter),
-            "crossover_hz": self.crossover_hz,
-            "phase_margin_deg": self.phase_margin_deg,
-            "margin_error_deg": self.margin_error_deg,
-            "sensed_phase_deg": self.sensed_phase_deg,
-            "frequency_hz": self.frequency_hz.tolist(),
-            "gain": json_ready(self.gain),
-        }
+        found: dict[str, Any] = json_ready(asdict(self))
+        return {"filter": found.pop("loop_filter"), **found}
 
 
 def phase_shown_deg(

@@ -299,7 +299,7 @@ def judged(
 
     Raise ParameterError for a disturbance that begins too early.
     """
-    setup, disturbance, tracker, time = run.setup, run.disturbance, run.source.tracker, periods.time
+    setup, disturbance, tracker, time = run.setup, run.source.disturbance, run.source.tracker, periods.time
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
     error = periods.smoothed(periods.phase - wanted)
     speed = periods.smoothed(periods.speed)
@@ -458,7 +458,7 @@ def track(
         disturbance = disturbance.model_copy(update={"load_torque_n_m": 0.5 * stall})
     source = replace(source, disturbance=disturbance)
     setup = replace(setup, source=source)
-    run = TrackedRun(setup, source, disturbance, duration, lag, stall, margin and tracker.kind == "pll")
+    run = TrackedRun(setup, source, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run, engine) if averaged else _track_full(run)
 
 
@@ -508,7 +508,7 @@ def _track_full(run: TrackedRun) -> Tracking:
 
 def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) -> Tracking:
     """Return a result with the loop gain of the running motor at its end; with a caution if there is none."""
-    setup, disturbance, tracker = run.setup, run.disturbance, run.source.tracker
+    setup, disturbance, tracker = run.setup, run.source.disturbance, run.source.tracker
     motor, speed = setup.motor, setup.load.speed
     if disturbance.drifting:
         motor = disturbance.drifting.warmed(motor, disturbance.rise_k)
@@ -537,16 +537,13 @@ def _at_pins(pins: Complex, frequency: float) -> TwoPhaseDrive:
 
 def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     """Track the averaged motor."""
-    done, motor, drifting = run_averaged(run, engine), run.setup.motor, run.disturbance.drifting
+    done, motor, drifting = run_averaged(run, engine), run.setup.motor, run.source.disturbance.drifting
     curves, time, timeout = done.curves, done.curves["time_s"], run.setup.solver.timeout
     end = {name: float(values[-1]) for name, values in curves.items()}
     periods = Periods(time, curves["frequency_hz"], curves["phase_deg"], curves["rotor_speed_rad_s"], np.gradient(time))
     hot = drifting.warmed(motor, end["temperature_k"]) if drifting else motor
     drive = _at_pins(done.voltages, end["frequency_hz"])
     unstable = stability_cautions(hot, drive, end["rotor_speed_rad_s"], end["tip_y_amplitude_m"], timeout=timeout)
-    stressed = averaged_ceramic(
-        motor, done.amplitudes, end["normal_force_n"], end["heat_w"], curves["rotor_speed_rad_s"]
-    )  # fmt: skip
     stated = run.setup.to_dict()
     settings = {
         "duration_s": run.duration, "contact": stated["contact"], "speed_rad_s": stated["speed_rad_s"],
@@ -555,7 +552,8 @@ def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     }  # fmt: skip
     found = judged(
         run, periods, done, settings, temperature_k=curves["temperature_k"],
-        model_cautions=cautions_over_time(motor.to_dict(), curves) + unstable, ceramic=stressed,
+        model_cautions=cautions_over_time(motor.to_dict(), curves) + unstable,
+        ceramic=averaged_ceramic(motor, done.amplitudes, curves),
     )  # fmt: skip
     found = replace(found, sensing=_sensing(run, done.voltages, done.currents, found.end_frequency_hz))
     return replace(found, loop=done.find_loop()) if run.margin and found.locked else found
@@ -615,13 +613,13 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     motor, tracker = run.setup.motor, run.source.tracker
     if tracker.kind != "pll":
         return None
-    drift = (run.disturbance.thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
+    drift = (run.source.disturbance.thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
     weights = sensing(motor, tracker, run.source.mode)
     taken = copies(weights, frequency) @ pins
     charging = by_group(weights, "current") @ taken
     motional = by_group(weights, "current") @ (currents - taken)
     turn = -degrees((drift * charging / motional).imag)  # the loop turns the mode back
-    wanted = tracker.target_deg + run.disturbance.target_step_deg
+    wanted = tracker.target_deg + run.source.disturbance.target_step_deg
     moved = run.lag.detuning_hz(wanted + turn) - run.lag.detuning_hz(wanted)
     return Sensing(drift, turn, moved)
 

@@ -248,6 +248,16 @@ class Disturbance(Stated):
         """Return the course of what rises from 0 to a value while it lasts: times in s and values."""
         return [(0.0, 0.0), (self.begin_s, 0.0), (self.end_s, value)]
 
+    def add(self, circuit: Circuit, motor: Motor) -> None:
+        """Add the sources of the disturbance."""
+        if self.kind == "load":
+            circuit.I("load", "shaft", circuit.gnd, schedule_text(self.ramp(self.load_torque_n_m)))
+        if self.kind == "preload":
+            moved = motor.approach_m((1.0 + self.preload_change) * motor.contact.preload_n)
+            circuit.V("approach", "approach", circuit.gnd, schedule_text(self.ramp(1e6 * moved)))
+        if self.kind == "temperature":
+            circuit.V("temperature", "temperature", circuit.gnd, schedule_text(self.ramp(self.rise_k)))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
         of_kinds = {
@@ -429,7 +439,7 @@ class TrackedSource(Source):
         )  # fmt: skip
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
         self._add_control(circuit, motor)
-        add_disturbance(circuit, motor, disturbance)
+        disturbance.add(circuit, motor)
 
     def _add_control(self, circuit: Circuit, motor: Motor) -> None:
         """Add what sets the control voltage: a constant, detector and filter, or an observer."""
@@ -438,7 +448,7 @@ class TrackedSource(Source):
             circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
             return
         if tracker.kind == "pll":
-            circuit.V("target", "target", circuit.gnd, schedule_text(target_points(tracker, self.disturbance)))
+            circuit.V("target", "target", circuit.gnd, schedule_text(self.targets))
             instantiate(
                 circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
                 current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
@@ -465,6 +475,14 @@ class TrackedSource(Source):
     def unsteady(self) -> str:
         """Why shooting cannot find a steady state behind a tracker."""
         return f"A tracker ({self.label}) has feedback: its voltages have no fixed period."
+
+    @property
+    def targets(self) -> list[tuple[float, float]]:
+        """The target phase in degrees over time in s."""
+        before, begin = self.tracker.target_deg, self.disturbance.begin_s
+        if self.disturbance.kind != "target":
+            return [(0.0, before)]
+        return [(0.0, before), (begin, before), (begin + 1e-6, before + self.disturbance.target_step_deg)]
 
     @property
     def pins(self) -> tuple[str, ...]:
@@ -501,21 +519,3 @@ def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suf
         circuit, f"filter{suffix}", "tracker_filter", (f"control{suffix}",), start=start_v,
         resistance=loop_filter.resistance_ohm, capacitance=loop_filter.capacitance_f, ripple=loop_filter.ripple_f,
     )  # fmt: skip
-
-
-def target_points(tracker: Tracker, disturbance: Disturbance) -> list[tuple[float, float]]:
-    """Return the target phase in degrees over time in s."""
-    before, begin = tracker.target_deg, disturbance.begin_s
-    after = before + disturbance.target_step_deg
-    return [(0.0, before), (begin, before), (begin + 1e-6, after)] if disturbance.kind == "target" else [(0.0, before)]
-
-
-def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> None:
-    """Add the sources of a disturbance."""
-    if disturbance.kind == "load":
-        circuit.I("load", "shaft", circuit.gnd, schedule_text(disturbance.ramp(disturbance.load_torque_n_m)))
-    if disturbance.kind == "preload":
-        moved = motor.approach_m((1.0 + disturbance.preload_change) * motor.contact.preload_n)
-        circuit.V("approach", "approach", circuit.gnd, schedule_text(disturbance.ramp(1e6 * moved)))
-    if disturbance.kind == "temperature":
-        circuit.V("temperature", "temperature", circuit.gnd, schedule_text(disturbance.ramp(disturbance.rise_k)))
