@@ -37,7 +37,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, small_signals
+from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised
 from pyspice_runner.trackers.tracker import (
     LoopFilter,
     TrackedSource,
@@ -134,18 +134,6 @@ EDGE_STEPS = 20  # of Newton's method
 
 
 @dataclass(frozen=True)
-class LockedPoint:
-    """The steady state at which a tracker keeps a motor."""
-
-    motor: Motor  # at its temperature and preload
-    drive: TwoPhaseDrive  # the fundamentals at the pins
-    speed: float | None  # rad/s, of a held shaft or of one that still accelerates
-    load_torque: float = 0.0  # N·m, of a free shaft that has settled
-    # phasors of the harmonics of the sensed force from the first on, V; where the pins have none only the first
-    force: Complex | None = None
-
-
-@dataclass(frozen=True)
 class _Answer:
     """Currents of a motor for small voltages beside its drive; the first index is the modulation."""
 
@@ -164,10 +152,15 @@ class _Answer:
         return _Answer(frequency, self.currents, inner, error)
 
 
-def running_loop(
-    setup: Point, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
-) -> LoopDesign:
-    """Return the loop gain of a phase-locked loop at a running motor; ``setup`` has it as the tracker knows it.
+def running_loop(known: Motor, source: TrackedSource, point: Point, force: Complex | None = None) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop at a running motor.
+
+    Args:
+        known: the motor as the tracker knows it.
+        source: the tracker.
+        point: the steady state at which it keeps the motor: at its temperature and preload, with the fundamentals at
+            the pins, at the speed of a held shaft or of one that still accelerates, or under the load of a settled one.
+        force: phasors of the harmonics of the sensed force from the first on, V; by default the pins have none.
 
     Raises:
         SimulationError: if there is no stable steady state, or the loop gain does not cross 1 near the bandwidth.
@@ -175,11 +168,11 @@ def running_loop(
     tracker, drive = source.tracker, point.drive
     most = HIGHEST * drive.frequency
     modulation = np.geomspace(tracker.bandwidth_hz / REACH, min(REACH * tracker.bandwidth_hz, most), POINTS)
-    answer = _free(point, modulation) if setup.law is None else _running(setup, point, modulation, timeout)
+    answer = _free(point, modulation) if point.law is None else _running(point, modulation)
     frequency = np.geomspace(
         modulation[0], modulation[-1], round(POINTS_PER_DECADE * np.log10(modulation[-1] / modulation[0])) + 1
     )
-    turns, errors, sensed = _turns(setup.motor, source, point, answer.at(frequency))
+    turns, errors, sensed = _turns(known, source, point.drive, force, answer.at(frequency))
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     impedance = source.loop_filter.impedance(2j * pi * frequency)
     gain = -pump * impedance * tracker.gain_hz_per_v * turns
@@ -192,7 +185,7 @@ def running_loop(
     )  # fmt: skip
 
 
-def _free(point: LockedPoint, modulation: Array) -> _Answer:
+def _free(point: Point, modulation: Array) -> _Answer:
     """Return the currents of a stator without a rotor."""
     frequency = point.drive.frequency
     above, below = (
@@ -203,12 +196,9 @@ def _free(point: LockedPoint, modulation: Array) -> _Answer:
     return _Answer(modulation, currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation)))
 
 
-def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
+def _running(point: Point, modulation: Array) -> _Answer:
     """Return the currents of the full motor about its steady state."""
-    found = small_signals(
-        point.motor, point.drive, frequencies=modulation, speed=point.speed,
-        load_torque=0.0 if point.speed is not None else point.load_torque, contact=setup.law, timeout=timeout,
-    )  # fmt: skip
+    found = linearised(point, modulation)
     waves, frequency = found.state.waveforms, point.drive.frequency
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
@@ -223,18 +213,20 @@ def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float
     return _Answer(modulation, np.array(currents), inner, worst)
 
 
-def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Answer) -> tuple[Complex, Array, float]:
+def _turns(
+    known: Motor, source: TrackedSource, drive: TwoPhaseDrive, force: Complex | None, answer: _Answer
+) -> tuple[Complex, Array, float]:
     """Return the change of the sensed phase with the frequency in rad/Hz, its error, and the phase.
 
     The sensed phase in degrees is that of the motional current ahead of the edges of the force.
     """
-    frequency, weights = point.drive.frequency, sensing(known, source.tracker, source.mode)
+    frequency, weights = drive.frequency, sensing(known, source.tracker, source.mode)
     currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
-    pins = volts(point.drive)
+    pins = volts(drive)
     motional = complex(currents @ (answer.currents - copies(weights, frequency) @ pins))
-    harmonics = np.array([forces @ pins]) if point.force is None else point.force
+    harmonics = np.array([forces @ pins]) if force is None else force
     orders = np.arange(1, len(harmonics) + 1)
-    wanted = harmonics * _reference(source, np.asarray(orders * frequency, dtype=float))
+    wanted = harmonics * _reference(source, orders * frequency)
     edge = _edge(wanted)
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
@@ -249,19 +241,19 @@ def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Ans
         inner = answer.inner[index]
         moved = np.linalg.solve(np.eye(4) + np.diag(series) @ (inner + np.diag(across)), emf)
         drawn = inner @ moved
-        current, force = [], []
+        current, turned = [], []
         for band, part in zip(bands, (slice(2), slice(2, 4)), strict=True):
             current.append(currents @ (drawn[part] - copies(weights, band) @ moved[part]))
-            force.append(forces @ moved[part] * _reference(source, np.array([band]))[0])
+            turned.append(forces @ moved[part] * _reference(source, band))
         ahead = current[0] / motional + current[1] / motional.conjugate()
-        ahead -= (force[0] * np.exp(1j * edge) + force[1] * np.exp(-1j * edge) + follows) / slope
+        ahead -= (turned[0] * np.exp(1j * edge) + turned[1] * np.exp(-1j * edge) + follows) / slope
         turns.append(complex(ahead) / (1j * at))
         errors.append(float(np.abs(currents).sum() * answer.error[index] * np.abs(moved).max() / abs(motional) / at))
     sensed = degrees(phase(motional)) + degrees(edge) + source.tracker.target_deg
     return np.array(turns), np.array(errors), (sensed + 180.0) % 360.0 - 180.0
 
 
-def _reference(source: TrackedSource, frequency: Array) -> Complex:
+def _reference(source: TrackedSource, frequency: Any) -> Complex:
     """Return the factors from the force to the signal with which the detector compares the current."""
     tracker = source.tracker
     target = np.radians(tracker.target_deg)

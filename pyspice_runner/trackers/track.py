@@ -35,7 +35,7 @@ from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
 from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, run_averaged
-from pyspice_runner.trackers.loop import Complex, LockedPoint, LoopDesign, by_group, copies, running_loop
+from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
 from pyspice_runner.trackers.tracker import (
     SMOOTHED_PERIODS,
     Disturbance,
@@ -251,10 +251,8 @@ class Tracking(Result):
     @property
     def _wanted_deg(self) -> float:
         """Target phase at the end."""
-        step = self.settings["disturbance"]["target_step_deg"] or 0.0
-        return (
-            float(self.settings["tracker"]["target_deg"] + step) if self.settings["tracker"]["kind"] == "pll" else 0.0
-        )
+        tracker, step = self.settings["tracker"], self.settings["disturbance"]["target_step_deg"] or 0.0
+        return float(tracker["target_deg"] + step) if tracker["kind"] == "pll" else 0.0
 
 
 @dataclass(frozen=True)
@@ -519,12 +517,13 @@ def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) 
     target = tracker.target_deg + disturbance.target_step_deg
     source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
     begins = np.exp(-1j * phase(pins[0]) * np.arange(1, len(force) + 1))  # group A has the phase 0
-    point = LockedPoint(
-        motor, _at_pins(pins, found.end_frequency_hz), speed,
-        disturbance.load_torque_n_m if disturbance.kind == "load" else 0.0, force * begins,
+    loaded = speed is None and disturbance.kind == "load"
+    point = Point.of(
+        motor, _at_pins(pins, found.end_frequency_hz), speed=speed, contact=setup.law, timeout=setup.solver.timeout,
+        load_torque=disturbance.load_torque_n_m if loaded else 0.0,
     )  # fmt: skip
     try:
-        return replace(found, loop=running_loop(setup, source, point, timeout=setup.solver.timeout))
+        return replace(found, loop=running_loop(setup.motor, source, point, force * begins))
     except SimulationError as error:
         return replace(found, no_loop=str(error))
 
