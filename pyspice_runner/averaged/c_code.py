@@ -220,7 +220,8 @@ def circuit_parameters(parts: Parts) -> tuple[LibraryParameter, ...]:
 
 def part_values(parts: Parts, *values: Mapping[str, float]) -> NDArray[np.float64]:
     """Return the parameters of equal circuits, one behind the other; by default those of their libraries."""
-    return np.array([of_one.get(item.name, item.default) for of_one in values for item in circuit_parameters(parts)])
+    known = circuit_parameters(parts)
+    return np.array([of_one.get(item.name, item.default) for of_one in values for item in known], dtype=float)
 
 
 def circuit_source(name: str, parts: Parts) -> str:

@@ -20,15 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.c_code import (
-    NETWORK,
-    TRACKER,
-    Front,
-    part_values,
-    session_texts,
-    state_names,
-    variables,
-)
+from pyspice_runner.averaged.c_code import NETWORK, TRACKER, Front, part_values, session_texts, state_names, variables
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, first, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder

@@ -59,14 +59,10 @@ _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip", "motion
 
 def check_resolution(phases: int, harmonics: int) -> None:
     """Raise ParameterError for a number of phases or harmonics out of range, or too few phases for the harmonics."""
-    if phases not in range(FEWEST_PHASES, MOST_PHASES + 1):
-        raise ParameterError(
-            f"phases = {phases} is out of range: it must be a whole number from {FEWEST_PHASES} to {MOST_PHASES}."
-        )
-    if harmonics not in range(1, MOST_HARMONICS + 1):
-        raise ParameterError(
-            f"harmonics = {harmonics} is out of range: it must be a whole number from 1 to {MOST_HARMONICS}."
-        )
+    given = {"phases": (phases, FEWEST_PHASES, MOST_PHASES), "harmonics": (harmonics, 1, MOST_HARMONICS)}
+    for name, (value, low, high) in given.items():
+        if value not in range(low, high + 1):
+            raise ParameterError(f"{name} = {value} is out of range: it must be a whole number from {low} to {high}.")
     least = 4 * (harmonics + CHECKED_HARMONICS)
     if phases < least:
         raise ParameterError(f"phases = {phases} cannot resolve {harmonics} harmonics: give at least {least} phases.")

@@ -9,13 +9,16 @@ one process runs throughout. Both keep the motor's state exactly.
 from __future__ import annotations
 
 import cmath
+import ctypes
+import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, degrees, isfinite
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import SkipValidation
@@ -25,7 +28,6 @@ from pyspice_runner.averaged.point import COMMANDS, AveragedPoint, ScheduleLike,
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
-from pyspice_runner.control.firmware import Firmware
 from pyspice_runner.control.plants import CHECKED, SAMPLED, CommandedSource, Compiled, Spice, State, controlled_bench
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
@@ -44,6 +46,7 @@ from pyspice_runner.spice.process import Session
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
 MOST_RECORDS = 1000  # between two samples
+MOST_LOGS = 64  # of firmware
 
 
 @dataclass(frozen=True)
@@ -314,3 +317,58 @@ def _commands(returned: Mapping[str, float], present: Mapping[str, float], motor
             raise ParameterError(f"The controller set {name} = {value!r}: it must be {low:g} to {high:g}.")
         given[name] = number
     return given
+
+
+# --- controllers in C ---
+
+
+class Firmware:
+    """A controller in a shared library, loaded from a copy so that its variables are initialised.
+
+    It has the interface of ``piezomotor_firmware.h``, or one function ``step``.
+
+    Raises:
+        ParameterError: for a file that is not a library with the functions of a controller.
+    """
+
+    def __init__(self, path: str | Path, drive: TwoPhaseDrive, sample_time: float) -> None:
+        try:
+            with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+                self._c = ctypes.CDLL(str(shutil.copy(path, folder)))
+            self._single = hasattr(self._c, "firmware_step")
+            step = self._c.firmware_step if self._single else self._c.step
+            self.names = self._log_names() if self._single else []
+        except (OSError, AttributeError, ValueError) as error:
+            raise ParameterError(
+                f"{path} cannot be used as a controller: {error}. Compile it as a shared library with the functions of "
+                "piezomotor_firmware.h, or with a function step."
+            ) from None
+        self._step = step
+        self._step.restype = None
+        self.logs: list[list[float]] = []
+        if self._single:
+            self._out: Any = (ctypes.c_float * 4)(drive.voltage, drive.voltage_b, drive.phase_deg, drive.frequency)
+            self._c.firmware_init(ctypes.c_float(sample_time), self._out)
+        else:
+            pointer = ctypes.POINTER(ctypes.c_double)
+            self._step.argtypes = (ctypes.c_double, pointer, pointer)
+            self._out = (ctypes.c_double * 3)(drive.voltage, drive.phase_deg, drive.frequency)
+
+    def _log_names(self) -> list[str]:
+        count = ctypes.c_int.in_dll(self._c, "firmware_logs").value
+        if not 0 <= count <= MOST_LOGS:
+            raise ValueError(f"firmware_logs = {count} must be 0 to {MOST_LOGS}")
+        self._c.firmware_init, self._c.firmware_log  # noqa: B018 -- both must be there
+        return [(name or b"").decode() for name in (ctypes.c_char_p * count).in_dll(self._c, "firmware_log_names")]
+
+    def __call__(self, sample: Sample) -> Mapping[str, float]:
+        """Return the commands of the library for a sample."""
+        time, *seen = vars(sample).values()
+        if not self._single:
+            self._step(time, (ctypes.c_double * len(seen))(*seen), self._out)
+            return dict(zip(("voltage", "phase_deg", "frequency"), map(float, self._out), strict=True))
+        self._step((ctypes.c_float * (1 + len(seen)))(time, *seen), self._out)
+        values = (ctypes.c_float * MOST_LOGS)()
+        self._c.firmware_log(values)
+        self.logs.append(list(values[: len(self.names)]))
+        return dict(zip(("voltage_a", "voltage_b", "phase_deg", "frequency"), map(float, self._out), strict=True))

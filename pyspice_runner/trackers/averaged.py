@@ -229,13 +229,11 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
     free = [index for index in range(len(found.by_state)) if index not in {place[name] for name in _HELD}]
     row, inner = free.index(place["control"]), free.index(place["filter"])
     closed = found.by_state[np.ix_(free, free)]
-    filters = np.zeros_like(closed)
-    conductance = 1.0 / own.resistance_ohm
-    filters[row, [row, inner]] = -conductance / own.ripple_f, conductance / own.ripple_f
-    filters[inner, [row, inner]] = conductance / own.capacitance_f, -conductance / own.capacitance_f
-    by_tuning = closed[:, row] - filters[:, row]
+    by_filter = np.zeros(len(free))  # of the control voltage, through the filter's resistance
+    by_filter[[row, inner]] = -1.0 / own.ripple_f / own.resistance_ohm, 1.0 / own.capacitance_f / own.resistance_ohm
+    by_tuning = closed[:, row] - by_filter
     opened = closed.copy()
-    opened[:, row] -= by_tuning
+    opened[:, row] = by_filter
     frequency = swept_hz(tracker)
     s = 2j * pi * frequency[:, np.newaxis, np.newaxis]
     by_frequency = np.linalg.solve(s * np.eye(len(free)) - opened, by_tuning[:, np.newaxis])
