@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import cos, inf, pi, radians
 from typing import Any
 
@@ -142,11 +141,9 @@ class AveragedPoint:
 
     def deck(
         self, vectors: Sequence[str], timing: Mapping[str, Any], bench: Callable[[], Bench] | None = None
-    ) -> Callable[[], str | None]:
-        """Return the writer of the netlist of a transient; ``None`` for a schedule that ngspice cannot follow."""
-        if "preload" in self.settings:
-            return lambda: None
-        return partial(deck_of, bench or self.bench, vectors, timing)
+    ) -> str | None:
+        """Return the netlist of a transient; ``None`` for a schedule that ngspice cannot follow."""
+        return None if "preload" in self.settings else deck_of(bench or self.bench, vectors, timing)
 
     def provenance(self, **run: Any) -> dict[str, Any]:
         """Return the description of a run in its results, JSON-ready; ``run`` are the settings of an analysis."""

@@ -108,7 +108,7 @@ def simulate_averaged(
         started = monotonic()
         rows = running.record(run.inputs, duration, timeout=timeout, progress=report)
         seconds, amplitudes = monotonic() - started, running.mode_amplitudes()
-        version, deck_sha256, write_deck = None, {}, run.deck(vectors, timing)
+        version, deck_sha256, write_deck = None, {}, partial(run.deck, vectors, timing)
     else:
         outcome = run_bench(run.bench(), vectors, timeout, "transient", timing, progress=report)
         rows, amplitudes = spice_rows(motor, outcome.vectors(), harmonics)

@@ -161,7 +161,7 @@ def simulate_controlled(
     vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
     vectors += ["v(load_position)"] if run.shaft.coupling_stiffness_n_m_per_rad else []
     timing = transient_timing(uniform or stage.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
-    write_deck = run.deck(vectors, timing, bench)
+    write_deck: Callable[[], str | None] = partial(run.deck, vectors, timing, bench)
     decide = Firmware(controller, stage, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
