@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.c_code import Front, session_texts, state_names, variables
-from pyspice_runner.averaged.c_source import NETWORK, TRACKER, Parts, circuit_parameters
-from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, require_averaged
+from pyspice_runner.averaged.c_code import NETWORK, TRACKER, Front, part_values, session_texts, state_names, variables
+from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, first, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
 from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad
@@ -85,12 +84,6 @@ def _library(
     return loaded
 
 
-def _given(parts: Parts, *values: Mapping[str, float]) -> ctypes.Array[ctypes.c_double]:
-    """Return the parameters of circuits, by default those of their libraries."""
-    found = [of_one.get(item.name, item.default) for of_one in values for item in circuit_parameters(parts)]
-    return (ctypes.c_double * len(found))(*found)
-
-
 class AveragedMotor:
     """One averaged motor, from preloaded rest.
 
@@ -141,11 +134,11 @@ class AveragedMotor:
         self._slopes = (ctypes.c_double * len(inputs)).from_buffer(self._memory, self._c.session_slopes())
         self._c.session_default(self._memory)
         if loop is not None:
-            given = _given(TRACKER, loop.values)
-            self._c.session_track(self._memory, given, len(given), loop.mode)
+            given = part_values(TRACKER, loop.values)
+            self._c.session_track(self._memory, given.ctypes.data_as(_POINTER), given.size, loop.mode)
         if networks:
-            given = _given(NETWORK, *networks)
-            self._c.session_drive(self._memory, given, len(given) // len(networks))
+            given = part_values(NETWORK, *networks)
+            self._c.session_drive(self._memory, given.ctypes.data_as(_POINTER), given.size // len(networks))
         for item in known:
             self._values[item.reference] = item.start or 0.0
         if thermal is None:  # the stator has the temperature of the surroundings
@@ -209,14 +202,20 @@ class AveragedMotor:
 
         Raise SimulationError if the equations have no solution, or after ``timeout`` in s of wall time.
         """
-        self.begin(**{name: float(np.interp(0.0, *np.transpose(course))) for name, course in courses.items()})
+        self.begin(**{name: first(course) for name, course in courses.items()})
         found = [np.array([[0.0, *self._values[: len(self.shown)]]])]
         deadline = monotonic() + (inf if timeout is None else timeout)
         for begin, end in self._follow(courses, 0.0, duration):
-            for rows in self._rows(begin, end):
-                found.append(rows)
+            time = ctypes.c_double(begin)
+            while time.value < end:
+                rows = np.empty((_ROWS, 1 + len(self.shown)))
+                into = rows.ctypes.data_as(_POINTER)
+                count = self._c.session_record(self._memory, ctypes.byref(time), end, into, _ROWS)
+                if count < 0:
+                    raise self._unsolved()
+                found.append(rows[:count])
                 if progress:
-                    progress(float(rows[-1, 0]))
+                    progress(time.value)
                 if monotonic() > deadline:
                     raise SimulationError(f"The averaged motor took longer than {timeout:g} s. Give a greater timeout.")
         table = np.concatenate(found)
@@ -224,9 +223,6 @@ class AveragedMotor:
 
     def _follow(self, courses: Mapping[str, Schedule], begin: float, end: float) -> Iterator[tuple[float, float]]:
         """Yield the intervals between corners of courses, with the inputs and their slopes set to those there."""
-        if not courses:
-            yield begin, end
-            return
         corners = {time for course in courses.values() for time, _ in course if begin < time < end}
         ends = [begin, *sorted(corners), end]
         at = {name: np.interp(ends, *np.transpose(course)).tolist() for name, course in courses.items()}
@@ -235,15 +231,6 @@ class AveragedMotor:
                 self._values[self._places[name]] = values[number]
                 self._slopes[self._places[name]] = (values[number + 1] - values[number]) / (stop - start)
             yield start, stop
-
-    def _rows(self, begin: float, end: float) -> Iterator[Array]:
-        time = ctypes.c_double(begin)
-        while time.value < end:
-            rows = np.empty((_ROWS, 1 + len(self.shown)))
-            count = self._c.session_record(self._memory, ctypes.byref(time), end, rows.ctypes.data_as(_POINTER), _ROWS)
-            if count < 0:
-                raise self._unsolved()
-            yield rows[:count]
 
     @property
     def sums(self) -> tuple[list[complex], list[complex], float]:

@@ -15,7 +15,7 @@ from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.drivers.parts import CABLE
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases, two_phasors
+from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phases
 from pyspice_runner.spice.library import read_library
 
 _LIBRARY = "driver_averaged"
@@ -50,34 +50,9 @@ class AveragedDrive:
         return cls(TwoPhaseDrive(**two_phases(same)), None if same.network == "none" else same, drive)
 
     @property
-    def phasors(self) -> dict[str, complex]:
-        """Voltages of the stages in V, group A at phase 0."""
-        return two_phasors(self.stage)
-
-    @property
     def networks(self) -> tuple[dict[str, float], ...]:
         """Parameters of ``driver_averaged`` of each group; empty without a network."""
-        return tuple(self._values(group) for group in GROUPS) if self.driver else ()
-
-    def _values(self, group: str) -> dict[str, float]:
-        assert self.driver is not None
-        network, *cables = self.driver.parts(group)
-        names = {item.name: item.name for item in read_library(_LIBRARY).parameters} | (
-            _INDUCTOR if network.label == "inductor" else {}
-        )
-        found = {ours: network.values[theirs] for ours, theirs in names.items() if theirs in network.values}
-        # a winding with its capacitance is a larger inductance and resistance at the drive frequency
-        omega = 2.0 * pi * self.driver.frequency
-        rise = 1.0 / (1.0 - omega**2 * found["series_inductance"] * network.values["winding_capacitance"])
-        found["series_inductance"] *= rise
-        found["series_resistance"] *= rise**2
-        for cable in cables:
-            capacitance = cable.values["capacitance"]
-            found["parallel_capacitance"] = found.get("parallel_capacitance", 0.0) + capacitance
-            if network.label == "inductor":
-                found["series_inductance"] += cable.values["inductance"]
-                found["series_resistance"] += cable.values["resistance"]
-        return found
+        return tuple(_network_values(self.driver, group) for group in GROUPS) if self.driver else ()
 
     def add(self, circuit: Circuit, after: str = "drive", frequency: str = "set_frequency") -> None:
         """Add the networks between the nodes ``stage_GROUP_PART`` and ``AFTER_GROUP_PART``; PART is re or im.
@@ -92,6 +67,27 @@ class AveragedDrive:
     def to_dict(self) -> dict[str, Any]:
         """Return the drive or driver that was given, JSON-ready."""
         return self.given.to_dict() if self.given else DriveSource(self.stage).to_dict()
+
+
+def _network_values(driver: Driver, group: str) -> dict[str, float]:
+    """Return the parameters of ``driver_averaged`` that stand for the network and the cable of a group."""
+    network, *cables = driver.parts(group)
+    names = {item.name: item.name for item in read_library(_LIBRARY).parameters} | (
+        _INDUCTOR if network.label == "inductor" else {}
+    )
+    found = {ours: network.values[theirs] for ours, theirs in names.items() if theirs in network.values}
+    # a winding with its capacitance is a larger inductance and resistance at the drive frequency
+    omega = 2.0 * pi * driver.frequency
+    rise = 1.0 / (1.0 - omega**2 * found["series_inductance"] * network.values["winding_capacitance"])
+    found["series_inductance"] *= rise
+    found["series_resistance"] *= rise**2
+    for cable in cables:
+        capacitance = cable.values["capacitance"]
+        found["parallel_capacitance"] = found.get("parallel_capacitance", 0.0) + capacitance
+        if network.label == "inductor":
+            found["series_inductance"] += cable.values["inductance"]
+            found["series_resistance"] += cable.values["resistance"]
+    return found
 
 
 def _check(driver: Driver) -> None:

@@ -14,8 +14,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from math import cos, pi, radians, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.circuit.law import LAWS, ContactLaw, Law, law_of
@@ -57,14 +58,10 @@ _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip", "motion
 
 def check_resolution(phases: int, harmonics: int) -> None:
     """Raise ParameterError for a number of phases or harmonics out of range, or too few phases for the harmonics."""
-    if phases not in range(FEWEST_PHASES, MOST_PHASES + 1):
-        raise ParameterError(
-            f"phases = {phases} is out of range: it must be a whole number from {FEWEST_PHASES} to {MOST_PHASES}."
-        )
-    if harmonics not in range(1, MOST_HARMONICS + 1):
-        raise ParameterError(
-            f"harmonics = {harmonics} is out of range: it must be a whole number from 1 to {MOST_HARMONICS}."
-        )
+    given = {"phases": (phases, FEWEST_PHASES, MOST_PHASES), "harmonics": (harmonics, 1, MOST_HARMONICS)}
+    for name, (value, low, high) in given.items():
+        if value not in range(low, high + 1):
+            raise ParameterError(f"{name} = {value} is out of range: it must be a whole number from {low} to {high}.")
     least = 4 * (harmonics + CHECKED_HARMONICS)
     if phases < least:
         raise ParameterError(f"phases = {phases} cannot resolve {harmonics} harmonics: give at least {least} phases.")
@@ -303,6 +300,7 @@ class AveragedSubCircuit(Assembly):
         self, name: str, values: dict[str, float], warm: tuple[str | int, str | int], harmonics: int
     ) -> None:
         """Add a mode at each harmonic, and its response to the harmonics left out."""
+        arm = {key: value for key, value in values.items() if not key.startswith(("coupling", "frequency"))}
         for order in range(1, harmonics + CHECKED_HARMONICS + 1):
             within = order <= harmonics
             groups = ("a_re", "a_im", "b_re", "b_im") if order == 1 else (self.gnd,) * 4
@@ -312,13 +310,8 @@ class AveragedSubCircuit(Assembly):
                 nodes = (*groups, *forces, *moves, "frequency", *warm)
                 self._put(f"{name}_{order}", f"{SUBCIRCUIT}_mode", nodes, values | {"harmonic": order})
             else:
-                arm = {key: value for key, value in values.items() if not key.startswith(("coupling", "frequency"))}
-                self._put(
-                    f"check_{name}_{order}",
-                    f"{SUBCIRCUIT}_check",
-                    (*forces, *moves, "frequency"),
-                    arm | {"harmonic": order},
-                )
+                nodes = (*forces, *moves, "frequency")
+                self._put(f"check_{name}_{order}", f"{SUBCIRCUIT}_check", nodes, arm | {"harmonic": order})
 
     def _add_motion_by_voltage(self, motor: Motor) -> None:
         """Add what moves the tip by modes that are left out, and its current j ω S F."""
@@ -468,17 +461,12 @@ def averaged_library(motor: Motor, *, name: str = "", thermal: Thermal | None = 
     return with_header(motor, circuit.library(about, notes))
 
 
-def add_averaged_motor(
-    circuit: Netlist,
-    motor: Motor,
-    nodes: Sequence[str | int],
-    *,
-    phases: int = PHASES,
-    harmonics: int = HARMONICS,
-    thermal: Thermal | None = None,
-) -> None:
-    """Put an averaged motor ``Xmotor`` with the pins :data:`PINS`, and its parts, into a PySpice circuit."""
-    definition = AveragedSubCircuit(motor, phases=phases, harmonics=harmonics, thermal=thermal)
+def add_averaged_motor(circuit: Netlist, motor: Motor, nodes: Sequence[str | int], **settings: Any) -> None:
+    """Put an averaged motor ``Xmotor`` with the pins :data:`PINS`, and its parts, into a PySpice circuit.
+
+    ``settings`` are those of :class:`AveragedSubCircuit`.
+    """
+    definition = AveragedSubCircuit(motor, **settings)
     circuit.raw_spice += definition.parts + "\n"
     circuit.subcircuit(definition)
     circuit.X("motor", SUBCIRCUIT, *nodes)
@@ -489,17 +477,6 @@ def add_averaged_motor(
 OPTIONS = {"method": "gear", "trtol": "50", "reltol": "1e-3", "vntol": "1e-6", "abstol": "1e-9"}
 # an XSPICE device makes ngspice set trtol = 1 while it reads the circuit; this variable has to be set before that
 KEEP_TRTOL = (".control", f"pre_set xtrtol={OPTIONS['trtol']}", ".endc")
-SETTINGS = {  # quantities that may change during a run, with their units
-    "frequency": "Hz",
-    "voltage_a": "V",
-    "voltage_b": "V",
-    "phase_deg": "deg",
-    "load_torque": "N.m",
-}
-SPECIAL = {  # further ones, for which not every engine has a value over time
-    "preload": "N",
-    "temperature": "K",
-}
 Schedule = Sequence[tuple[float, float]]  # times in s and values; linear in between, constant before and after
 
 
@@ -539,6 +516,11 @@ def add_surroundings(circuit: Circuit, settings: Mapping[str, Schedule], thermal
         flow = [(time, (value - thermal.ambient_k) / thermal.thermal_resistance_k_per_w)
                 for time, value in settings["temperature"]]  # fmt: skip
         circuit.I("surroundings", circuit.gnd, "temperature", schedule_text(flow))
+
+
+def first(course: Schedule) -> float:
+    """Return the value of a course at the start."""
+    return float(np.interp(0.0, *np.transpose(course)))
 
 
 def schedule_text(points: Schedule) -> str:

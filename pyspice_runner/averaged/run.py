@@ -159,11 +159,9 @@ class AveragedRun(RunOverTime):
 
     @property
     def _model_cautions(self) -> tuple[str, ...]:
-        check, opened = (float(self.curves[name].max()) for name in ("check", "separated"))
-        factor = damping_factor(self.provenance["motor"], self.curves["frequency_hz"], self.curves["tip_y_amplitude_m"])
         amplitude = np.maximum(self.curves["amplitude_a_v"], self.curves["amplitude_b_v"])
         bursts = short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min()))
-        return (*model_cautions(check, opened, factor), *bursts)
+        return (*cautions_over_time(self.provenance["motor"], self.curves), *bursts)
 
     def _limits(self) -> Iterator[str]:
         """Yield the findings of the model's own check; whether friction holds a held shaft at the end."""
@@ -238,10 +236,12 @@ class AveragedRun(RunOverTime):
         })  # fmt: skip
 
 
-def damping_factor(motor: Mapping[str, Any], frequency_hz: Array, tip_y_amplitude_m: Array) -> float:
-    """Return the largest factor by which damping multiplies the normal force of a motor, as of ``to_dict``."""
+def cautions_over_time(motor: Mapping[str, Any], curves: Mapping[str, Array]) -> tuple[str, ...]:
+    """Return :func:`model_cautions` of a run with the curves of :data:`COLUMNS`, of a motor as of ``to_dict``."""
+    check, opened = (float(curves[name].max()) for name in ("check", "separated"))
     damping = contact_law.normal_damping(Contact(**motor["contact"]))
-    return 1.0 + damping * float(np.max(2.0 * np.pi * frequency_hz * tip_y_amplitude_m))
+    fastest = float(np.max(2.0 * np.pi * curves["frequency_hz"] * curves["tip_y_amplitude_m"]))
+    return model_cautions(check, opened, 1.0 + damping * fastest)
 
 
 def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[str, ...]:

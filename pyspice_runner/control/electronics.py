@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import tau
 
 import numpy as np
@@ -72,14 +71,11 @@ class Electronics(Stated):
         return tau / (EDGES * self.encoder_lines) if self.encoder_lines else 0.0
 
 
-@dataclass
 class Rounding:
     """What the parts of some electronics make of values; the noise goes on from call to call."""
 
-    electronics: Electronics
-
-    def __post_init__(self) -> None:
-        self._noise = np.random.default_rng(self.electronics.seed)
+    def __init__(self, electronics: Electronics) -> None:
+        self.electronics, self._noise = electronics, np.random.default_rng(electronics.seed)
 
     def position(self, value: float, *, linear: bool = False) -> float:
         """Return a measured angle in rad, or m of a slider."""

@@ -16,14 +16,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
-from math import atan2, copysign, cos, degrees, isfinite, log, pi, radians, sin, tan
+from math import atan2, copysign, cos, degrees, log, pi, radians, sin, tan
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.core import AveragedMotor
-from pyspice_runner.control.simulate import Sample, simulate_controlled
+from pyspice_runner.control.run import CONTROLLED
+from pyspice_runner.control.simulate import Sample, check_sample_time, simulate_controlled
 from pyspice_runner.control.state_space import at_speed, by_input, small_signals_at
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive
@@ -248,17 +249,12 @@ class _Plant:
     row: Array  # states → angle, or phase integrated over time in deg·s
     point: Mapping[str, float]  # the steady state
 
-    @property
-    def is_mean(self) -> bool:
-        """Whether a sample is the mean since the last one; else it is the present value."""
-        return self.quantity != "position"
-
     def response(self, frequency: Array) -> Complex:
-        """Return the transfer function from the input to a sample."""
+        """Return the transfer function from the input to a sample: a mean since the last one, or the present angle."""
         z = np.exp(2j * pi * frequency * self.sample_time)
         shifted = z[:, np.newaxis, np.newaxis] * np.eye(len(self.transition)) - self.transition
         found = np.linalg.solve(shifted, self.held[:, np.newaxis])[..., 0] @ self.row
-        return np.asarray(found * (1.0 - 1.0 / z) / self.sample_time if self.is_mean else found)
+        return np.asarray(found if self.quantity == "position" else found * (1.0 - 1.0 / z) / self.sample_time)
 
 
 @checked
@@ -297,11 +293,7 @@ def sampled_loop(
         ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
         SimulationError: if there is no C compiler, no steady state, a motor that stands still, or no stable loop.
     """
-    if not (isfinite(sample_time) and sample_time >= drive.period):
-        raise ParameterError(
-            f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
-            f"{drive.period:.3g} s."
-        )
+    check_sample_time(sample_time, drive)
     highest = 0.5 * NYQUIST / sample_time
     if not 0.0 < crossover <= highest:
         raise ParameterError(
@@ -354,7 +346,6 @@ def _spread(
     if "speed" in over and {"drive.voltage", "drive.voltage_b"} & over.keys():
         raise ParameterError("over: the amplitude sets the speed. Give speed or drive.voltage, not both.")
     run, found = loop.provenance["run"], []
-    frequency = np.geomspace(LOWEST * run["crossover_hz"], 0.5 / run["sample_time_s"], POINTS)
     for values in product(*over.values()):
         at = dict(zip(over, map(float, values), strict=True))
         of_motor = {path: value for path, value in at.items() if not path.startswith(("drive.", *_OF_POINT))}
@@ -372,9 +363,8 @@ def _spread(
             plant = _plant(changed, there, load_torque, loop.quantity, run["sample_time_s"])
             point = replace(point, speed=plant.point["speed"], voltage=there.voltage)
             _predicted(plant, *fixed, 1)  # which raises for a loop that is not stable
-            crossover, margin, _ = _margins(
-                frequency, _controller(plant, *fixed, frequency) * plant.response(frequency)
-            )
+            responses = _controller(plant, *fixed, loop.frequency_hz) * plant.response(loop.frequency_hz)
+            crossover, margin, _ = _margins(loop.frequency_hz, responses)
             point = replace(point, crossover_hz=crossover, phase_margin_deg=margin)
         except SimulationError as error:
             point = replace(point, reason=str(error))
@@ -429,23 +419,23 @@ def _gains(plant: _Plant, crossover: float, margin: float) -> tuple[float, float
     sign = -1.0 if slow.real < 0.0 else 1.0
     phase = atan2((sign * value).imag, (sign * value).real)
     phase -= 2.0 * pi if phase > 0.5 * pi else 0.0
-    wanted = radians(margin - 180.0) - phase  # phase of the controller
-    reason = f"crossover = {crossover:g} Hz with margin = {margin:g}° is not possible: "
+    turned = radians(margin - 180.0) - phase  # phase of the controller
+    alone, reach = degrees(phase) + 180.0, degrees(0.5 * pi - half)  # margin without its phase, and its largest phase
     if plant.quantity == "position":
         # 1 + r (1 − e^{−jωT}) has the phase atan(r sin ωT / (1 + r (1 − cos ωT)))
-        opposite = sin(2.0 * half) - tan(wanted) * (1.0 - cos(2.0 * half))
-        if not (0.0 <= wanted < 0.5 * pi and opposite > 0.0):
-            least, most = degrees(phase) + 180.0, degrees(phase) + 180.0 + degrees(0.5 * pi - half)
-            raise ParameterError(f"{reason}a PD controller gives {least:.3g} to {most:.3g}° there. Change one of them.")
-        ratio = tan(wanted) / opposite
+        kind, least, most = "PD", alone, alone + reach
+        opposite = sin(2.0 * half) - tan(turned) * (1.0 - cos(2.0 * half))
     else:
         # 1 + r/(1 − e^{−jωT}) = 1 + r/2 − j (r/2) cot(ωT/2)
-        opposite = 1.0 / tan(half) - tan(-wanted)
-        if not (-0.5 * pi < wanted <= 0.0 and opposite > 0.0):
-            most = degrees(phase) + 180.0
-            least = most - degrees(0.5 * pi - half)
-            raise ParameterError(f"{reason}a PI controller gives {least:.3g} to {most:.3g}° there. Change one of them.")
-        ratio = 2.0 * tan(-wanted) / opposite
+        kind, least, most = "PI", alone - reach, alone
+        turned = -turned
+        opposite = 0.5 * (1.0 / tan(half) - tan(turned))
+    if not (0.0 <= turned < 0.5 * pi and opposite > 0.0):
+        raise ParameterError(
+            f"crossover = {crossover:g} Hz with margin = {margin:g}° is not possible: a {kind} controller gives "
+            f"{least:.3g} to {most:.3g}° there. Change one of them."
+        )
+    ratio = tan(turned) / opposite
     return sign / abs(value * complex(_controller(plant, 1.0, ratio, at)[0])), ratio
 
 
@@ -458,25 +448,23 @@ def _controller(plant: _Plant, gain: float, ratio: float, frequency: Array) -> C
 def _margins(frequency: Array, loop: Complex) -> tuple[float, float, float | None]:
     """Return crossover in Hz, phase margin in degrees and gain margin in dB, each the worst of several."""
     level, phase, place = np.log(np.abs(loop)), np.unwrap(np.angle(loop)), np.log(frequency)
+    index = np.arange(len(loop))
 
-    def crossings(values: Array) -> list[tuple[int, float]]:
+    def crossings(values: Array) -> Array:
+        """Return the indices, with the share of a step, at which values are 0."""
         found = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-        return [(at, float(values[at] / (values[at] - values[at + 1]))) for at in found.tolist()]
+        return np.asarray(found + values[found] / (values[found] - values[found + 1]))
 
-    def between(values: Array, at: int, share: float) -> float:
-        return float(values[at] + share * (values[at + 1] - values[at]))
-
-    margins = [
-        ((degrees(between(phase, at, share)) + 360.0) % 360.0 - 180.0, float(np.exp(between(place, at, share))))
-        for at, share in crossings(level)
-    ]
-    if not margins:
+    ones = crossings(level)
+    if not ones.size:
         raise SimulationError("The loop gain does not cross 1 below half of the sampling rate.")
-    worst, crossover = min(margins)
-    turns = [crossings(phase - pi * odd) for odd in range(-9, 10, 2)]
-    levels = [between(level, at, share) for one in turns for at, share in one]
-    above = [value for value in levels if value < 0.0]
-    return crossover, worst, -20.0 * max(above) / log(10.0) if above else None
+    margins = (np.degrees(np.interp(ones, index, phase)) + 360.0) % 360.0 - 180.0
+    worst = int(margins.argmin())
+    turns = np.concatenate([crossings(phase - pi * odd) for odd in range(-9, 10, 2)])
+    levels = np.interp(turns, index, level)
+    above = levels[levels < 0.0]
+    crossover = float(np.exp(np.interp(ones[worst], index, place)))
+    return crossover, float(margins[worst]), -20.0 * float(above.max()) / log(10.0) if above.size else None
 
 
 def _predicted(plant: _Plant, gain: float, ratio: float, count: int) -> Array:
@@ -490,13 +478,13 @@ def _predicted(plant: _Plant, gain: float, ratio: float, count: int) -> Array:
         """States, last row, sum or last sample → the same one sample later, and the sample."""
         x, last, memory = whole[:states], whole[states], whole[states + 1]
         now = float(plant.row @ x)
-        sample = (now - last) / plant.sample_time if plant.is_mean else now
-        error = reference - sample
         if plant.quantity == "position":
-            memory, output = now, gain * (error - ratio * (now - memory))
+            sample = now
+            memory, output = now, gain * (reference - now - ratio * (now - memory))
         else:
-            memory = memory + error
-            output = gain * (error + ratio * memory)
+            sample = (now - last) / plant.sample_time
+            memory = memory + reference - sample
+            output = gain * (reference - sample + ratio * memory)
         return np.array([*(plant.transition @ x + plant.held * output), now, memory]), sample
 
     columns = np.array([after(unit, 0.0)[0] for unit in np.eye(states + 2)]).T
@@ -518,21 +506,18 @@ def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> Control
     step = {
         "speed": SMALL * speed, "position": SMALL * speed / (2.0 * pi * run["crossover_hz"]), "phase": SMALL_DEG,
     }[loop.quantity]  # fmt: skip
-    begins = (STEPPED + 0.5) * period
+    rate, start = {"speed": (0.0, speed), "position": (speed, 0.0), "phase": (0.0, phase)}[loop.quantity]
 
     def set_point(time: float) -> float:
-        base = {"speed": speed, "position": speed * time, "phase": phase}[loop.quantity]
-        return float(base + step * (time > begins))
+        return float(start + rate * time + step * (time > (STEPPED + 0.5) * period))
 
     result = simulate_controlled(
         motor, drive, LoopController(loop, set_point), duration=(STEPPED + count + 0.5) * period, sample_time=period,
         load_torque=run["load_torque_n_m"], start="steady",
     )  # fmt: skip
-    deviation = {
-        "speed": result.speed_rad_s - speed,
-        "position": result.position_rad - speed * result.time_s,
-        "phase": (result.current_phase_deg - phase + 180.0) % 360.0 - 180.0,
-    }[loop.quantity]
+    deviation = result.samples[CONTROLLED[loop.quantity]] - start - rate * result.time_s
+    if loop.quantity == "phase":
+        deviation = (deviation + 180.0) % 360.0 - 180.0
     response = np.asarray(deviation[STEPPED:] / step)
     unstable = stability_cautions(motor, drive, speed, run["operating_point"]["tip_y_amplitude"])
     return replace(

@@ -11,11 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, pi
 
-import numpy as np
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.averaged.library import Schedule, add_angle, add_surroundings, schedule_text
-from pyspice_runner.averaged.point import INPUT_OF, AveragedPoint
+from pyspice_runner.averaged.point import COMMANDS, INPUT_OF, AveragedPoint, add_commands
 from pyspice_runner.circuit.bench import Bench, motor_bench
 from pyspice_runner.circuit.source import Pins, UniformSource
 from pyspice_runner.circuit.state import Discretisation
@@ -27,7 +26,6 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.spice.library import definitions
 from pyspice_runner.spice.process import Session
 
-COMMANDS = {"frequency": "vset_frequency", "voltage_a": "vset_a", "voltage_b": "vset_b", "phase_deg": "vset_phase"}
 _PARTS = ("re", "im")
 # angle in rad; integrals of the amplitudes of currents, 1 V = 1 uA.s, and of voltages, 1 V = 1 mV.s; 1 V = 1 mJ
 SAMPLED = (
@@ -58,9 +56,7 @@ class CommandedSource(UniformSource):
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the commands, the oscillator and the two sources ``Va`` and ``Vb``."""
-        for name, source in COMMANDS.items():
-            node = source.removeprefix("v")
-            circuit.V(node, node, circuit.gnd, schedule_text(self.settings[name]))
+        add_commands(circuit, self.settings)
         shift, line = f"{pi / 180.0!r}*V(set_phase)", "control" if self.network else "drive"
         circuit.raw_spice += (
             "Gturns 0 turns set_frequency 0 1u\nCturns turns 0 1u ic=0\nRturns turns 0 1t\n"
@@ -94,7 +90,7 @@ def controlled_bench(
     uniform step in s of the full motor, ``None`` the averaged motor. Raise ParameterError for a course that the motor
     cannot follow.
     """
-    motor, settings, thermal = run.motor, run.settings, run.thermal
+    motor, settings, thermal = run.point.motor, run.settings, run.point.thermal
     if step is None:
         bench = run.bench()
         for group in "ab":
@@ -105,10 +101,10 @@ def controlled_bench(
         power = "+".join(f"V({group}_{part})*I(V{group}_{part})" for group in "ab" for part in _PARTS)
         bench.circuit.raw_spice += f"Benergy 0 energy I=0.5*({power})\n"
     else:
-        bench = motor_bench(
-            motor, CommandedSource(settings, run.drive, run.front.driver), discretisation=Discretisation(step),
-            thermal=thermal, approach=_approach(motor, settings["preload"]) if "preload" in settings else "",
-        )  # fmt: skip
+        source = CommandedSource(settings, run.front.stage, run.front.driver)
+        moved = [(time, 1e6 * motor.approach_m(preload)) for time, preload in settings.get("preload", ())]
+        approach = schedule_text(moved) if moved else ""  # the stator moves so that its preload follows the course
+        bench = motor_bench(motor, source, discretisation=Discretisation(step), thermal=thermal, approach=approach)
         bench.circuit.I("load", "shaft", bench.circuit.gnd, schedule_text(settings["load_torque"]))
         add_angle(bench.circuit, run.shaft)
         if thermal:
@@ -125,12 +121,6 @@ def controlled_bench(
             f"Vclock{number} clock{number} 0 PULSE(0 1 {begin!r} {time} {time} {time} {4.0 * float(time)!r})\n"
         )
     return bench
-
-
-def _approach(motor: Motor, preload: Schedule) -> str:
-    """Return the value of a source that moves the stator so that its preload follows a course."""
-    moved = [(time, 1e6 * motor.approach_m(value)) for time, value in preload]
-    return schedule_text(moved)
 
 
 # --- running motors ---
@@ -155,11 +145,6 @@ class State:
     energy: float = 0.0  # J, electrical, into both groups since the start
 
 
-def first(course: Schedule) -> float:
-    """Return the value of a course at the start."""
-    return float(np.interp(0.0, *np.transpose(course)))
-
-
 class Spice:
     """A motor in ngspice."""
 
@@ -182,7 +167,7 @@ class Spice:
 
     def alter(self, name: str, value: float) -> None:
         """Set a command from now on."""
-        self._session.alter(COMMANDS[name], value)
+        self._session.alter(f"v{COMMANDS[name]}", value)
 
 
 class Compiled:
@@ -190,7 +175,6 @@ class Compiled:
 
     def __init__(self, run: AveragedPoint, *, steady: bool) -> None:
         self._motor, self._time = run.compiled(), 0.0
-        self._motor.begin(**{name: first(course) for name, course in run.inputs.items()})
         self._courses = {name: course for name, course in run.inputs.items() if len(course) > 1}
         if steady:
             self._motor.settle()
@@ -207,6 +191,3 @@ class Compiled:
     def alter(self, name: str, value: float) -> None:
         """Set a command from now on."""
         self._motor.set(**{INPUT_OF[name]: value})
-
-
-Plant = Spice | Compiled

@@ -11,14 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.averaged.run import (
-    RunOverTime,
-    damping_factor,
-    limit_cycle,
-    model_cautions,
-    presliding,
-    short_bursts,
-)
+from pyspice_runner.averaged.run import RunOverTime, cautions_over_time, limit_cycle, presliding, short_bursts
 from pyspice_runner.result import contact_row
 from pyspice_runner.run.window import Array, change_to_come
 
@@ -82,14 +75,12 @@ class ControlledRun(RunOverTime):
         if "check" not in self.samples:
             return ()
         seen, running = self.samples, self.provenance["run"]["start"] == "steady"
-        check, opened = (float(seen[name].max()) for name in ("check", "separated"))
-        factor = damping_factor(self.provenance["motor"], seen["frequency_hz"], seen["tip_y_amplitude_m"])
         amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
         bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
         step = self.provenance["run"]["resolution"]["position_rad"]
         angle = max(2.0 * presliding(self.provenance["motor"]), 1.5 * step)  # a step of the encoder is no motion
         cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, angle)
-        return (*model_cautions(check, opened, factor), *bursts, *cycles)
+        return (*cautions_over_time(self.provenance["motor"], seen), *bursts, *cycles)
 
     def _limits(self) -> Iterable[str]:
         """Return the findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""

@@ -9,36 +9,26 @@ one process runs throughout. Both keep the motor's state exactly.
 from __future__ import annotations
 
 import cmath
+import ctypes
+import shutil
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, degrees, isfinite
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import SkipValidation
 
-from pyspice_runner.averaged.library import Schedule
-from pyspice_runner.averaged.point import AveragedPoint, deck_of
-from pyspice_runner.averaged.schedules import ScheduleLike, schedule_of
+from pyspice_runner.averaged.library import Schedule, first
+from pyspice_runner.averaged.point import COMMANDS, AveragedPoint, ScheduleLike, deck_of, schedule_of
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
-from pyspice_runner.control.firmware import Firmware
-from pyspice_runner.control.plants import (
-    CHECKED,
-    COMMANDS,
-    SAMPLED,
-    CommandedSource,
-    Compiled,
-    Plant,
-    Spice,
-    State,
-    controlled_bench,
-    first,
-)
+from pyspice_runner.control.plants import CHECKED, SAMPLED, CommandedSource, Compiled, Spice, State, controlled_bench
 from pyspice_runner.control.run import CONTROLLED, OF_AVERAGED, RECORDS, SAMPLES, ControlledRun
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, require
@@ -55,6 +45,7 @@ from pyspice_runner.spice.process import Session
 MOST_SAMPLES = 100_000
 MOST_VOLTAGE = 1e4  # V, as of a drive
 MOST_RECORDS = 1000  # between two samples
+MOST_LOGS = 64  # of firmware
 
 
 @dataclass(frozen=True)
@@ -138,10 +129,16 @@ def simulate_controlled(
     course = schedule_of("reference", given.pop("reference", 0.0), duration)
     point = Point.of(motor, drive, load_torque=load_torque, thermal=thermal)
     run = AveragedPoint.of(point, duration, courses=given, shaft=shaft)
-    count = _count(run.drive, duration, sample_time)
+    stage = run.front.stage
+    check_sample_time(sample_time, stage)
+    count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0
+    if not 1 <= count <= MOST_SAMPLES:
+        raise ParameterError(
+            f"duration = {duration:g} s is out of range: it must hold 1 to {MOST_SAMPLES} samples of {sample_time:g} s."
+        )
     quantity, reference = _controlled(controller, course)
     parts = electronics or IDEAL
-    parts.check(sample_time, run.drive.frequency)
+    parts.check(sample_time, stage.frequency)
     require(1 <= records <= MOST_RECORDS, "records", records, f"a whole number from 1 to {MOST_RECORDS}")
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
@@ -151,7 +148,7 @@ def simulate_controlled(
         )
     uniform = None
     if not averaged:  # the largest step that divides the sample time and is not above the usual one
-        source = CommandedSource(run.settings, run.drive, run.front.driver)
+        source = CommandedSource(run.settings, stage, run.front.driver)
         coarsest = Point(motor, source, solver=Solver(step)).step
         uniform = sample_time / ceil(sample_time / coarsest * (1.0 - 1e-12))
     elif step is not None:
@@ -162,35 +159,30 @@ def simulate_controlled(
 
     vectors = [*SAMPLED, *(CHECKED if averaged else ()), *(["v(temperature)"] if thermal else [])]
     vectors += ["v(load_position)"] if run.shaft.coupling_stiffness_n_m_per_rad else []
-    timing = transient_timing(uniform or run.drive.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
-    write_deck = run.deck(vectors, timing, bench)
-    decide = Firmware(controller, run.drive, sample_time) if isinstance(controller, str | Path) else controller
+    timing = transient_timing(uniform or stage.period, (count + 1) * sample_time, uniform or 0.5 * sample_time)
+    write_deck: Callable[[], str | None] = partial(run.deck, vectors, timing, bench)
+    decide = Firmware(controller, stage, sample_time) if isinstance(controller, str | Path) else controller
     with ExitStack() as stack:
         if used == "compiled":
-            plant: Plant = Compiled(run, steady=start == "steady")
+            plant: Spice | Compiled = Compiled(run, steady=start == "steady")
         else:
             deck = str(deck_of(bench, vectors, timing))
             write_deck = partial(str, deck)
             plant = Spice(stack.enter_context(Session(deck, vectors, timeout=timeout)))
-        running = Loop(plant, decide, motor, run.settings, Rounding(parts), reference)
-        samples, between = running.run(count, sample_time, records)
+        samples, between = _run(
+            plant, decide, run, Rounding(parts), reference, count=count, sample_time=sample_time, records=records
+        )
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(run.settings["load_torque"]))
     return ControlledRun(
         samples={name: samples[name] for name in SAMPLES if averaged or name not in OF_AVERAGED},
         records=between,
         logs=dict(zip(decide.names, np.transpose(decide.logs), strict=False)) if isinstance(decide, Firmware) else {},
-        provenance={
-            "motor": motor.to_dict(),
-            "drive": run.front.to_dict(),
-            "run": {
-                "duration_s": duration, "sample_time_s": sample_time, "averaged": averaged, "engine": used,
-                "step_s": uniform, "start": start,
-                "electronics": None if electronics is None else electronics.model_dump(),
-                "resolution": parts.resolution(sample_time, run.drive.frequency), "reference": [*map(list, course)],
-                "quantity": quantity,
-                **run.run_settings(),
-            },
-        },
+        provenance=run.provenance(
+            duration_s=duration, sample_time_s=sample_time, averaged=averaged, engine=used, step_s=uniform, start=start,
+            electronics=None if electronics is None else electronics.model_dump(),
+            resolution=parts.resolution(sample_time, stage.frequency), reference=[*map(list, course)],
+            quantity=quantity,
+        ),
         write_deck=write_deck,
     )  # fmt: skip
 
@@ -212,89 +204,73 @@ def _controlled(controller: object, course: Schedule) -> tuple[str | None, Calla
     return quantity, lambda time: float(set_point(time))
 
 
-def _count(drive: TwoPhaseDrive, duration: float, sample_time: float) -> int:
-    """Return the number of samples."""
+def check_sample_time(sample_time: float, drive: TwoPhaseDrive) -> None:
+    """Raise ParameterError for a time between two samples below one period of a drive."""
     if not (isfinite(sample_time) and sample_time >= drive.period):
         raise ParameterError(
             f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
             f"{drive.period:.3g} s."
         )
-    count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0
-    if not 1 <= count <= MOST_SAMPLES:
-        raise ParameterError(
-            f"duration = {duration:g} s is out of range: it must hold 1 to {MOST_SAMPLES} samples of {sample_time:g} s."
-        )
-    return count
 
 
-@dataclass(frozen=True)
-class Loop:
-    """A controller that acts on a running motor at sample times."""
+def _run(
+    plant: Spice | Compiled, decide: Controller, point: AveragedPoint, rounding: Rounding,
+    reference: Callable[[float], float], *, count: int, sample_time: float, records: int,
+) -> tuple[dict[str, Array], dict[str, Array]]:  # fmt: skip
+    """Run a controller for a number of samples; ``reference`` is over the time in s.
 
-    plant: Plant
-    decide: Controller
-    motor: Motor
-    settings: Mapping[str, Schedule]
-    rounding: Rounding
-    reference: Callable[[float], float]  # over the time in s
+    Return its inputs and commands at each sample, and the records between. Raise ParameterError for a command that is
+    not valid, SimulationError if the engine fails.
+    """
+    motor, settings = point.point.motor, point.settings
+    wanted = {name: first(settings[name]) for name in COMMANDS}  # what the controller set
+    fixed = [name for name in COMMANDS if len(settings[name]) > 1]
+    present, delay = {name: wanted[name] for name in COMMANDS if name not in fixed}, rounding.electronics.delay_s
+    _act(plant, rounding.commands(wanted), present)
+    rows, between = list[list[float]](), list[list[float]]()
+    last = seen = now = State(0.0)
+    measured, exact = 0.0, Rounding(IDEAL)  # the last measured angle; of the records
+    for number in range(1, count + 1):
+        begin, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
+        for part in range(1, records + 1):
+            until = begin + part * sample_time / records if part < records else number * sample_time
+            if waiting and begin + delay <= until:
+                now = plant.advance(begin + delay)
+                _act(plant, rounding.commands(wanted), present)
+                waiting = False
+            if until > now.time:
+                now = plant.advance(until)
+            if records > 1:
+                ideal = vars(_sample(now, seen, exact, seen.position, 0.0)) | {"load_position_rad": now.load_position}
+                between.append([ideal[name] for name in RECORDS])
+                seen = now
+        sample = _sample(now, last, rounding, measured, reference(now.time), linear=motor.slider is not None)
+        power = (now.energy - last.energy) / (now.time - last.time)
+        measured, last = sample.position_rad, now
+        changed = _commands(decide(sample), wanted, motor)
+        for name in fixed:
+            if name in changed:
+                raise ParameterError(f"The controller set {name}, which has a course or a soft start. Leave one out.")
+            wanted[name] = float(np.interp(now.time, *np.transpose(settings[name])))
+        wanted |= changed
+        set_now = rounding.commands(wanted)
+        rows.append([
+            *vars(sample).values(), *set_now.values(), power, now.heat, now.load_position, now.check,
+            now.separated, now.tip_y_amplitude,
+        ])  # fmt: skip
+        if not delay:
+            _act(plant, set_now, present)
+    names = [name for name in SAMPLES if name != "load_torque_n_m"]
+    samples = dict(zip(names, np.transpose(rows), strict=True))
+    return samples, dict(zip(RECORDS, np.transpose(between), strict=True)) if between else {}
 
-    def run(self, count: int, sample_time: float, records: int) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run for a number of samples; return the controller's inputs and commands at each, and the records between.
 
-        Raise ParameterError for a command that is not valid, SimulationError if the engine fails.
-        """
-        wanted = {name: first(self.settings[name]) for name in COMMANDS}  # what the controller set
-        present, delay = dict(wanted), self.rounding.electronics.delay_s
-        self._set(self.rounding.commands(wanted), present)
-        fixed = [name for name in COMMANDS if len(self.settings[name]) > 1]
-        rows, between = list[list[float]](), list[list[float]]()
-        last = seen = now = State(0.0)
-        measured, exact = 0.0, Rounding(IDEAL)  # the last measured angle; of the records
-        for number in range(1, count + 1):
-            begin, waiting = (number - 1) * sample_time, delay > 0.0 and number > 1
-            for part in range(1, records + 1):
-                until = begin + part * sample_time / records if part < records else number * sample_time
-                if waiting and begin + delay <= until:
-                    now = self.plant.advance(begin + delay)
-                    self._set(self.rounding.commands(wanted), present)
-                    waiting = False
-                if until > now.time:
-                    now = self.plant.advance(until)
-                if records > 1:
-                    ideal = vars(_sample(now, seen, exact, seen.position, 0.0))
-                    ideal |= {"load_position_rad": now.load_position}
-                    between.append([ideal[name] for name in RECORDS])
-                    seen = now
-            reference = self.reference(now.time)
-            sample = _sample(now, last, self.rounding, measured, reference, linear=self.motor.slider is not None)
-            power = (now.energy - last.energy) / (now.time - last.time)
-            measured, last = sample.position_rad, now
-            changed = _commands(self.decide(sample), wanted, self.motor)
-            for name in fixed:
-                if name in changed:
-                    raise ParameterError(
-                        f"The controller set {name}, which has a course or a soft start. Leave one out."
-                    )
-                wanted[name] = present[name] = float(np.interp(now.time, *np.transpose(self.settings[name])))
-            wanted |= changed
-            set_now = self.rounding.commands(wanted)
-            if not delay:
-                self._set(set_now, present)
-            rows.append([
-                *vars(sample).values(), *set_now.values(), power, now.heat, now.load_position, now.check,
-                now.separated, now.tip_y_amplitude,
-            ])  # fmt: skip
-        names = [name for name in SAMPLES if name != "load_torque_n_m"]
-        table, beside = np.array(rows), np.array(between).reshape(-1, len(RECORDS))
-        samples = {name: table[:, place] for place, name in enumerate(names)}
-        return samples, {name: beside[:, place] for place, name in enumerate(RECORDS)} if records > 1 else {}
-
-    def _set(self, commands: Mapping[str, float], present: dict[str, float]) -> None:
-        """Give the motor the commands that are not the present ones."""
-        for name, value in commands.items():
-            if value != present[name] and len(self.settings[name]) == 1:
-                self.plant.alter(name, value)
-                present[name] = value
+def _act(plant: Spice | Compiled, commands: Mapping[str, float], present: dict[str, float]) -> None:
+    """Give the motor the commands that are not the present ones, which are those without a course."""
+    for name in present:
+        if commands[name] != present[name]:
+            plant.alter(name, commands[name])
+            present[name] = commands[name]
 
 
 def _sample(
@@ -340,3 +316,58 @@ def _commands(returned: Mapping[str, float], present: Mapping[str, float], motor
             raise ParameterError(f"The controller set {name} = {value!r}: it must be {low:g} to {high:g}.")
         given[name] = number
     return given
+
+
+# --- controllers in C ---
+
+
+class Firmware:
+    """A controller in a shared library, loaded from a copy so that its variables are initialised.
+
+    It has the interface of ``piezomotor_firmware.h``, or one function ``step``.
+
+    Raises:
+        ParameterError: for a file that is not a library with the functions of a controller.
+    """
+
+    def __init__(self, path: str | Path, drive: TwoPhaseDrive, sample_time: float) -> None:
+        try:
+            with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+                self._c = ctypes.CDLL(str(shutil.copy(path, folder)))
+            self._single = hasattr(self._c, "firmware_step")
+            step = self._c.firmware_step if self._single else self._c.step
+            self.names = self._log_names() if self._single else []
+        except (OSError, AttributeError, ValueError) as error:
+            raise ParameterError(
+                f"{path} cannot be used as a controller: {error}. Compile it as a shared library with the functions of "
+                "piezomotor_firmware.h, or with a function step."
+            ) from None
+        self._step = step
+        self._step.restype = None
+        self.logs: list[list[float]] = []
+        if self._single:
+            self._out: Any = (ctypes.c_float * 4)(drive.voltage, drive.voltage_b, drive.phase_deg, drive.frequency)
+            self._c.firmware_init(ctypes.c_float(sample_time), self._out)
+        else:
+            pointer = ctypes.POINTER(ctypes.c_double)
+            self._step.argtypes = (ctypes.c_double, pointer, pointer)
+            self._out = (ctypes.c_double * 3)(drive.voltage, drive.phase_deg, drive.frequency)
+
+    def _log_names(self) -> list[str]:
+        count = ctypes.c_int.in_dll(self._c, "firmware_logs").value
+        if not 0 <= count <= MOST_LOGS:
+            raise ValueError(f"firmware_logs = {count} must be 0 to {MOST_LOGS}")
+        self._c.firmware_init, self._c.firmware_log  # noqa: B018 -- both must be there
+        return [(name or b"").decode() for name in (ctypes.c_char_p * count).in_dll(self._c, "firmware_log_names")]
+
+    def __call__(self, sample: Sample) -> Mapping[str, float]:
+        """Return the commands of the library for a sample."""
+        time, *seen = vars(sample).values()
+        if not self._single:
+            self._step(time, (ctypes.c_double * len(seen))(*seen), self._out)
+            return dict(zip(("voltage", "phase_deg", "frequency"), map(float, self._out), strict=True))
+        self._step((ctypes.c_float * (1 + len(seen)))(time, *seen), self._out)
+        values = (ctypes.c_float * MOST_LOGS)()
+        self._c.firmware_log(values)
+        self.logs.append(list(values[: len(self.names)]))
+        return dict(zip(("voltage_a", "voltage_b", "phase_deg", "frequency"), map(float, self._out), strict=True))

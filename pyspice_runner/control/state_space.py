@@ -160,15 +160,29 @@ def settled(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> AveragedM
     """
     run = AveragedPoint.of(Point.of(motor, drive.model_copy(update={"soft_start": 0.0}), load_torque=load_torque), 0.0)
     running = run.compiled()
-    running.begin(**{name: course[0][1] for name, course in run.inputs.items()})
     running.settle()
     return running
 
 
 def small_signals_at(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[dict[str, float], LinearMotor]:
-    """Return values of the steady state at a drive, under a load torque in N·m, and the small signals about it."""
+    """Return values of the steady state at a drive, under a load torque in N·m, and the small signals about it.
+
+    Averages over a period do not describe a free vibration that is not slow against it, such as that of a mode far from
+    the drive. Its pole may lie on the wrong side; the integration damps it, and here it is put to the other side.
+    """
+    from scipy.linalg import eig, matrix_balance  # takes long to load
+
     running = settled(motor, drive, load_torque)
-    return {name: running.get(name) for name in SHOWN}, linear_about(running, drive.frequency)
+    found = running.linearised()
+    balanced, (scale, _) = matrix_balance(found.by_state, permute=False, separate=True)
+    poles, left, right = eig(balanced, left=True)
+    wrong = np.flatnonzero((poles.real > 0.0) & (np.abs(poles.imag) > np.pi * drive.frequency))
+    for place in wrong.tolist():
+        row, column = left[:, place].conj(), right[:, place]
+        # the sum over a pole and its conjugate is real
+        balanced = balanced - np.real(2.0 * poles[place].real * np.outer(column, row) / (row @ column))
+    by_state = balanced * scale[:, np.newaxis] / scale if wrong.size else found.by_state
+    return {name: running.get(name) for name in SHOWN}, replace(found, by_state=by_state)
 
 
 def by_input(small: LinearMotor, drive: TwoPhaseDrive, name: str) -> Array:
@@ -207,26 +221,6 @@ def at_speed(motor: Motor, drive: TwoPhaseDrive, load_torque: float, speed: floa
     return with_voltage(found)
 
 
-def linear_about(running: AveragedMotor, frequency: float) -> LinearMotor:
-    """Return the small signals of an averaged motor about its present state, at a drive frequency in Hz.
-
-    Averages over a period do not describe a free vibration that is not slow against it, such as that of a mode far from
-    the drive. Its pole may lie on the wrong side; the integration damps it, and here it is put to the other side.
-    """
-    from scipy.linalg import eig, matrix_balance  # takes long to load
-
-    found = running.linearised()
-    balanced, (scale, _) = matrix_balance(found.by_state, permute=False, separate=True)
-    poles, left, right = eig(balanced, left=True)
-    wrong = np.flatnonzero((poles.real > 0.0) & (np.abs(poles.imag) > np.pi * frequency))
-    for place in wrong.tolist():
-        row, column = left[:, place].conj(), right[:, place]
-        # the sum over a pole and its conjugate is real
-        balanced = balanced - np.real(2.0 * poles[place].real * np.outer(column, row) / (row @ column))
-    by_state = balanced * scale[:, np.newaxis] / scale if wrong.size else found.by_state
-    return replace(found, by_state=by_state)
-
-
 def _moving(by_state: NDArray[np.bool_], by_input: Array, outputs: Array) -> list[int]:
     """Return the states that something moves and that move something: what a motor does not have is left out."""
     kept, count = list(range(len(by_state))), 0
@@ -258,23 +252,21 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     driven = np.array([by_input(small, drive, name) for name in OF_INPUTS]).T
     turned = np.exp(-1j * np.radians(point["current_phase_a"]))
     charge = [small.place[f"charge_{part}"] for part in (1, 2)]
-    current_by_state = turned * (small.by_state[charge[0]] + 1j * small.by_state[charge[1]])
-    current_by_input = turned * (driven[charge[0]] + 1j * driven[charge[1]])
+    rates = np.hstack([small.by_state, driven])
+    current = turned * (rates[charge[0]] + 1j * rates[charge[1]])
     degree = degrees(1.0) / point["current_amplitude_a"]
-    unit = np.eye(len(small.by_state))
-    rows = [unit[small.place["speed"]], unit[small.place["position"]], current_by_state.real,
-            degree * current_by_state.imag]  # fmt: skip
-    through = [np.zeros(len(OF_INPUTS)), np.zeros(len(OF_INPUTS)), current_by_input.real,
-               degree * current_by_input.imag]  # fmt: skip
+    unit = np.eye(*rates.shape)
+    rows = np.array([unit[small.place["speed"]], unit[small.place["position"]], current.real, degree * current.imag])
+    by_state, through = np.hsplit(rows, [len(names)])
     moves = np.abs(small.by_state) > ROUNDING * np.abs(small.by_state).max(axis=1, keepdims=True)
-    kept = _moving(moves, driven, np.array(rows))
+    kept = _moving(moves, driven, by_state)
     units = {names[place]: OF_STATES.get(names[place], LENGTH) for place in kept}
     described: list[dict[str, str]] = [units, OF_INPUTS, OF_OUTPUTS]
     if motor.slider:
         described = [{name: linear_unit(unit) for name, unit in known.items()} for known in described]
     states, inputs, outputs = described
     return StateSpace(
-        small.by_state[np.ix_(kept, kept)], driven[kept], np.array(rows)[:, kept], np.array(through),
+        small.by_state[np.ix_(kept, kept)], driven[kept], by_state[:, kept], through,
         states, inputs, outputs, point,
         {"motor": motor.to_dict(), "drive": drive.model_dump(), "run": {"load_torque_n_m": load_torque}},
         stability_cautions(motor, drive, point["speed"], point["tip_y_amplitude"]),

@@ -26,11 +26,11 @@ from pyspice_runner.averaged.c_code import (
     PHASE,
     START,
     Variable,
+    phase_source,
     start_header,
     state_names,
     variables,
 )
-from pyspice_runner.averaged.c_source import phase_source
 from pyspice_runner.averaged.library import SUBCIRCUIT, require_averaged
 from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.motor.motor import Motor

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from cmath import rect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from math import pi, radians
 from time import monotonic
@@ -13,38 +13,25 @@ from time import monotonic
 import numpy as np
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.averaged.columns import mode_amplitudes
 from pyspice_runner.averaged.core import AveragedMotor, Loop
 from pyspice_runner.averaged.driver import AveragedDrive
-from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor
+from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor, schedule_text
 from pyspice_runner.averaged.point import deck_of
-from pyspice_runner.averaged.simulate import averaged_engine
+from pyspice_runner.averaged.simulate import LONGEST_STEPS, RECORDED, averaged_engine, mode_amplitudes, phasor
 from pyspice_runner.circuit.bench import Bench, add_cooling
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.run.kernel import Outcome, run_bench, transient, transient_timing
+from pyspice_runner.run.kernel import Outcome, run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.trackers.loop import POINTS_PER_DECADE, SWEPT_DECADES, LoopDesign, crossing
-from pyspice_runner.trackers.tracker import (
-    RAIL,
-    SMOOTHED_PERIODS,
-    Disturbance,
-    StatorLag,
-    TrackedSource,
-    add_disturbance,
-    add_filter,
-    piecewise,
-    sensing,
-    target_points,
-)
+from pyspice_runner.trackers.loop import POINTS_PER_DECADE, Complex, LoopDesign, crossing, swept_hz, volts
+from pyspice_runner.trackers.tracker import RAIL, SMOOTHED_PERIODS, StatorLag, TrackedSource, add_filter, sensing
 
 AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
 _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
@@ -52,9 +39,7 @@ _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
 
 def averaged_front(source: TrackedSource) -> AveragedDrive:
     """Return the voltages in front of the motor, and the network of a driver."""
-    if source.driver:
-        return AveragedDrive.of(source.driver)
-    return AveragedDrive(TwoPhaseDrive(**two_phases(source.tracker)))
+    return AveragedDrive.of(source.driver or TwoPhaseDrive(**two_phases(source.tracker)))
 
 
 def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
@@ -66,42 +51,35 @@ def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
 
 
 def averaged_tracked_bench(
-    motor: Motor,
-    source: TrackedSource,
-    disturbance: Disturbance,
-    load: Load,
-    *,
-    frozen: tuple[float, float] | None = None,
-    thermal: Thermal | None = None,
+    motor: Motor, source: TrackedSource, load: Load, *, end: Mapping[str, float] | None = None
 ) -> Bench:
     """Return a bench with an averaged motor behind a tracker.
 
     Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
     ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance; a ``"warm-up"`` heats the motor by its
-    losses. ``frozen`` is the control voltage and the temperature at which the loop is open, for ``.ac`` from the
-    oscillator's input; ``thermal`` is the drift with that temperature, by default that of the disturbance.
+    losses. ``end`` are the vectors at the end of a run: the loop is then open, for ``.ac`` from the oscillator's input,
+    and target, speed and temperature are those there.
     """
-    tracker = source.tracker
+    tracker, disturbance, drifting = source.tracker, source.disturbance, source.disturbance.drifting
     circuit = Circuit(f"{motor.name}: averaged over the period of the drive, tracked")
     parts = ("tracker_averaged", "tracker_filter")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
     start = {}
     front = averaged_front(source)
     sources = "stage" if front.networks else "line"
-    for group, volts in front.phasors.items():
-        for part, value in (("re", volts.real), ("im", volts.imag)):
+    for group, voltage in two_phasors(front.stage).items():
+        for part, value in (("re", voltage.real), ("im", voltage.imag)):
             node = f"{group}_{part}"
             circuit.V(f"line_{node}", f"{sources}_{node}", circuit.gnd, f"DC {value!r}")
             start[node] = 0.0 if front.networks else value
     if front.networks:
         front.add(circuit, after="line", frequency="tuned")
-    circuit.V("target", "target", circuit.gnd, piecewise(target_points(tracker, disturbance)))
-    if tracker.kind == "none" or frozen:
-        tuning, temperature = frozen or (tracker.start_v, 0.0)
+    targets = [(0.0, end["v(target)"])] if end else source.targets
+    circuit.V("target", "target", circuit.gnd, schedule_text(targets))
+    if tracker.kind == "none" or end:
+        tuning = end["v(control)"] if end else tracker.start_v
         circuit.V("tuning", "tuning", circuit.gnd, f"DC {tuning!r} AC 1")
         circuit.V("control", "control", circuit.gnd, f"DC {tuning!r}")
-        if thermal:
-            circuit.V("temperature", "temperature", circuit.gnd, f"DC {temperature!r}")
     else:
         circuit.V("inject", "tuning", "control", "DC 0")
         add_filter(circuit, source.loop_filter, tracker.start_v)
@@ -111,21 +89,23 @@ def averaged_tracked_bench(
         (*lines, "target", "tuning", "control", "tuned", "phase", "temperature"),
         **_loop_values(motor, source),
     )  # fmt: skip
-    if disturbance.kind == "warm-up":
-        add_cooling(circuit, disturbance.thermal or Thermal())
-    add_disturbance(circuit, motor, disturbance)
-    if load.speed is not None:
-        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(load.speed)!r}")
+    if end and drifting:
+        circuit.V("temperature", "temperature", circuit.gnd, f"DC {end['v(temperature)']!r}")
+    if not end:
+        if drifting and disturbance.kind == "warm-up":
+            add_cooling(circuit, drifting)
+        disturbance.add(circuit, motor)
+    speed = end["v(shaft)"] if end else load.speed
+    if speed is not None:
+        circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
     pins = (*_AMPLITUDES, "tuned", "shaft", "temperature", "heat")
-    add_averaged_motor(circuit, motor, pins, thermal=thermal or disturbance.drifting)
+    add_averaged_motor(circuit, motor, pins, thermal=drifting)
     return Bench(circuit, OPTIONS, start)
 
 
 LONGEST = 1e5  # s, of an averaged run
-PATIENCE = (
-    60.0  # s of wall time without a timeout: at the limit of its oscillator a loop can oscillate with very short steps
-)
-LONGEST_STEPS = {"spice": 50, "compiled": 200}  # smallest number of steps of an averaged run
+# s of wall time without a timeout: at the limit of its oscillator a loop can oscillate with very short steps
+PATIENCE = 60.0
 NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
 _HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
 
@@ -136,7 +116,6 @@ class TrackedRun:
 
     setup: Point  # motor, source, load, law and solver
     source: TrackedSource  # the tracker at its pins, with the disturbance
-    disturbance: Disturbance  # the disturbance
     duration: float  # simulated time in s
     lag: StatorLag  # resonance and lag of the mode, for which the filter was designed
     stall_torque_n_m: float | None  # torque on a held shaft, if it was measured
@@ -147,18 +126,16 @@ class TrackedRun:
 class AveragedTrack:
     """A run of the averaged motor with a loop: over time, and at the end; by either engine.
 
-    Over time: ``time`` (s), ``frequency`` (Hz), ``phase`` (degrees, of the mode's velocity ahead of the force),
-    ``speed`` (rad/s), ``temperature`` (K), ``check``, ``separated`` (shares) and ``tip_y`` (m). At the end: phasors
-    of the voltages of the groups (V) and of the currents into them (A), amplitudes of the modes (m), mean normal force
-    (N), heat (W) and the loop.
+    Over time, by the names of an averaged run: time, frequency, speed, temperature, tip towards the rotor, normal
+    force, heat, ``check`` and ``separated``; ``phase_deg`` is that of the mode's velocity ahead of the force. At the
+    end: phasors of the voltages of the groups (V) and of the currents into them (A), amplitudes of the modes (m) and
+    the loop.
     """
 
     curves: Mapping[str, Array]
-    voltages: Mapping[str, complex]
-    currents: Mapping[str, complex]
+    voltages: Complex
+    currents: Complex
     amplitudes: list[float]
-    normal_force: float
-    heat: float
     find_loop: Callable[[], LoopDesign]
     seconds: float
     ngspice_version: str | None
@@ -171,40 +148,45 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
 
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
-    if run.source.tracker.kind not in ("pll", "none"):
+    setup, source, disturbance = run.setup, run.source, run.source.disturbance
+    if source.tracker.kind not in ("pll", "none"):
         raise ParameterError(
-            f"The tracker {run.source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave "
+            f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave "
             "averaged out."
         )
-    if run.disturbance.kind not in AVERAGED_DISTURBANCES:
+    if disturbance.kind not in AVERAGED_DISTURBANCES:
         raise ParameterError(
-            f"disturb = {run.disturbance.kind!r} has no averaged model: it must be one of "
+            f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
             f"{', '.join(AVERAGED_DISTURBANCES)}."
         )
-    least = 2 * SMOOTHED_PERIODS / run.source.tracker.frequency
+    least = 2 * SMOOTHED_PERIODS / source.tracker.frequency
     require(least <= run.duration <= LONGEST, "duration", run.duration, f"from {least:.3g} to {LONGEST:g} s", unit="s")
-    return _compiled(run) if averaged_engine(engine) == "compiled" else _spice(run)
+    bench = averaged_tracked_bench(setup.motor, source, setup.load)
+    timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
+    if averaged_engine(engine) == "compiled":
+        return _compiled(run, deck_of(lambda: bench, ["all"], timing))
+    return _spice(run, run_bench(bench, ["all"], setup.solver.timeout, "transient", timing))
 
 
 # --- the compiled motor ---
 
 
-def _compiled(run: TrackedRun) -> AveragedTrack:
-    setup, source, disturbance = run.setup, run.source, run.disturbance
-    tracker, motor, front = source.tracker, setup.motor, averaged_front(source)
+def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
+    setup, source, disturbance = run.setup, run.source, run.source.disturbance
+    tracker, own, front = source.tracker, source.loop_filter, averaged_front(source)
     stage = front.stage
-    longest, own = max(run.duration / LONGEST_STEPS["compiled"], source.period), source.loop_filter
-    values = _loop_values(motor, source) | {
+    values = _loop_values(setup.motor, source) | {
         "resistance": own.resistance_ohm, "capacitance": own.capacitance_f, "ripple": own.ripple_f,
         "start": tracker.start_v,
     }  # fmt: skip
     if tracker.kind == "none":  # without current of the pump the filter keeps its voltage
         values["current"] = 0.0
     running = AveragedMotor(
-        motor, thermal=disturbance.drifting, speed=setup.load.speed, longest=longest,
-        loop=Loop(values, source.mode), networks=front.networks,
+        setup.motor, thermal=disturbance.drifting, speed=setup.load.speed,
+        longest=max(run.duration / LONGEST_STEPS["compiled"], source.period), loop=Loop(values, source.mode),
+        networks=front.networks,
     )  # fmt: skip
-    courses: dict[str, Schedule] = {"target": target_points(tracker, disturbance)}
+    courses: dict[str, Schedule] = {"target": source.targets}
     if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
         running.set(heat_capacity=0.0)
         courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)
@@ -214,37 +196,23 @@ def _compiled(run: TrackedRun) -> AveragedTrack:
     begun = monotonic()
     rows = running.record(courses, run.duration, timeout=setup.solver.timeout or PATIENCE)
     seconds = monotonic() - begun
-    names = {
-        "time": "time", "frequency": "frequency", "phase": "mode_phase", "speed": "speed", "check": "check",
-        "temperature": "temperature", "separated": "separated", "tip_y": "tip_y_amplitude",
-    }  # fmt: skip
-    ahead = {"a": 0.0, "b": stage.phase_deg}
 
-    def phasors(of: str) -> dict[str, complex]:
-        return {
-            group: rect(
-                running.get(groups.named(f"{of}_amplitude", group)),
-                radians(running.get(groups.named(f"{of}_phase", group)) + ahead[group]),
-            )
-            for group in GROUPS
-        }
+    def phasors(of: str) -> Complex:
+        found = []
+        for group, ahead in zip(GROUPS, (0.0, stage.phase_deg), strict=True):
+            turned = radians(running.get(groups.named(f"{of}_phase", group)) + ahead)
+            found.append(rect(running.get(groups.named(f"{of}_amplitude", group)), turned))
+        return np.array(found)
 
-    currents = phasors("current")
-    voltages = phasors("pin") if front.networks else front.phasors
-    amplitudes, normal_force, heat = running.mode_amplitudes(), running.get("normal_force"), running.get("heat")
-    bench = motor, source, disturbance, setup.load
-    timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
     return AveragedTrack(
-        curves={ours: rows[theirs] for ours, theirs in names.items()},
-        voltages=voltages,
-        currents=currents,
-        amplitudes=amplitudes,
-        normal_force=normal_force,
-        heat=heat,
+        curves={column: rows[recorded] for column, recorded in RECORDED.items()} | {"phase_deg": rows["mode_phase"]},
+        voltages=phasors("pin") if front.networks else volts(stage),
+        currents=phasors("current"),
+        amplitudes=running.mode_amplitudes(),
         find_loop=partial(_compiled_loop, run, running),
         seconds=seconds,
         ngspice_version=None,
-        deck=deck_of(partial(averaged_tracked_bench, *bench), ["all"], timing),
+        deck=deck,
         deck_sha256=None,
     )
 
@@ -260,15 +228,12 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
     free = [index for index in range(len(found.by_state)) if index not in {place[name] for name in _HELD}]
     row, inner = free.index(place["control"]), free.index(place["filter"])
     closed = found.by_state[np.ix_(free, free)]
-    filters = np.zeros_like(closed)
-    conductance = 1.0 / own.resistance_ohm
-    filters[row, [row, inner]] = -conductance / own.ripple_f, conductance / own.ripple_f
-    filters[inner, [row, inner]] = conductance / own.capacitance_f, -conductance / own.capacitance_f
-    by_tuning = closed[:, row] - filters[:, row]
+    by_filter = np.zeros(len(free))  # of the control voltage, through the filter's resistance
+    by_filter[[row, inner]] = -1.0 / own.ripple_f / own.resistance_ohm, 1.0 / own.capacitance_f / own.resistance_ohm
+    by_tuning = closed[:, row] - by_filter
     opened = closed.copy()
-    opened[:, row] -= by_tuning
-    lowest, highest = tracker.bandwidth_hz / 10**SWEPT_DECADES, tracker.bandwidth_hz * 10**SWEPT_DECADES
-    frequency = np.geomspace(lowest, highest, 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1)
+    opened[:, row] = by_filter
+    frequency = swept_hz(tracker)
     s = 2j * pi * frequency[:, np.newaxis, np.newaxis]
     by_frequency = np.linalg.solve(s * np.eye(len(free)) - opened, by_tuning[:, np.newaxis])
     gain = np.asarray(-by_frequency[:, row, 0], dtype=np.complex128)
@@ -278,37 +243,26 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
 # --- ngspice ---
 
 
-def _spice(run: TrackedRun) -> AveragedTrack:
-    setup, source, disturbance = run.setup, run.source, run.disturbance
-    motor = setup.motor
-    bench = averaged_tracked_bench(motor, source, disturbance, setup.load)
-    outcome = transient(
-        bench, ["all"], step=source.period, duration=run.duration,
-        longest=run.duration / LONGEST_STEPS["spice"], timeout=setup.solver.timeout,
-    )  # fmt: skip
-    vectors, last = outcome.vectors(), outcome.last()
-
-    volts = {group: vectors[f"v({group}_re)"] + 1j * vectors[f"v({group}_im)"] for group in GROUPS}
-    real, imaginary = (vectors[f"v(xmotor.xmode{source.mode + 1}_1.v_{part})"] for part in ("re", "im"))
-    force = np.array(motor.modes[source.mode].couplings) @ [volts[group] for group in GROUPS]
+def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
+    motor, mode, vectors = run.setup.motor, run.source.mode, outcome.vectors()
+    drifting = run.source.disturbance.drifting
+    pins = np.array([phasor(vectors, f"v({group}_{{}})") for group in GROUPS])
+    currents = [phasor(vectors, f"i(v.xtracker.{groups.named('vline', group)}_{{}})")[-1] for group in GROUPS]
+    velocity = phasor(vectors, f"v(xmotor.xmode{mode + 1}_1.v_{{}})")
+    force = np.array(motor.modes[mode].couplings) @ pins
     curves = {
-        "time": vectors["time"], "frequency": vectors["v(tuned)"], "speed": vectors["v(shaft)"],
-        "phase": np.degrees(np.angle((real + 1j * imaginary) * force.conjugate())),
-        "temperature": vectors["v(temperature)"] if disturbance.drifting else np.zeros(len(vectors["time"])),
+        "time_s": vectors["time"], "frequency_hz": vectors["v(tuned)"], "rotor_speed_rad_s": vectors["v(shaft)"],
+        "phase_deg": np.degrees(np.angle(velocity * force.conjugate())),
+        "temperature_k": vectors["v(temperature)"] if drifting else np.zeros(len(vectors["time"])),
         "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
-        "tip_y": 1e-6 * np.hypot(*(vectors[f"v(xmotor.y_{part}1)"] for part in ("re", "im"))),
+        "tip_y_amplitude_m": 1e-6 * np.abs(phasor(vectors, "v(xmotor.y_{}1)")),
+        "normal_force_n": vectors["v(xmotor.normal)"], "heat_w": vectors["v(heat)"],
     }  # fmt: skip
-    currents = {
-        group: complex(*(last[f"i(v.xtracker.{groups.named('vline', group)}_{part})"] for part in ("re", "im")))
-        for group in GROUPS
-    }
     return AveragedTrack(
         curves=curves,
-        voltages={group: complex(values[-1]) for group, values in volts.items()},
-        currents=currents,
+        voltages=pins[:, -1],
+        currents=np.array(currents),
         amplitudes=mode_amplitudes(motor, vectors, HARMONICS),
-        normal_force=last["v(xmotor.normal)"],
-        heat=last["v(heat)"],
         find_loop=partial(_spice_loop, run, outcome),
         seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
@@ -320,16 +274,11 @@ def _spice(run: TrackedRun) -> AveragedTrack:
 def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
     """Return the loop of the averaged motor at the end of a run, at the speed and the temperature there."""
     last, source = outcome.last(), run.source
-    held = averaged_tracked_bench(
-        run.setup.motor,
-        replace(source, tracker=source.tracker.model_copy(update={"target_deg": last["v(target)"]})),
-        Disturbance(kind="start"), Load(last["v(shaft)"]), frozen=(last["v(control)"], last.get("v(temperature)", 0.0)),
-        thermal=run.disturbance.drifting,
-    )  # fmt: skip
-    tracker, reach = source.tracker, 10**SWEPT_DECADES
+    held = averaged_tracked_bench(run.setup.motor, source, run.setup.load, end=last)
+    tracker = source.tracker
+    lowest, *_, highest = swept_hz(tracker).tolist()
     sweep = {
-        "variation": "dec", "number_of_points": POINTS_PER_DECADE, "start_frequency": tracker.bandwidth_hz / reach,
-        "stop_frequency": tracker.bandwidth_hz * reach,
+        "variation": "dec", "number_of_points": POINTS_PER_DECADE, "start_frequency": lowest, "stop_frequency": highest,
     }  # fmt: skip
     guess = {name[2:-1]: value for name, value in last.items() if name.startswith(NEAR)}
     vectors = run_bench(held, ["v(phase)"], None, "ac", sweep, guess).phasors()

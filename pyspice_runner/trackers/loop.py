@@ -37,7 +37,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, small_signals
+from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised
 from pyspice_runner.trackers.tracker import (
     LoopFilter,
     TrackedSource,
@@ -66,15 +66,8 @@ class LoopDesign:
 
     def to_dict(self) -> dict[str, Any]:
         """Return filter, crossover and margin, JSON-ready."""
-        return {
-            "filter": asdict(self.loop_filter),
-            "crossover_hz": self.crossover_hz,
-            "phase_margin_deg": self.phase_margin_deg,
-            "margin_error_deg": self.margin_error_deg,
-            "sensed_phase_deg": self.sensed_phase_deg,
-            "frequency_hz": self.frequency_hz.tolist(),
-            "gain": json_ready(self.gain),
-        }
+        found: dict[str, Any] = json_ready(asdict(self))
+        return {"filter": found.pop("loop_filter"), **found}
 
 
 def phase_shown_deg(
@@ -103,10 +96,15 @@ def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, cont
         raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
     lag = running_resonance(motor, tracker, mode=mode, contact=contact)
     loop_filter = propose_filter(tracker, lag)
-    steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
-    frequency = tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps)
+    frequency = swept_hz(tracker)
     gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
     return crossing(tracker, loop_filter, frequency, gain)
+
+
+def swept_hz(tracker: Tracker) -> Array:
+    """Return the frequencies in Hz to either side of the bandwidth."""
+    steps = 2 * SWEPT_DECADES * POINTS_PER_DECADE + 1
+    return np.asarray(tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps))
 
 
 def crossing(
@@ -136,42 +134,33 @@ EDGE_STEPS = 20  # of Newton's method
 
 
 @dataclass(frozen=True)
-class LockedPoint:
-    """The steady state at which a tracker keeps a motor."""
-
-    motor: Motor  # at its temperature and preload
-    drive: TwoPhaseDrive  # the fundamentals at the pins
-    speed: float | None  # rad/s, of a held shaft or of one that still accelerates
-    load_torque: float = 0.0  # N·m, of a free shaft that has settled
-    # phasors of the harmonics of the sensed force from the first on, V; where the pins have none only the first
-    force: Complex | None = None
-
-
-@dataclass(frozen=True)
 class _Answer:
     """Currents of a motor for small voltages beside its drive; the first index is the modulation."""
 
     modulation: Array  # Hz
     currents: Complex  # phasors of the drive's currents, A
-    own: tuple[Complex, Complex]  # at the side band above by voltages there, and below by conjugate ones there, S
-    image: tuple[Complex, Complex]  # above by conjugate voltages below, and below by voltages above, S
+    # from the voltages at the side band above and the conjugate ones below to such currents, shape (…, 4, 4), S
+    inner: Complex
     error: Array  # estimated error of the admittances, S
 
     def at(self, frequency: Array) -> _Answer:
         """Return the answer at other modulations; admittances are smooth, the phase behind a network is not."""
         from scipy.interpolate import CubicSpline  # takes long to load
 
-        def between(values: NDArray[Any]) -> Any:
-            return CubicSpline(np.log(self.modulation), values)(np.log(frequency))
-
-        own, image = (tuple(map(between, pair)) for pair in (self.own, self.image))
-        return _Answer(frequency, self.currents, (own[0], own[1]), (image[0], image[1]), between(self.error))
+        before, after = np.log(self.modulation), np.log(frequency)
+        inner, error = (CubicSpline(before, values)(after) for values in (self.inner, self.error))
+        return _Answer(frequency, self.currents, inner, error)
 
 
-def running_loop(
-    setup: Point, source: TrackedSource, point: LockedPoint, *, timeout: float | None = None
-) -> LoopDesign:
-    """Return the loop gain of a phase-locked loop at a running motor; ``setup`` has it as the tracker knows it.
+def running_loop(known: Motor, source: TrackedSource, point: Point, force: Complex | None = None) -> LoopDesign:
+    """Return the loop gain of a phase-locked loop at a running motor.
+
+    Args:
+        known: the motor as the tracker knows it.
+        source: the tracker.
+        point: the steady state at which it keeps the motor: at its temperature and preload, with the fundamentals at
+            the pins, at the speed of a held shaft or of one that still accelerates, or under the load of a settled one.
+        force: phasors of the harmonics of the sensed force from the first on, V; by default the pins have none.
 
     Raises:
         SimulationError: if there is no stable steady state, or the loop gain does not cross 1 near the bandwidth.
@@ -179,11 +168,11 @@ def running_loop(
     tracker, drive = source.tracker, point.drive
     most = HIGHEST * drive.frequency
     modulation = np.geomspace(tracker.bandwidth_hz / REACH, min(REACH * tracker.bandwidth_hz, most), POINTS)
-    answer = _free(point, modulation) if setup.law is None else _running(setup, point, modulation, timeout)
+    answer = _free(point, modulation) if point.law is None else _running(point, modulation)
     frequency = np.geomspace(
         modulation[0], modulation[-1], round(POINTS_PER_DECADE * np.log10(modulation[-1] / modulation[0])) + 1
     )
-    turns, errors, sensed = _turns(setup.motor, source, point, answer.at(frequency))
+    turns, errors, sensed = _turns(known, source, point.drive, force, answer.at(frequency))
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     impedance = source.loop_filter.impedance(2j * pi * frequency)
     gain = -pump * impedance * tracker.gain_hz_per_v * turns
@@ -196,78 +185,75 @@ def running_loop(
     )  # fmt: skip
 
 
-def _free(point: LockedPoint, modulation: Array) -> _Answer:
+def _free(point: Point, modulation: Array) -> _Answer:
     """Return the currents of a stator without a rotor."""
     frequency = point.drive.frequency
     above, below = (
         np.array([cold_admittance(point.motor, frequency + side * at) for at in modulation]) for side in (1.0, -1.0)
     )
     none = np.zeros_like(above)
-    currents = cold_admittance(point.motor, frequency) @ _volts(point.drive)
-    return _Answer(modulation, currents, (above, below.conj()), (none, none), np.zeros(len(modulation)))
+    currents = cold_admittance(point.motor, frequency) @ volts(point.drive)
+    return _Answer(modulation, currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation)))
 
 
-def _running(setup: Point, point: LockedPoint, modulation: Array, timeout: float | None) -> _Answer:
+def _running(point: Point, modulation: Array) -> _Answer:
     """Return the currents of the full motor about its steady state."""
-    found = small_signals(
-        point.motor, point.drive, frequencies=modulation, speed=point.speed,
-        load_torque=0.0 if point.speed is not None else point.load_torque, contact=setup.law, timeout=timeout,
-    )  # fmt: skip
+    found = linearised(point, modulation)
     waves, frequency = found.state.waveforms, point.drive.frequency
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
     columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
     currents = [2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns]
-    places = [[int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)]
-    above, below = places
+    above, below = (
+        [int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)
+    )
     hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s
     worst = error[above].max(axis=(1, 2)) + error[below].max(axis=(1, 2))
-    return _Answer(
-        modulation, np.array(currents), (hot[above], hot[below].conj()), (image[below], image[above].conj()), worst
-    )
+    inner = np.block([[hot[above], image[below]], [image[above].conj(), hot[below].conj()]])
+    return _Answer(modulation, np.array(currents), inner, worst)
 
 
-def _turns(known: Motor, source: TrackedSource, point: LockedPoint, answer: _Answer) -> tuple[Complex, Array, float]:
+def _turns(
+    known: Motor, source: TrackedSource, drive: TwoPhaseDrive, force: Complex | None, answer: _Answer
+) -> tuple[Complex, Array, float]:
     """Return the change of the sensed phase with the frequency in rad/Hz, its error, and the phase.
 
     The sensed phase in degrees is that of the motional current ahead of the edges of the force.
     """
-    frequency, weights = point.drive.frequency, sensing(known, source.tracker, source.mode)
-    currents, forces = (_by_group(weights, kind) for kind in ("current", "force"))
-    volts = _volts(point.drive)
-    motional = complex(currents @ (answer.currents - _copies(weights, frequency) @ volts))
-    harmonics = np.array([forces @ volts]) if point.force is None else point.force
+    frequency, weights = drive.frequency, sensing(known, source.tracker, source.mode)
+    currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
+    pins = volts(drive)
+    motional = complex(currents @ (answer.currents - copies(weights, frequency) @ pins))
+    harmonics = np.array([forces @ pins]) if force is None else force
     orders = np.arange(1, len(harmonics) + 1)
-    wanted = harmonics * _reference(source, np.asarray(orders * frequency, dtype=float))
+    wanted = harmonics * _reference(source, orders * frequency)
     edge = _edge(wanted)
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
     series, across = _network(source, frequency)
-    stage = volts + series * (answer.currents + across * volts)
+    stage = pins + series * (answer.currents + across * pins)
     emf = 0.5 * np.concatenate([stage, stage.conj()])
     turns, errors = [], []
     for index, at in enumerate(answer.modulation.tolist()):
         bands = (frequency + at, at - frequency)
         series, across = np.concatenate([_network(source, band) for band in bands], axis=1)
         # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
-        inner = np.block([
-            [answer.own[0][index], answer.image[0][index]], [answer.image[1][index], answer.own[1][index]],
-        ])  # fmt: skip
+        inner = answer.inner[index]
         moved = np.linalg.solve(np.eye(4) + np.diag(series) @ (inner + np.diag(across)), emf)
         drawn = inner @ moved
-        current, force = [], []
+        current, turned = [], []
         for band, part in zip(bands, (slice(2), slice(2, 4)), strict=True):
-            current.append(currents @ (drawn[part] - _copies(weights, band) @ moved[part]))
-            force.append(forces @ moved[part] * _reference(source, np.array([band]))[0])
+            current.append(currents @ (drawn[part] - copies(weights, band) @ moved[part]))
+            turned.append(forces @ moved[part] * _reference(source, band))
         ahead = current[0] / motional + current[1] / motional.conjugate()
-        ahead -= (force[0] * np.exp(1j * edge) + force[1] * np.exp(-1j * edge) + follows) / slope
+        ahead -= (turned[0] * np.exp(1j * edge) + turned[1] * np.exp(-1j * edge) + follows) / slope
         turns.append(complex(ahead) / (1j * at))
         errors.append(float(np.abs(currents).sum() * answer.error[index] * np.abs(moved).max() / abs(motional) / at))
     sensed = degrees(phase(motional)) + degrees(edge) + source.tracker.target_deg
     return np.array(turns), np.array(errors), (sensed + 180.0) % 360.0 - 180.0
 
 
-def _reference(source: TrackedSource, frequency: Array) -> Complex:
+def _reference(source: TrackedSource, frequency: Any) -> Complex:
     """Return the factors from the force to the signal with which the detector compares the current."""
     tracker = source.tracker
     target = np.radians(tracker.target_deg)
@@ -283,17 +269,19 @@ def _edge(harmonics: Complex) -> float:
     return edge
 
 
-def _volts(drive: TwoPhaseDrive) -> Complex:
+def volts(drive: TwoPhaseDrive) -> Complex:
+    """Return the phasors of both groups, V."""
     return np.array(list(two_phasors(drive).values()))
 
 
-def _copies(weights: Mapping[str, float], frequency: float) -> Complex:
+def copies(weights: Mapping[str, float], frequency: float) -> Complex:
     """Return the admittances of the copies of the clamped capacitances, S."""
-    impedances = _by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * _by_group(weights, "capacitance"))
+    impedances = by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * by_group(weights, "capacitance"))
     return np.diag(1.0 / impedances)
 
 
-def _by_group(values: Mapping[str, float], name: str) -> Array:
+def by_group(values: Mapping[str, float], name: str) -> Array:
+    """Return the values of both groups."""
     return np.array([values[groups.named(name, group)] for group in GROUPS])
 
 

@@ -14,17 +14,15 @@ from math import degrees, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.averaged.library import check_averaged
-from pyspice_runner.averaged.run import damping_factor, model_cautions
+from pyspice_runner.averaged.run import cautions_over_time
 from pyspice_runner.averaged.simulate import averaged_ceramic
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError, require
-from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load, ideal_drive
+from pyspice_runner.motor.drive import Load, TwoPhaseDrive, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
@@ -37,7 +35,7 @@ from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
 from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, run_averaged
-from pyspice_runner.trackers.loop import LockedPoint, LoopDesign, running_loop
+from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
 from pyspice_runner.trackers.tracker import (
     SMOOTHED_PERIODS,
     Disturbance,
@@ -253,10 +251,8 @@ class Tracking(Result):
     @property
     def _wanted_deg(self) -> float:
         """Target phase at the end."""
-        step = self.settings["disturbance"]["target_step_deg"] or 0.0
-        return (
-            float(self.settings["tracker"]["target_deg"] + step) if self.settings["tracker"]["kind"] == "pll" else 0.0
-        )
+        tracker, step = self.settings["tracker"], self.settings["disturbance"]["target_step_deg"] or 0.0
+        return float(tracker["target_deg"] + step) if tracker["kind"] == "pll" else 0.0
 
 
 @dataclass(frozen=True)
@@ -294,9 +290,14 @@ class Periods:
         return change / scale if isfinite(change) else None
 
 
-def judged(run: TrackedRun, periods: Periods, outcome: Outcome | AveragedTrack) -> Tracking:
-    """Return lock, phase errors and speeds of a run. Raise ParameterError for a disturbance that begins too early."""
-    setup, disturbance, tracker, time = run.setup, run.disturbance, run.source.tracker, periods.time
+def judged(
+    run: TrackedRun, periods: Periods, outcome: Outcome | AveragedTrack, settings: Mapping[str, Any], **more: Any
+) -> Tracking:
+    """Return lock, phase errors and speeds of a run; ``settings`` are those of the run, ``more`` further fields.
+
+    Raise ParameterError for a disturbance that begins too early.
+    """
+    setup, disturbance, tracker, time = run.setup, run.source.disturbance, run.source.tracker, periods.time
     wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
     error = periods.smoothed(periods.phase - wanted)
     speed = periods.smoothed(periods.speed)
@@ -342,12 +343,7 @@ def judged(run: TrackedRun, periods: Periods, outcome: Outcome | AveragedTrack) 
             "tracker": tracker.model_dump(),
             "disturbance": disturbance.to_dict() | {"begin_s": begin if disturbed else None},
             "driver": run.source.driver.to_dict() if run.source.driver else None,
-            "run": {
-                "duration_s": run.duration,
-                **setup.to_dict(),
-                "mode": run.source.mode,
-                "deck_sha256": outcome.deck_sha256,
-            },
+            "run": settings,
         },
         time_s=time,
         frequency_hz=periods.frequency,
@@ -356,6 +352,7 @@ def judged(run: TrackedRun, periods: Periods, outcome: Outcome | AveragedTrack) 
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
+        **more,
     )
 
 
@@ -459,7 +456,7 @@ def track(
         disturbance = disturbance.model_copy(update={"load_torque_n_m": 0.5 * stall})
     source = replace(source, disturbance=disturbance)
     setup = replace(setup, source=source)
-    run = TrackedRun(setup, source, disturbance, duration, lag, stall, margin and tracker.kind == "pll")
+    run = TrackedRun(setup, source, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run, engine) if averaged else _track_full(run)
 
 
@@ -483,82 +480,81 @@ def _check_together(
 
 def _track_full(run: TrackedRun) -> Tracking:
     """Track the full motor."""
-    setup, source, duration = run.setup, run.source, run.duration
-    motor, mode = setup.motor, source.mode
+    setup, source, mode = run.setup, run.source, run.source.mode
+    motor = setup.motor
     forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if setup.law else []
-    electrical = ["v(a)", "v(b)", *(source.current(group)[0] for group in GROUPS), *modal_vectors(motor)]
-    outcome = setup.run(duration, list(dict.fromkeys(_vectors(mode, *forces, *electrical))))
+    currents = [source.current(group)[0] for group in GROUPS]
+    of_mode = ["v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
+    names = dict.fromkeys([*of_mode, *forces, "v(a)", "v(b)", *currents, *modal_vectors(motor)])
+    outcome = setup.run(run.duration, list(names))
     vectors = outcome.vectors()
     audit = Audit(audit_contact(motor.contact.friction, *(vectors[name] for name in forces)) if forces else ())
     if setup.solver.audit:
         audit.withhold("run")
-    found = judged(run, _periods(vectors, mode), outcome)
+    settings = {"duration_s": run.duration, **setup.to_dict(), "mode": mode, "deck_sha256": outcome.deck_sha256}
+    found = judged(run, _periods(vectors, mode), outcome, settings, audit=audit)
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
-    found = replace(found, audit=audit, ceramic=stressed)
-    pins = _phasors(vectors, {group: f"v({group})" for group in GROUPS})
-    if run.source.tracker.kind == "pll":
-        currents = _phasors(vectors, {group: source.current(group)[0] for group in GROUPS})
-        found = replace(found, sensing=_sensing(run, pins, currents, found))
+    pins = np.array([_phasor(vectors, f"v({group})") for group in GROUPS])
+    drawn = np.array([_phasor(vectors, name) for name in currents])
+    found = replace(found, ceramic=stressed, sensing=_sensing(run, pins, drawn, found.end_frequency_hz))
     if not (run.margin and found.locked):
         return found
-    force = np.array([_phasors(vectors, {"": "v(force)"}, order)[""] for order in range(1, HARMONICS_OF_FORCE + 1)])
+    force = np.array([_phasor(vectors, "v(force)", order) for order in range(1, HARMONICS_OF_FORCE + 1)])
     return _with_loop(run, found, pins, force)
 
 
-def _with_loop(
-    run: TrackedRun, found: Tracking, pins: Mapping[str, complex], force: NDArray[np.complex128]
-) -> Tracking:
+def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) -> Tracking:
     """Return a result with the loop gain of the running motor at its end; with a caution if there is none."""
-    setup, disturbance, tracker = run.setup, run.disturbance, run.source.tracker
+    setup, disturbance, tracker = run.setup, run.source.disturbance, run.source.tracker
     motor, speed = setup.motor, setup.load.speed
-    if disturbance.kind == "temperature":
-        motor = disturbance.coefficients.warmed(motor, disturbance.rise_k)
+    if disturbance.drifting:
+        motor = disturbance.drifting.warmed(motor, disturbance.rise_k)
     if disturbance.kind == "preload":
         motor = motor.updated({"contact.preload_n": motor.contact.preload_n * (1.0 + disturbance.preload_change)})
     if speed is None and not found.settled:
         speed = found.speed_after_rad_s
-    ratio = pins["b"] / pins["a"]
-    drive = ideal_drive(abs(pins["a"]), abs(pins["b"]), degrees(phase(ratio)), found.end_frequency_hz)
     target = tracker.target_deg + disturbance.target_step_deg
     source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
-    begins = np.exp(-1j * phase(pins["a"]) * np.arange(1, len(force) + 1))  # group A has the phase 0
-    point = LockedPoint(
-        motor, drive, speed, disturbance.load_torque_n_m if disturbance.kind == "load" else 0.0, force * begins
-    )
+    begins = np.exp(-1j * phase(pins[0]) * np.arange(1, len(force) + 1))  # group A has the phase 0
+    loaded = speed is None and disturbance.kind == "load"
+    point = Point.of(
+        motor, _at_pins(pins, found.end_frequency_hz), speed=speed, contact=setup.law, timeout=setup.solver.timeout,
+        load_torque=disturbance.load_torque_n_m if loaded else 0.0,
+    )  # fmt: skip
     try:
-        return replace(found, loop=running_loop(setup, source, point, timeout=setup.solver.timeout))
+        return replace(found, loop=running_loop(setup.motor, source, point, force * begins))
     except SimulationError as error:
         return replace(found, no_loop=str(error))
 
 
+def _at_pins(pins: Complex, frequency: float) -> TwoPhaseDrive:
+    """Return the drive with these phasors of both groups, V."""
+    a, b = pins.tolist()
+    return ideal_drive(abs(a), abs(b), degrees(phase(b) - phase(a)), frequency)
+
+
 def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     """Track the averaged motor."""
-    done, motor = run_averaged(run, engine), run.setup.motor
-    curves, time = done.curves, done.curves["time"]
-    periods = Periods(time, curves["frequency"], curves["phase"], curves["speed"], np.gradient(time))
-    found = judged(run, periods, done)
-    kept = ("duration_s", "contact", "speed_rad_s", "mode")
-    found.settings["run"] = {name: found.settings["run"][name] for name in kept} | {
-        "averaged": True, "engine": "spice" if done.ngspice_version else "compiled"
+    done, motor, drifting = run_averaged(run, engine), run.setup.motor, run.source.disturbance.drifting
+    curves, time, timeout = done.curves, done.curves["time_s"], run.setup.solver.timeout
+    end = {name: float(values[-1]) for name, values in curves.items()}
+    periods = Periods(time, curves["frequency_hz"], curves["phase_deg"], curves["rotor_speed_rad_s"], np.gradient(time))
+    hot = drifting.warmed(motor, end["temperature_k"]) if drifting else motor
+    drive = _at_pins(done.voltages, end["frequency_hz"])
+    unstable = stability_cautions(hot, drive, end["rotor_speed_rad_s"], end["tip_y_amplitude_m"], timeout=timeout)
+    stated = run.setup.to_dict()
+    settings = {
+        "duration_s": run.duration, "contact": stated["contact"], "speed_rad_s": stated["speed_rad_s"],
+        "mode": run.source.mode, "averaged": True, "engine": "spice" if done.ngspice_version else "compiled",
+        **({"deck_sha256": done.deck_sha256} if done.deck_sha256 else {}),
     }  # fmt: skip
-    if done.deck_sha256:
-        found.settings["run"]["deck_sha256"] = done.deck_sha256
-    cautions = model_cautions(
-        float(curves["check"].max()),
-        float(curves["separated"].max()),
-        damping_factor(motor.to_dict(), curves["frequency"], curves["tip_y"]),
-    )
-    pins, drifting = done.voltages, run.disturbance.drifting
-    turned = degrees(phase(pins["b"]) - phase(pins["a"]))
-    drive = ideal_drive(abs(pins["a"]), abs(pins["b"]), turned, float(curves["frequency"][-1]))
-    hot = drifting.warmed(motor, float(curves["temperature"][-1])) if drifting else motor
-    speed, amplitude = (float(curves[name][-1]) for name in ("speed", "tip_y"))
-    cautions += stability_cautions(hot, drive, speed, amplitude, timeout=run.setup.solver.timeout)
-    stressed = averaged_ceramic(motor, done.amplitudes, done.normal_force, done.heat, curves["speed"])
-    found = replace(found, temperature_k=curves["temperature"], model_cautions=cautions, ceramic=stressed)
-    if run.source.tracker.kind == "pll":
-        found = replace(found, sensing=_sensing(run, done.voltages, done.currents, found))
+    found = judged(
+        run, periods, done, settings, temperature_k=curves["temperature_k"],
+        model_cautions=cautions_over_time(motor.to_dict(), curves) + unstable,
+        ceramic=averaged_ceramic(motor, done.amplitudes, curves),
+    )  # fmt: skip
+    found = replace(found, sensing=_sensing(run, done.voltages, done.currents, found.end_frequency_hz))
     return replace(found, loop=done.find_loop()) if run.margin and found.locked else found
 
 
@@ -589,10 +585,6 @@ def _check_duration(setup: Point, source: TrackedSource, duration: float) -> Non
     require(least <= duration <= most, "duration", duration, f"from {least:.3g} to {most:.3g} s", unit="s")
 
 
-def _vectors(mode: int, *more: str) -> list[str]:
-    return ["v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)", *more]
-
-
 def _edges(vectors: Mapping[str, Array]) -> Array:
     """Return the times in s of the rising edges of the force."""
     time, force = vectors["time"], vectors["v(force)"]
@@ -604,29 +596,29 @@ def _edges(vectors: Mapping[str, Array]) -> Array:
     )
 
 
-def _phasors(vectors: Mapping[str, Array], names: Mapping[str, str], order: int = 1) -> dict[str, complex]:
-    """Return the phasors of vectors, by group, over the last periods, or those of a harmonic."""
+def _phasor(vectors: Mapping[str, Array], name: str, order: int = 1) -> complex:
+    """Return the phasor of a vector over the last periods, or that of a harmonic."""
     time, edges = vectors["time"], _edges(vectors)[-1 - SMOOTHED_PERIODS :]
     late = (time >= edges[0]) & (time <= edges[-1])
-    turns = (
-        2.0j / (edges[-1] - edges[0]) * np.exp(-2j * pi * order * np.interp(time[late], edges, np.arange(edges.size)))
-    )
-    return {group: complex(np.trapezoid(vectors[name][late] * turns, time[late])) for group, name in names.items()}
+    turns = np.exp(-2j * pi * order * np.interp(time[late], edges, np.arange(edges.size)))
+    return complex(2.0j / (edges[-1] - edges[0]) * np.trapezoid(vectors[name][late] * turns, time[late]))
 
 
-def _sensing(run: TrackedRun, pins: Mapping[str, complex], currents: Mapping[str, complex], found: Tracking) -> Sensing:
-    """Return how the sensed motional current drifts where the copies of the clamped capacitances do not warm up."""
+def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float) -> Sensing | None:
+    """Return how the sensed motional current drifts where the copies of the clamped capacitances do not warm up.
+
+    ``None`` for a tracker that is no phase-locked loop.
+    """
     motor, tracker = run.setup.motor, run.source.tracker
-    drift = (run.disturbance.thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
+    if tracker.kind != "pll":
+        return None
+    drift = (run.source.disturbance.thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
     weights = sensing(motor, tracker, run.source.mode)
-    motional = charging = 0j
-    for group in GROUPS:
-        reactance = 1.0 / (2j * pi * found.end_frequency_hz * weights[groups.named("capacitance", group)])
-        taken = pins[group] / (weights[groups.named("resistance", group)] + reactance)
-        motional += weights[groups.named("current", group)] * (currents[group] - taken)
-        charging += weights[groups.named("current", group)] * taken
+    taken = copies(weights, frequency) @ pins
+    charging = by_group(weights, "current") @ taken
+    motional = by_group(weights, "current") @ (currents - taken)
     turn = -degrees((drift * charging / motional).imag)  # the loop turns the mode back
-    wanted = tracker.target_deg + run.disturbance.target_step_deg
+    wanted = tracker.target_deg + run.source.disturbance.target_step_deg
     moved = run.lag.detuning_hz(wanted + turn) - run.lag.detuning_hz(wanted)
     return Sensing(drift, turn, moved)
 

@@ -21,7 +21,7 @@ derivative of the force, determines the loaded quality factor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, pi, sqrt, tan
 from operator import mul
@@ -31,6 +31,7 @@ import numpy as np
 from pydantic import Field
 from PySpice.Spice.Netlist import Circuit
 
+from pyspice_runner.averaged.library import schedule_text
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
 from pyspice_runner.circuit.source import GROUPS, Excitation, Pins, Source
@@ -226,19 +227,16 @@ class Disturbance(Stated):
     target_step_deg: float = quantity("step of a loop's target phase", "°", default=0.0, ge=-60.0, le=60.0)
 
     @property
-    def coefficients(self) -> Thermal:
-        """Coefficients of the thermal motor."""
-        return self.thermal or Thermal(coupling_drift_per_k=0.0, capacitance_drift_per_k=0.0)
+    def drifting(self) -> Thermal | None:
+        """Coefficients of the drift; ``None`` without one."""
+        if self.kind == "temperature":
+            return self.thermal or Thermal(coupling_drift_per_k=0.0, capacitance_drift_per_k=0.0)
+        return self.thermal or Thermal() if self.kind == "warm-up" else None
 
     @property
     def rise_k(self) -> float:
-        """Temperature rise in K that causes the drift."""
-        return self.drift / self.coefficients.frequency_drift_per_k
-
-    @property
-    def drifting(self) -> Thermal | None:
-        """Coefficients of the drift; ``None`` without one."""
-        return {"temperature": self.coefficients, "warm-up": self.thermal or Thermal()}.get(self.kind)
+        """Temperature rise in K that causes the drift; 0 without one."""
+        return self.drift / self.drifting.frequency_drift_per_k if self.drifting else 0.0
 
     @property
     def end_s(self) -> float:
@@ -250,6 +248,16 @@ class Disturbance(Stated):
         """Return the course of what rises from 0 to a value while it lasts: times in s and values."""
         return [(0.0, 0.0), (self.begin_s, 0.0), (self.end_s, value)]
 
+    def add(self, circuit: Circuit, motor: Motor) -> None:
+        """Add the sources of the disturbance."""
+        if self.kind == "load":
+            circuit.I("load", "shaft", circuit.gnd, schedule_text(self.ramp(self.load_torque_n_m)))
+        if self.kind == "preload":
+            moved = motor.approach_m((1.0 + self.preload_change) * motor.contact.preload_n)
+            circuit.V("approach", "approach", circuit.gnd, schedule_text(self.ramp(1e6 * moved)))
+        if self.kind == "temperature":
+            circuit.V("temperature", "temperature", circuit.gnd, schedule_text(self.ramp(self.rise_k)))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
         of_kinds = {
@@ -258,6 +266,9 @@ class Disturbance(Stated):
         }  # fmt: skip
         values = {name: getattr(self, name) if kind == self.kind else None for name, kind in of_kinds.items()}
         return {"kind": self.kind, "begin_s": self.begin_s, **values}
+
+
+UNDISTURBED = Disturbance(kind="start")
 
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
@@ -348,7 +359,7 @@ class TrackedSource(Source):
     # driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
     # frequency.
     driver: Driver | None = None
-    disturbance: Disturbance | None = None  # what happens to the loop and the motor
+    disturbance: Disturbance = UNDISTURBED  # what happens to the loop and the motor
     inject: str = ""  # source between ``control`` and ``tuning``, by default 0 V
     vectors = ("v(tuned)",)
     fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
@@ -398,7 +409,7 @@ class TrackedSource(Source):
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
-        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance or Disturbance(kind="start")
+        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance
         parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
         parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
         circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
@@ -427,8 +438,38 @@ class TrackedSource(Source):
             frequency=tracker.frequency, drift=tracker.copies_drift_per_k, **sensing(motor, tracker, self.mode),
         )  # fmt: skip
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
-        _add_tracker(circuit, motor, tracker, self.mode, self.loop_filter, disturbance)
-        add_disturbance(circuit, motor, disturbance)
+        self._add_control(circuit, motor)
+        disturbance.add(circuit, motor)
+
+    def _add_control(self, circuit: Circuit, motor: Motor) -> None:
+        """Add what sets the control voltage: a constant, detector and filter, or an observer."""
+        tracker = self.tracker
+        if tracker.kind == "none":
+            circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
+            return
+        if tracker.kind == "pll":
+            circuit.V("target", "target", circuit.gnd, schedule_text(self.targets))
+            instantiate(
+                circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
+                current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
+            )  # fmt: skip
+            add_filter(circuit, self.loop_filter, tracker.start_v)
+            return
+        # about 1 V at the free resonance: the weighted motional current, or the power
+        own, weight = motor.modes[self.mode], weights(motor, self.mode)
+        force = mode_force(motor, tracker, self.mode)
+        velocity = force / own.damping_n_s_per_m
+        if tracker.kind == "observe-power":
+            expression = f"{2.0 / (force * velocity):.10g}*V(power)"
+        else:
+            sensed = sum(map(mul, own.couplings, (weight[groups.named("current", group)] for group in GROUPS)))
+            expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
+        circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
+        instantiate(
+            circuit, "observer", "tracker_observer", ("quantity", "control"),
+            bandwidth=tracker.average_hz, period=tracker.period_s, step=tracker.step_hz / tracker.gain_hz_per_v,
+            polarity=tracker.polarity, rail=RAIL, start=tracker.start_v,
+        )  # fmt: skip
 
     @property
     def unsteady(self) -> str:
@@ -436,16 +477,22 @@ class TrackedSource(Source):
         return f"A tracker ({self.label}) has feedback: its voltages have no fixed period."
 
     @property
+    def targets(self) -> list[tuple[float, float]]:
+        """The target phase in degrees over time in s."""
+        before, begin = self.tracker.target_deg, self.disturbance.begin_s
+        if self.disturbance.kind != "target":
+            return [(0.0, before)]
+        return [(0.0, before), (begin, before), (begin + 1e-6, before + self.disturbance.target_step_deg)]
+
+    @property
     def pins(self) -> tuple[str, ...]:
         """Pins of the motor that the disturbance drives."""
-        kind = self.disturbance.kind if self.disturbance else ""
-        return {"preload": ("approach",), "temperature": ("temperature", "heat")}.get(kind, ())
+        return {"preload": ("approach",), "temperature": ("temperature", "heat")}.get(self.disturbance.kind, ())
 
     @property
     def thermal(self) -> Thermal | None:
         """Drift of a motor whose temperature the disturbance changes."""
-        disturbance = self.disturbance
-        return disturbance.coefficients if disturbance and disturbance.kind == "temperature" else None
+        return self.disturbance.drifting
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
@@ -472,59 +519,3 @@ def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suf
         circuit, f"filter{suffix}", "tracker_filter", (f"control{suffix}",), start=start_v,
         resistance=loop_filter.resistance_ohm, capacitance=loop_filter.capacitance_f, ripple=loop_filter.ripple_f,
     )  # fmt: skip
-
-
-def target_points(tracker: Tracker, disturbance: Disturbance) -> list[tuple[float, float]]:
-    """Return the target phase in degrees over time in s."""
-    before, begin = tracker.target_deg, disturbance.begin_s
-    after = before + disturbance.target_step_deg
-    return [(0.0, before), (begin, before), (begin + 1e-6, after)] if disturbance.kind == "target" else [(0.0, before)]
-
-
-def piecewise(points: Sequence[tuple[float, float]]) -> str:
-    """Return the value of a source in SPICE for times in s and values, linear between them; one value is constant."""
-    if len(points) == 1:
-        return f"DC {points[0][1]!r}"
-    return f"PWL({' '.join(f'{time!r} {value!r}' for time, value in points)})"
-
-
-def _add_tracker(
-    circuit: Circuit, motor: Motor, tracker: Tracker, mode: int, loop_filter: LoopFilter, disturbance: Disturbance
-) -> None:
-    if tracker.kind == "none":
-        circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
-        return
-    if tracker.kind == "pll":
-        circuit.V("target", "target", circuit.gnd, piecewise(target_points(tracker, disturbance)))
-        instantiate(
-            circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
-            current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
-        )  # fmt: skip
-        add_filter(circuit, loop_filter, tracker.start_v)
-        return
-    # about 1 V at the free resonance: the weighted motional current, or the power
-    own, weight = motor.modes[mode], weights(motor, mode)
-    force = mode_force(motor, tracker, mode)
-    velocity = force / own.damping_n_s_per_m
-    if tracker.kind == "observe-power":
-        expression = f"{2.0 / (force * velocity):.10g}*V(power)"
-    else:
-        sensed = sum(map(mul, own.couplings, (weight[groups.named("current", group)] for group in GROUPS)))
-        expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
-    circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
-    instantiate(
-        circuit, "observer", "tracker_observer", ("quantity", "control"),
-        bandwidth=tracker.average_hz, period=tracker.period_s, step=tracker.step_hz / tracker.gain_hz_per_v,
-        polarity=tracker.polarity, rail=RAIL, start=tracker.start_v,
-    )  # fmt: skip
-
-
-def add_disturbance(circuit: Circuit, motor: Motor, disturbance: Disturbance) -> None:
-    """Add the sources of a disturbance."""
-    if disturbance.kind == "load":
-        circuit.I("load", "shaft", circuit.gnd, piecewise(disturbance.ramp(disturbance.load_torque_n_m)))
-    if disturbance.kind == "preload":
-        moved = motor.approach_m((1.0 + disturbance.preload_change) * motor.contact.preload_n)
-        circuit.V("approach", "approach", circuit.gnd, piecewise(disturbance.ramp(1e6 * moved)))
-    if disturbance.kind == "temperature":
-        circuit.V("temperature", "temperature", circuit.gnd, piecewise(disturbance.ramp(disturbance.rise_k)))

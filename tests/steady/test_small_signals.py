@@ -16,7 +16,6 @@ import pytest
 from numpy.typing import NDArray
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.law import law_of
 from pyspice_runner.circuit.motor import dielectric_admittance
 from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Tone
@@ -26,7 +25,7 @@ from pyspice_runner.steady.copies import Copy, Probe, copies_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
 from pyspice_runner.steady.steady import steady_states
-from pyspice_runner.trackers.loop import LockedPoint, running_loop
+from pyspice_runner.trackers.loop import running_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
 from tests.motors import BEAM40
 
@@ -313,8 +312,7 @@ def test_the_loop_gain_of_a_motor_that_sticks_is_that_of_its_resonance() -> None
     tracker = pr.Tracker(kind="pll", voltage=0.2, frequency=lag.resonance_hz, bandwidth_hz=500.0)
     chosen = propose_filter(tracker, lag)
     source = TrackedSource(tracker, 1, chosen)
-    setup = Point(paper, source, law=law_of("spring-slider"))
-    running = running_loop(setup, source, LockedPoint(paper, weak, 0.0))
+    running = running_loop(paper, source, Point.of(paper, weak, speed=0.0, contact="spring-slider"))
     # harmonic balance of the slider, which the closed form of the lag has, gives the loaded Q to some per cent
     assert running.crossover_hz == pytest.approx(500.0, rel=0.05)
     assert running.phase_margin_deg == pytest.approx(90.0 - degrees(atan(1.0 / 6.0)), abs=2.0)

@@ -21,7 +21,7 @@ from pyspice_runner.circuit.bench import AC_OPTIONS, Bench
 from pyspice_runner.cli import run
 from pyspice_runner.run.kernel import run_bench
 from pyspice_runner.run.point import Point
-from pyspice_runner.trackers.loop import LockedPoint, LoopDesign, running_loop
+from pyspice_runner.trackers.loop import LoopDesign, running_loop
 from pyspice_runner.trackers.tracker import LoopFilter, TrackedSource, running_resonance
 from tools.decks import average_bench
 
@@ -189,7 +189,7 @@ def locked(chosen: pr.Tracker, driver: pr.Driver | None = None) -> LoopDesign:
     lag = running_resonance(motor(), chosen, contact=False)
     source = TrackedSource(chosen, 1, proposed(chosen), driver)
     volts = pr.TwoPhaseDrive(voltage=chosen.voltage, frequency=lag.resonance_hz, phase_deg=90.0)
-    return running_loop(Point(motor(), source, law=None), source, LockedPoint(motor(), volts, None))
+    return running_loop(motor(), source, Point.of(motor(), volts, contact=None))
 
 
 def test_without_a_network_a_free_stator_has_the_loop_of_its_resonance() -> None:
@@ -210,7 +210,7 @@ def test_a_network_changes_the_loop_of_a_tracker() -> None:
     source = TrackedSource(chosen, 1, proposed(chosen), driver)
     # the pins in lock, by the transient
     volts = pr.TwoPhaseDrive(voltage=53.494, ratio_b=2.25022, phase_deg=-9.1287, frequency=lag.resonance_hz)
-    found = running_loop(Point(motor(), source, law=None), source, LockedPoint(motor(), volts, None))
+    found = running_loop(motor(), source, Point.of(motor(), volts, contact=None))
     gain = np.exp(np.interp(np.log(1438.0), np.log(found.frequency_hz), np.log(np.abs(found.gain))))
     margin = 180.0 + np.interp(1438.0, found.frequency_hz, np.degrees(np.unwrap(np.angle(found.gain))))
     assert gain == pytest.approx(0.856, rel=0.02)
