@@ -60,7 +60,6 @@ class DrivenShooting(Shooting):
         self.measure([point for point in points if point.at_end is None and not point.failed])
         for point in points:
             if not point.failed:
-                point.step = point.newton_step()
                 point.judge()
 
     def _renew(self, points: Sequence[Orbit]) -> None:
@@ -92,7 +91,7 @@ class DrivenPoint(Orbit):
         left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
         kept = np.arange(len(sizes)) < len(sizes) - self._still
         moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
-        step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
+        step = np.asarray((self.trace.later(self.plant.begins * self.plant.drive.period) - self.state) / self.scale)
         step[free] = back @ moved + faded.T @ (faded @ step[free])
         return step
 
@@ -183,7 +182,7 @@ def driven_answers(
         plant = Plant.of(setup)
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
         if start is None and moving is not None:
-            state[: plant.inner] = moving.moved(plant.begins * plant.period).state[: plant.inner]
+            state[: plant.inner] = moving.moved(plant.begins * plant.drive.period).state[: plant.inner]
         tolerance = max(NEWTON.residual, SOLVED * accuracy)
         points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None, tolerance=tolerance))
     first = setups[0]

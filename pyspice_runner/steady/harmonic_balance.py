@@ -597,7 +597,7 @@ class Balance:
                 rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
                 stem += [series * (force[0] - rest) - moved[axis], series * rate - moving[axis]]
         state[plant.where("stem")] = stem
-        state[plant.carrier] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
+        state[plant.where("mount")] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
         if plant.turns:
             state[-1] = self.speed
         return state

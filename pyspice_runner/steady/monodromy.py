@@ -105,7 +105,7 @@ class _Group:
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])
-        modes, carrier = self.plant.modes, self.plant.carrier
+        modes, carrier = self.plant.modes, self.plant.where("mount")
         # places of the displacements of modes and carriers in the state, and of their velocities
         self.places = [*range(modes), *range(carrier.start, carrier.stop, 2)]
         self.speeds = [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]

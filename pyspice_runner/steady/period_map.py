@@ -22,7 +22,7 @@ from itertools import chain
 from math import atan2, ceil, degrees, nan
 from threading import Lock
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
-from pyspice_runner.run.kernel import run_bench, simulator
+from pyspice_runner.run.kernel import run_bench, simulator, transient_timing
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import (
@@ -176,10 +176,6 @@ class PeriodMap:
         """How motors are adapted to the step."""
         return Discretisation(self.step, self.uniform)
 
-    def with_steps(self, steps: int) -> PeriodMap:
-        """Return a map over the same period with another number of steps."""
-        return PeriodMap(self.period, steps, self.timeout, self.workers, self.processes)
-
     def traces(self, copies: Sequence[Copy], after: int = 0) -> list[Trace | None]:
         """Return the traces of the copies over a period, after a number of others; ``None`` if ngspice finds none.
 
@@ -223,7 +219,7 @@ class PeriodMap:
         """Return the deck that runs one copy over a period."""
         single = self._bench([copy]) if self.lead else copies_bench([copy], self.discretisation)
         ready = simulator(single, self._vectors(0, copy.plant, whole=True))
-        return str(ready.prepare("transient", **self._timing(self.duration, whole=True)))
+        return str(ready.prepare("transient", **transient_timing(self.duration, self.duration, self.step)))
 
     @property
     def duration(self) -> float:
@@ -231,16 +227,12 @@ class PeriodMap:
         steps = _MORE if self.lead else _LEAD
         return (1.0 + self.lead) * self.period + (steps * self.step if self.uniform else 0.0)
 
-    def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
-        return {
-            "step_time": duration, "end_time": duration, "max_time": self.step, "use_initial_condition": True,
-            "start_time": duration - (self.duration if whole else self.step),
-        }  # fmt: skip
-
     def _evaluated(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         if not copies:
             return []
-        self._write(copies)
+        # the subcircuits of new motors are written before the threads of the decks read them; none behind drivers
+        new = [copy for copy in copies if not (copy.plant.driver or copy.plant.motor_name in self._texts)]
+        self._texts |= motor_texts(new, self.discretisation, plates=False)
         workers, law = self.workers, copies[0].plant.law  # the same in all
         most = COPIES_PER_DECK if self.uniform else 1  # elsewhere the steps would depend on the other copies
         decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(law.sliders if law else 1, 1))))
@@ -251,11 +243,6 @@ class PeriodMap:
         parts = [copies[places[0] : places[-1] + 1] for places in ends]
         found = in_threads(partial(self._deck, duration=duration, whole=whole), parts, workers)
         return list(chain.from_iterable(found))
-
-    def _write(self, copies: Sequence[Copy]) -> None:
-        """Write the subcircuits of new motors, before the threads of the decks read them; none behind drivers."""
-        new = [copy for copy in copies if not (copy.plant.driver or copy.plant.motor_name in self._texts)]
-        self._texts |= motor_texts(new, self.discretisation, plates=False)
 
     def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         """Run one deck; where that fails, run its halves, so that one copy does not take the others along."""
@@ -277,7 +264,7 @@ class PeriodMap:
         bench = self._bench(copies)
         names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         every = list(dict.fromkeys(name for own in names for name in own))
-        timing = self._timing(duration, whole)
+        timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
         outcome = run_bench(bench, every, self.timeout, "transient", timing, processes=self.processes)
         deck = str(bench.circuit.raw_spice)
         self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
@@ -291,7 +278,7 @@ class PeriodMap:
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         """Return the vectors to record of a copy: its states, and of a whole period its contact and driven pins."""
         copy = copy_name(number)
-        names = plant.recorded(copy)
+        names = plant.vectors(copy)
         if whole:
             motor = plant.inside(copy)
             names += [f"v({motor}.{name})" for name in CONTACT if plant.law]
@@ -436,7 +423,7 @@ def held_by_friction(plant: Plant, trace: Trace) -> bool:
     """
     if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
         return False
-    contact, state, carrier = plant.motor.contact, trace.contact_state, trace.states[plant.carrier]
+    contact, state, carrier = plant.motor.contact, trace.contact_state, trace.states[plant.where("mount")]
     along_m_s = tip(plant, trace)[2] + (carrier[3] if len(carrier) > 2 else 0.0)
     elastic_m = 2.0 * contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     path_m = np.abs(along_m_s[state > GROSS_SLIP]).sum() * (trace.time[1] - trace.time[0])
@@ -457,7 +444,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
     x, _, vx, vy = np.array(tip(plant, trace))[:, 1:]
-    carrier = trace.states[plant.carrier]  # displacement and velocity of the carrier along y, then along x
+    carrier = trace.states[plant.where("mount")]  # displacement and velocity of the carrier along y, then along x
     x = x - static_sway(motor, plant.law, discretisation)
     if len(carrier):
         vy = vy + carrier[1, 1:]
@@ -568,7 +555,7 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
-    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.carrier][:, at].tolist()
+    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.where("mount")][:, at].tolist()
     motion = displacement[:, at].tolist(), velocity[:, at].tolist()
     return stored_energy(plant.motor, *motion, carrier[::2], carrier[1::2])
 

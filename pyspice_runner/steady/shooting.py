@@ -38,12 +38,10 @@ SPACING = 3  # of the points that are solved first
 class Tolerances:
     """Tolerances of Newton's method on a period."""
 
-    perturbation: float = (
-        3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
-    )
-    residual: float = (
-        1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
-    )
+    # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
+    perturbation: float = 3e-4
+    # remaining Newton step, and what it would change of the mean forces, relative to their scales
+    residual: float = 1e-4
     iterations: int = 12  # the maximum; quadratic convergence takes 3 to 5
     damping: float = 1.0 / 64.0  # the minimum; a shorter step seldom leads to the solution
     growth: float = 3.0  # by which the first steps may grow: they pass from one kind of contact to another
@@ -58,18 +56,15 @@ class Tolerances:
     # copies and by the equations. About 1e-3 is left where the tip touches in the uneven steps between.
     memory: float = 0.1
     exact_memory: float = 2e-4
-    gross_slip: float = (
-        GROSS_SLIP - 1.0
-    )  # of the contact's state, from stick to where all sliders slip, or to separation
+    # of the contact's state, from stick to where all sliders slip, or to separation
+    gross_slip: float = GROSS_SLIP - 1.0
     held: float = 0.9  # of the range of forces that friction holds, to which a point is moved in one step
     balance: float = 2e-4  # of the preload, mean friction force below which the contact counts as unloaded
     unloadings: int = 4  # maximum of these steps; the contact's tangential spring is not linear
     slipped: float = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
     slowest_s: float = 50.0  # time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
-    settling: tuple[float, float] = (
-        1.0,
-        4.0,
-    )  # decay times of the slowest mode that a point runs if Newton's method fails
+    # decay times of the slowest mode that a point runs if Newton's method fails
+    settling: tuple[float, float] = (1.0, 4.0)
 
 
 NEWTON = Tolerances()
@@ -141,7 +136,7 @@ class Orbit:
         # A heavy rotor is slow, and has its steady speed. A shaft that is held at a speed drags the sliders until they
         # slip, however little it does in a period.
         slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
-        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.plant.period / NEWTON.slowest_s)
+        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.plant.drive.period / NEWTON.slowest_s)
         drifting = self.drift > self.tolerance
         kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - drifting
         assert self.trace is not None
@@ -218,7 +213,7 @@ class Orbit:
         """
         if not (self.plant.load.speed and self.slip.stuck):
             return 0.0
-        distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
+        distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.drive.period
         return abs(distance) / float(self.scale[self.plant.where("contact")].max())
 
     def remaining(self, step: Array) -> float:
@@ -248,13 +243,13 @@ class Orbit:
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
         state = interpolated(time, self.trace.states, at)
-        if step is not None and self.plant.slider is not None:
+        law, place = self.plant.law, self.plant.where("contact").start
+        if step is not None and law and law.sliding and not law.row:
             depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
             normal = float(np.interp(at, time, self.trace.normal))
             limit = contact_law.stick_limit(self.plant.motor.contact, depth, normal)
-            slider = state[self.plant.slider]
-            held = np.clip(slider, -limit, limit)
-            state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])
+            held = np.clip(state[place], -limit, limit)
+            state[place] = held + (state[place] - held) * step / (time[1] - time[0])
         return replace(self, state=state, begun=begun, trace=None, step=None)
 
     @property
@@ -267,7 +262,7 @@ class Orbit:
         """Return the point with a constant friction force in addition, at the static deflections that it causes."""
         plant, motor, state = self.plant, self.plant.motor, self.state.copy()
         stator = motor.stator.with_carrier(plant.mount)
-        places = [*range(plant.modes), *range(plant.carrier.start, plant.carrier.stop, 2)]
+        places = [*range(plant.modes), *range(plant.order)[plant.where("mount")][::2]]
         state[places] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
         state[plant.where("contact")] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
         for place, part in enumerate(plant.states):
@@ -292,8 +287,8 @@ class Orbit:
         self.reach = None
 
     def judge(self) -> None:
-        """Mark the point as solved if the next step is small enough."""
-        assert self.step is not None
+        """Take the next step, and mark the point as solved if it is small enough."""
+        self.step = self.newton_step()
         self.residual = self.remaining(self.step)
         self.done = self.residual <= self.tolerance
 
@@ -375,7 +370,6 @@ class Orbit:
         self.measured_end, self.measured_at = self.at_end, self.state
         self.force_slope = self.plant.widened(derivative.forces, inner, 1) * self.scale
         self.stale = False
-        self.step = self.newton_step()
         self.judge()
 
     @property
@@ -396,7 +390,7 @@ class Orbit:
             monodromy = self.monodromy
         values = np.linalg.eigvals(monodromy).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
-        values = values[np.abs(values - 1.0) > self.plant.period / NEWTON.slowest_s]
+        values = values[np.abs(values - 1.0) > self.plant.drive.period / NEWTON.slowest_s]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
 
@@ -421,7 +415,7 @@ def start_point(plant: Plant) -> Orbit:
     preload = motor.contact.preload_n if plant.law else 0.0
     state = np.zeros(plant.order)
     amplitudes = np.zeros(n)
-    places = [*range(n), *range(plant.carrier.start, plant.carrier.stop, 2)]
+    places = [*range(n), *range(plant.order)[plant.where("mount")][::2]]
     stator = motor.stator.with_carrier(plant.mount)
     for tones in zip(*plant.drive.tones, strict=True):
         gains = np.linalg.solve(stator.dynamic_stiffness(2.0 * pi * tones[0].frequency), stator.coupling)
@@ -516,7 +510,6 @@ class Shooting:
                 continue
             near = False
             if point.at_end is not None:
-                point.step = point.newton_step()
                 point.judge()
                 near = self.near and point.residual * NEWTON.neighbour_contraction < NEWTON.expected * point.tolerance
             if point.exact and not (point.done or near):

@@ -473,7 +473,8 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
         if not pending:
             break
         before = averages
-        maps.append(maps[0].with_steps(steps * 2**refinement))
+        first = maps[0]
+        maps.append(PeriodMap(first.period, steps * 2**refinement, first.timeout, first.workers, first.processes))
         level = dict(zip(pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True))
         averages = _averages(level, maps[-1])
         still = []
