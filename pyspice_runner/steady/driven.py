@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil, pi, sqrt
 
@@ -25,15 +24,8 @@ from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantiti
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
-from pyspice_runner.steady.copies import (
-    LEAD,
-    PRIMARY,
-    Copy,
-    Plant,
-    copy_name,
-    driven_bench,
-)
-from pyspice_runner.steady.period_map import PeriodMap, cores, current, loads
+from pyspice_runner.steady.copies import LEAD, PRIMARY, Copy, Plant, copy_name, driven_bench
+from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, loads
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -52,20 +44,16 @@ class DrivenShooting(Shooting):
     decks = 2  # of a derivative
 
     def _evaluate(self, points: Sequence[Orbit]) -> None:
-        for point, trace in zip(
-            points, self.map.traces([Copy(point.plant, point.state) for point in points]), strict=True
-        ):
+        traces = self.map.traces([Copy(point.plant, point.state) for point in points])
+        for point, trace in zip(points, traces, strict=True):
             point.trace = trace
             point.failed = trace is None
-        self.measure([point for point in points if point.at_end is None and not point.failed])
+        self._renew([point for point in points if point.at_end is None and not point.failed])
         for point in points:
             if not point.failed:
                 point.judge()
 
     def _renew(self, points: Sequence[Orbit]) -> None:
-        self.measure(points)
-
-    def measure(self, points: Sequence[Orbit]) -> None:
         """Measure the derivatives of points that have a trace."""
         decks = [
             [Copy(point.plant, state) for state in (point.state, *(point.state + part))]
@@ -75,6 +63,33 @@ class DrivenShooting(Shooting):
         found = iter(self.map.together(decks))
         for point in points:
             point.differentiate([pair for _ in range(self.decks) for pair in next(found)])
+
+    def search(self) -> None:
+        """Solve points without a guess: of each curve one first, the others from it or after a longer transient."""
+        curves: dict[tuple[str, bool], list[Orbit]] = {}
+        for point in self.points:  # a free shaft has a state more
+            curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
+        seeds = [curve[len(curve) // 2] for curve in curves.values()]
+        for decays in (0.0, *NEWTON.settling):
+            self._run_up([seed for seed in seeds if not seed.done], decays)
+        for seed, curve in zip(seeds, curves.values(), strict=True):
+            for point in curve:
+                if point is not seed and seed.done:
+                    point.guess(seed)
+        self.solve_by([point for point in self.points if point.guessed], "neighbour")
+        for decays in NEWTON.settling:
+            self._run_up([point for point in self.points if not point.done], decays)
+
+    def _run_up(self, points: Sequence[Orbit], decays: float) -> None:
+        """Solve points after some decay times of the slowest mode from rest, or a short run from where they are."""
+        if not points:
+            return
+        times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
+        periods = max(FEWEST_PERIODS, ceil(decays * max(times) / self.map.period))
+        copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
+        for point, end in zip(points, self.map.settled(copies, periods), strict=True):
+            point.restart(point.state if end is None else end)
+        self.solve_by(points, "settled" if decays else "newton")
 
 
 class DrivenPoint(Orbit):
@@ -195,16 +210,17 @@ def driven_answers(
         )
         for finer in steps
     ]  # fmt: skip
-    _search([point for point in points if not point.guessed], maps[0])
-    _place([point for point in points if point.guessed], maps[0])
+    guessed, others = [point for point in points if point.guessed], [point for point in points if not point.guessed]
+    DrivenShooting(others, maps[0]).search()
+    stability = DrivenShooting(points, maps[0])
+    stability.solve_by(guessed, "newton")
     answers = [Answer(point, maps[1]) for point in points]
     before = _metered(setups, points, maps[0])
-    stability = DrivenShooting(points, maps[0])
     pending = list(range(len(points)))
     for period_map in maps[1:]:
         some = [points[place] for place in pending]
         DrivenShooting(some, period_map).solve([point for point in some if point.done])
-        stability.measure([point for point in some if point.done and point.far])
+        stability._renew([point for point in some if point.done and point.far])
         found = _metered([setups[place] for place in pending], some, period_map)
         for place, fine in zip(pending, found, strict=True):
             answers[place] = _answer(points[place], period_map, fine, before[place])
@@ -273,57 +289,13 @@ def _scale(plant: Plant) -> Array:
     return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 
 
-def _place(points: Sequence[DrivenPoint], period_map: PeriodMap) -> None:
-    """Solve points from where they are."""
-    DrivenShooting(points, period_map).solve()
-    for point in points:
-        point.method = "newton" if point.done else ""
-
-
-def _search(points: Sequence[DrivenPoint], period_map: PeriodMap) -> None:
-    shooting = DrivenShooting(points, period_map)
-    curves: dict[tuple[str, bool], list[DrivenPoint]] = {}
-    for point in points:  # a free shaft has a state more
-        curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
-    seeds = [curve[len(curve) // 2] for curve in curves.values()]
-    for decays in (0.0, *NEWTON.settling):
-        _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)
-    for seed, curve in zip(seeds, curves.values(), strict=True):
-        for point in curve:
-            if point is not seed and seed.done:
-                point.guess(seed)
-    near = [point for point in points if point.guessed]
-    shooting.solve(near)
-    for point in near:
-        point.method = "neighbour" if point.done else ""
-    for decays in NEWTON.settling:
-        _retry([point for point in points if not point.done], shooting, period_map, decays)
-
-
-def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: PeriodMap, decays: float) -> None:
-    """Solve points after some decay times of the slowest mode from rest, or a short transient from where they are."""
-    if not points:
-        return
-    times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
-    periods = max(FEWEST_PERIODS, ceil(decays * max(times) / period_map.period))
-    copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
-    for point, end in zip(points, period_map.settled(copies, periods), strict=True):
-        point.restart(point.state if end is None else end)
-    shooting.solve(points)
-    for point in points:
-        point.method = ("settled" if decays else "newton") if point.done else ""
-
-
 def _metered(setups: Sequence[Point], points: Sequence[Orbit], period_map: PeriodMap) -> list[dict[str, float]]:
     """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
-    places = [place for place, point in enumerate(points) if point.done]
 
     def measured(place: int) -> dict[str, float]:
-        return _quantities(setups[place], points[place], period_map)
+        return _quantities(setups[place], points[place], period_map) if points[place].done else {}
 
-    with ThreadPoolExecutor(cores()) as pool:
-        found = dict(zip(places, pool.map(measured, places), strict=True))
-    return [found.get(place, {}) for place in range(len(points))]
+    return in_threads(measured, range(len(points)), cores())
 
 
 class _Period(Dynamometer):

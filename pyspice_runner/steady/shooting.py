@@ -570,8 +570,7 @@ class Shooting:
             beside = _nearest(point, seeds)[:2]
             if beside:
                 point.guess(between(beside))
-        if others:
-            self.solve(others)
+        self.solve(others)
         for point in self.points:
             way = "damped" if point.damped else "newton"
             point.method = ("neighbour" if point.guessed else way) if point.done else ""
@@ -579,16 +578,16 @@ class Shooting:
         for point in lost:
             point.restart(start_point(point.plant).state)
         start_balanced(lost)
-        self._retry(lost, "newton")
+        self.solve_by(lost, "newton")
         lost = [point for point in self.points if point.failed]
         near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
         for point, other in near:
             point.restart(other.state)
-        self._retry([point for point, _ in near], "neighbour")
+        self.solve_by([point for point, _ in near], "neighbour")
         for decays in NEWTON.settling:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
-            self._retry(lost, "settled")
+            self.solve_by(lost, "settled")
         self._unload()
         self.measure_anew()
 
@@ -617,13 +616,12 @@ class Shooting:
         far = [point for point in self.points if point.done and point.far]
         self._renew(far)
         doubtful = [point for point in far if not point.done]  # by the new derivative
-        if doubtful:
-            self.solve(doubtful)
-            self._renew([point for point in doubtful if point.done and point.far])
+        self.solve(doubtful)
+        self._renew([point for point in doubtful if point.done and point.far])
 
-    def _retry(self, points: Sequence[Orbit], method: str) -> None:
-        if points:
-            self.solve(points)
+    def solve_by(self, points: Sequence[Orbit], method: str) -> None:
+        """Solve points from where they are; ``method`` is then that of those that are solved."""
+        self.solve(points)
         for point in points:
             point.method = method if point.done else ""
 

@@ -294,10 +294,7 @@ def steady_states(
             some, begun = [setups[place] for place in places], [starts[place] for place in places]
             answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
             for place, answer in zip(places, answers, strict=True):
-                state = _result(setups[place], answer.point, answer, maps)
-                if state.converged and waveforms:
-                    state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
-                found[place] = state
+                found[place] = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
     return [found[place] for place in range(len(setups))]
 
 
@@ -374,11 +371,14 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
         curves = groups.setdefault((_drive(setup).period, setup.law), {})
         curves.setdefault(Plant.of(setup).curve, []).append(place)
     parts: list[tuple[list[Place], tuple[int, int]]] = []
-    for curves in groups.values():
+    for (period, _), curves in groups.items():
         each, most = list(curves.values()), ceil(cores() / len(groups))
-        steps = _steps([setups[place] for curve in each for place in curve])
+        own = [setups[place] for curve in each for place in curve]
+        steps = 2 * ceil(0.5 * period / min(setup.step for setup in own) - 1e-9)
+        shortest = min(setup.shortest_period for setup in own)
+        coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
         several = [[place for curve in each[first::most] for place in curve] for first in range(most)]
-        parts += [(places, steps) for places in several if places]
+        parts += [(places, (steps, coarse)) for places in several if places]
     parts.sort(key=lambda part: len(part[0]), reverse=True)  # so that none of the long ones is left alone at the end
     workers = max(1, cores() // max(len(parts), 1))
     return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
@@ -413,14 +413,6 @@ def _drive(setup: Point) -> Drive:
     return drive
 
 
-def _steps(setups: Sequence[Point]) -> tuple[int, int]:
-    """Return the numbers of fine and of coarse steps in the period of points whose drives have the same period."""
-    period = _drive(setups[0]).period
-    steps = 2 * ceil(0.5 * period / min(setup.step for setup in setups) - 1e-9)
-    shortest = min(setup.shortest_period for setup in setups)
-    return steps, max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
-
-
 def solve_part(
     part: Part[Any],
     accuracy: float | None,
@@ -431,26 +423,26 @@ def solve_part(
 ) -> list[SteadyState]:
     """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`."""
     setups, (steps, coarse) = list(part.setups.values()), part.steps
-    solver, period = setups[0].solver, _drive(setups[0]).period
+    solver, period = setups[0].solver, setups[0].source.period
     maps = [PeriodMap(period, coarse, solver.timeout, part.workers, processes)]
     points = [start_point(Plant.of(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:
             point.guess(start)
     Shooting(points, maps[0]).search()
-    if accuracy is None:
-        answers = {place: _coarse(point, maps[0]) for place, point in enumerate(points) if point.done}
+    if accuracy is None:  # the coarse step alone, of which no error is known
+        answers = {
+            place: _answer(point, maps[0], means(point.plant, point.trace, maps[0].discretisation), float("nan"))
+            for place, point in enumerate(points)
+            if point.done and point.trace
+        }
     else:
         answers = _answers(points, maps, steps, accuracy)
     found = []
     for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
         answer = answers[place] if place in answers and point.done else Answer(point)
-        state = _result(setup, point, answer, maps, len(points))
-        if state.converged:
-            state = replace(state, solution=point)
-        if state.converged and waveforms:
-            state = replace(state, waveforms=_waveforms(setup, answer, state.provenance))
-        found.append(state)
+        state = _result(setup, point, answer, maps, len(points), waveforms=waveforms)
+        found.append(replace(state, solution=point) if state.converged else state)
     return found
 
 
@@ -491,12 +483,6 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
                 still.append(place)
         pending = still
     return answers
-
-
-def _coarse(point: Orbit, period_map: PeriodMap) -> Answer:
-    """Return the answer of the coarse step, of which no error is known."""
-    assert point.trace is not None
-    return _answer(point, period_map, means(point.plant, point.trace, period_map.discretisation), float("nan"))
 
 
 def _friction(point: Orbit) -> float:
@@ -559,7 +545,9 @@ def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> di
     return averages
 
 
-def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1) -> SteadyState:
+def _result(
+    setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1, *, waveforms: bool
+) -> SteadyState:
     """Return the steady state of a point at the coarse step, with audit and provenance; ``points`` share the maps."""
     found, last = answer.found, answer.point
     step = answer.map.step if answer.map else setup.step
@@ -592,7 +580,8 @@ def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap
         speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
-        audit=audit, waveforms=None, provenance=provenance, solution=None, failure=maps[0].effort.failure,
+        audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
+        provenance=provenance, solution=None, failure=maps[0].effort.failure,
     )  # fmt: skip
 
 
