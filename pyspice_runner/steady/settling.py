@@ -58,7 +58,7 @@ def _mean(blocks: Sequence[Block], name: str) -> float:
 
 def _torque_scale(blocks: Sequence[Block]) -> float:
     """Return the mean torque, without sign, plus a small part of what friction can transmit."""
-    motor = blocks[0].bench.motor
+    motor = blocks[0].bench.setup.motor
     friction_torque = motor.contact.friction * motor.rotor.radius_m * _mean(blocks, "normal_force")
     return abs(_mean(blocks, "torque")) + _SMALL * friction_torque
 
@@ -70,11 +70,11 @@ def settle(
 
     The meters cost time; they come in when the next block is expected to be settled, and for the last half of patience.
     """
-    if not bench.source.continues:
+    if not bench.setup.source.continues:
         return _settle_from_rest(bench, speed, settling, stop)
-    soft_start = bench.source.rise_time
+    soft_start = bench.setup.source.rise_time
     # what goes on from another motion is driven at full amplitude
-    begun = ceil(soft_start / bench.source.period) * bench.source.period if start else 0.0
+    begun = ceil(soft_start / bench.setup.source.period) * bench.setup.source.period if start else 0.0
     motion = replace(start, speed_rad_s=speed) if start else bench.rest(speed)
     blocks: list[Block] = []
     meters = False
@@ -143,7 +143,7 @@ def _outcome(now: list[Block], before: list[Block], blocks: int, tolerance: floa
 def _audited(blocks: list[Block]) -> dict[str, Any]:
     """Return the quantities over blocks, and the findings of the audit."""
     bench, means = blocks[0].bench, quantities(blocks)
-    findings = audit_point(bench.motor, means, bench.setup.step)
+    findings = audit_point(bench.setup.motor, means, bench.setup.step)
     return {**means, "audit_passed": not findings, "findings": findings}
 
 

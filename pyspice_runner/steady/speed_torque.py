@@ -229,7 +229,7 @@ def _held(motor: Motor, drive: Drive | Driver, *, speed: float = 0.0, **settings
 
 def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome of a point as :func:`held_point` reports it."""
-    motor = bench.motor
+    motor = bench.setup.motor
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
     cautions = [*exceeded(motor, outcome), *_cautions([bench], [outcome])]
     found = {**kept, "engine": "spice", "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}

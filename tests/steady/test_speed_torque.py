@@ -130,7 +130,7 @@ def test_the_brake_loads_a_free_shaft_with_a_torque() -> None:
     excitation, load = drive(46e3), float(curve(46e3)["load_torque_n_m"].sel(speed_rad_s=18.0))
     bench = dynamometer(excitation)
     loaded = dynamometer_bench(
-        MOTOR, bench.source, speed=None, load_torque=load, meters=False,
+        MOTOR, bench.setup.source, speed=None, load_torque=load, meters=False,
         discretisation=bench.setup.discretisation, start=bench.rest(18.0),
     )  # fmt: skip
     end = 5 * bench.duration
