@@ -119,29 +119,28 @@ class Dynamometer:
         """Length of a block in s."""
         return self.periods * self.setup.source.period
 
-    def rest(self, speed: float) -> Motion:
+    def rest(self) -> Motion:
         """Return preloaded rest on a turning rotor, before the source is switched on."""
         states = motor_states(self.setup.motor, self.setup.law)
         rest = motion_of(states, [state.at_rest(self.setup.discretisation) for state in states])
         plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.setup.source.initial_voltages())
-        return replace(rest, speed_rad_s=speed, plates_a_v=plates_a, plates_b_v=plates_b)
+        return replace(rest, speed_rad_s=self.speed, plates_a_v=plates_a, plates_b_v=plates_b)
 
-    def run(self, start: Motion, speed: float, begun: float, *, meters: bool = True) -> Block:
-        """Run one block.
+    def run(self, start: Motion, begun: float, *, meters: bool = True) -> Block:
+        """Run one block. The source was switched on ``begun`` seconds ago.
 
-        The shaft is held at ``speed`` (rad/s); the source was switched on ``begun`` seconds ago. Without ``meters``
-        only forces and torque are measured.
+        Without ``meters`` only forces and torque are measured.
         """
-        outcome = self._run(start, speed, self.duration, begun, meters=meters, end_only=True)
+        outcome = self._run(start, self.duration, begun, meters=meters, end_only=True)
         last = outcome.last()
         peaks = {group: last[f"v(xmeter_{group}.v_peak)"] for group in "ab"} if meters else {}
         end = self.setup.motion(last)
         return Block(self, self.means(last), peaks, start, end, begun + self.duration, outcome.deck_sha256)
 
-    def run_from_rest(self, speed: float, blocks: int) -> list[Block]:
+    def run_from_rest(self, blocks: int) -> list[Block]:
         """Run successive blocks at once, for a source whose state cannot be continued: a driver circuit."""
-        start = self.rest(speed)
-        outcome = self._run(start, speed, blocks * self.duration, 0.0, meters=True, end_only=False)
+        start = self.rest()
+        outcome = self._run(start, blocks * self.duration, 0.0, meters=True, end_only=False)
         vectors = outcome.vectors()
         time = vectors["time"]
         edges = [
@@ -160,14 +159,12 @@ class Dynamometer:
             before = edge
         return found
 
-    def _run(
-        self, start: Motion, speed: float, duration: float, begun: float, *, meters: bool, end_only: bool
-    ) -> Outcome:
+    def _run(self, start: Motion, duration: float, begun: float, *, meters: bool, end_only: bool) -> Outcome:
         setup = self.setup
         assert setup.law is not None
         require_linear(setup.motor, "A point that settles on the dynamometer")
         bench = dynamometer_bench(
-            setup.motor, setup.source, speed=speed, law=setup.law, meters=meters,
+            setup.motor, setup.source, speed=self.speed, law=setup.law, meters=meters,
             discretisation=setup.discretisation, start=start, begun=begun,
         )  # fmt: skip
         vectors = [*self.integrals(meters), *setup.state_vectors()]

@@ -222,11 +222,11 @@ class Point:
         """Return the same with a time step in s."""
         return replace(self, solver=replace(self.solver, step=step))
 
-    def bench(self, *, start: Motion | None = None, begun: float = 0.0, title: str = "") -> Bench:
-        """Return the bench, from rest or from a motion that the source has driven for ``begun`` seconds."""
+    def bench(self) -> Bench:
+        """Return the bench, from rest."""
         return motor_bench(
             self.motor, self.source, load=self.load, law=self.law, discretisation=self.discretisation,
-            thermal=self.thermal, start=start, begun=begun, title=title,
+            thermal=self.thermal,
         )  # fmt: skip
 
     def run(

@@ -11,7 +11,6 @@ the damping. ``docs/steady_state.md`` has the derivation and what was measured.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from math import ceil, log, pi
 from typing import Any
@@ -402,7 +401,7 @@ def between(points: Sequence[Orbit]) -> Orbit:
 
 
 def start_balanced(points: Sequence[Orbit]) -> None:
-    """Let points start from harmonic balance, where that finds a start. Their drives have the same period."""
+    """Let points start from harmonic balance, where that finds a start."""
     for point, balance in zip(points, balanced([point.plant for point in points]), strict=True):
         if balance is not None:
             point.restart(balance.state)
@@ -453,16 +452,13 @@ def start_point(plant: Plant) -> Orbit:
     return Orbit(plant, state, scale)
 
 
+@dataclass
 class Shooting:
-    """Newton's method for many operating points together, on one map. The points are changed in place.
+    """Newton's method for many operating points together, on one map. The points are changed in place."""
 
-    With ``near`` the derivatives that points have are those of the same orbits at the same step.
-    """
-
-    def __init__(self, points: Sequence[Orbit], period_map: PeriodMap, *, near: bool = False) -> None:
-        self.points = list(points)
-        self.map = period_map
-        self.near = near
+    points: Sequence[Orbit]
+    map: PeriodMap
+    near: bool = False  # whether the derivatives that points have are those of the same orbits at the same step
 
     def solve(self, points: Sequence[Orbit] | None = None) -> None:
         """Iterate until every point is solved or has failed. A point keeps its derivative while that is good.
@@ -474,8 +470,8 @@ class Shooting:
             point.done = point.failed = point.damped = False
             point.damping, point.iterations = 1.0, 0
         threads = max(min(self.map.workers, len(every)), 1)
-        part = copy(self)
-        part.map = replace(self.map, workers=max(1, self.map.workers // threads))  # with a common effort
+        workers = max(1, self.map.workers // threads)
+        part = replace(self, map=replace(self.map, workers=workers))  # with a common effort
         in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
 
     def _iterate(self, active: list[Orbit]) -> None:
@@ -629,8 +625,11 @@ class Shooting:
         """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
-            longest = max(longest, decays * point.plant.motor.stator.with_carrier(point.plant.mount).decay_s)
-            point.restart(_rest(point.plant))
+            plant, rest, stator = point.plant, np.zeros(point.plant.order), point.plant.motor.stator
+            longest = max(longest, decays * stator.with_carrier(plant.mount).decay_s)
+            if plant.law:
+                rest[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
+            point.restart(rest)
         periods = max(10, ceil(longest / self.map.period))
         ends = self.map.settled([Copy(point.plant, point.state, point.begun) for point in points], periods)
         for point, end in zip(points, ends, strict=True):
@@ -664,14 +663,6 @@ def _nearest(point: Orbit, points: Sequence[Orbit]) -> list[Orbit]:
         if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
     ]
     return [other for _, other in sorted(others, key=lambda one: one[0])]
-
-
-def _rest(plant: Plant) -> Array:
-    state = np.zeros(plant.order)
-    if plant.law:
-        stator = plant.motor.stator
-        state[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
-    return state
 
 
 def _perturbed(point: Orbit) -> list[Copy]:

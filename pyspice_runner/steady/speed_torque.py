@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
+from math import prod
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
@@ -130,7 +131,10 @@ def curve(
     law = touching_law(base.law, _NO_TORQUE)
     axes = _axes(speeds, over or {})
     mode = _way(mode, base)
-    _check(axes)
+    count = prod(len(values) for values in axes.values())
+    if count > _MOST_POINTS:
+        raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
+    check_distinct(axes)
     *further, _ = axes
     points: list[Dynamometer] = []
     for values in product(*(axes[path].tolist() for path in further)):
@@ -349,13 +353,6 @@ def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:
     axes = {path: axis(path, values) for path, values in over.items() if path not in given}
     ((name, values),) = given.items()
     return {**axes, SPEED: axis(name, values)}
-
-
-def _check(axes: Mapping[str, Array]) -> None:
-    count = int(np.prod([len(axis) for axis in axes.values()]))
-    if count > _MOST_POINTS:
-        raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
-    check_distinct(axes)
 
 
 def _dynamometer(point: Point) -> Dynamometer:

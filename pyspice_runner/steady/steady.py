@@ -272,14 +272,16 @@ def steady_states(
         SimulationError: if ngspice fails.
     """
     check_accuracy(accuracy)
+    ideal: dict[int, Point] = {}
     behind: dict[tuple[Any, ...], list[int]] = {}
     for place, setup in enumerate(setups):
-        if setup.source.ideal is None:
+        if setup.source.ideal is not None:
+            ideal[place] = setup
+        else:
             check_driven(setup)
             behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
     starts = starts or [None] * len(setups)
-    driven = {place for places in behind.values() for place in places}
-    parts = divided({place: setup for place, setup in enumerate(setups) if place not in driven})
+    parts = divided(ideal)
 
     found: dict[int, SteadyState] = {}
     with KeptProcesses() as processes:

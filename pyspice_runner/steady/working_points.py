@@ -31,6 +31,7 @@ from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.period_map import Found, cores
+from pyspice_runner.steady.settling import Progress
 from pyspice_runner.steady.shooting import Orbit, between
 from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates, dataset_of
 from pyspice_runner.steady.steady import (
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     import xarray
 
 Objective = Literal["torque", "speed", "efficiency", "power"]
-Progress = Callable[[int, int], None]
 Limit = float | tuple[float, float]  # the maximum of an absolute value, or its minimum and maximum
 
 OBJECTIVES: dict[Objective, str] = {
@@ -277,9 +277,6 @@ def _as_ready(
 
     A task needs only tasks with smaller numbers.
     """
-    if workers <= 1:
-        yield from ((number, task(number)) for number in range(len(needs)))
-        return
     waiting = {number: set(several) for number, several in enumerate(needs)}
     running: dict[Future[Found], int] = {}
     with ThreadPoolExecutor(workers) as pool:
