@@ -104,7 +104,12 @@ def simulated(
         # of the fastest motion; the error falls with the square of the points in its period
         points = max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
         point = point.with_step(point.shortest_period / points)
-    _check_duration(point, duration)
+    require(isfinite(duration) and duration > 0.0, "duration", duration, "a number > 0 s", unit="s")
+    if duration < 10.0 * point.step:
+        raise ParameterError(
+            f"duration = {duration:g} s is shorter than ten steps of {point.step:g} s; give at least "
+            f"{10 * point.step:.3g} s."
+        )
     _check_recording(signals, record_from, record_every, duration, point.step)
     estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
     if accuracy is not None and not estimate:
@@ -230,15 +235,6 @@ def _run(
             raise Interrupted(ended, found) from None
         with listening():
             return waveforms(outcome, complete=True, coarser=coarser)
-
-
-def _check_duration(setup: Point, duration: float) -> None:
-    require(isfinite(duration) and duration > 0.0, "duration", duration, "a number > 0 s", unit="s")
-    if duration < 10.0 * setup.step:
-        raise ParameterError(
-            f"duration = {duration:g} s is shorter than ten steps of {setup.step:g} s; give at least "
-            f"{10 * setup.step:.3g} s."
-        )
 
 
 def _check_recording(

@@ -48,10 +48,8 @@ from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_pha
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.run.point import Point
+from pyspice_runner.run.window import Array
 from pyspice_runner.spice.library import PREFIX, definition_texts
-
-Array = NDArray[np.float64]
-
 
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
 # of copies whose transistors start without charge: with a smaller abstol (A) or trtol ngspice often fails there
@@ -188,6 +186,11 @@ class Plant:
     def mount(self) -> Mount | None:
         """The mount in the netlist."""
         return carrier(self.motor, self.law)
+
+    @property
+    def friction_n(self) -> float:
+        """The friction force under the preload, N."""
+        return self.motor.contact.friction * self.motor.contact.preload_n
 
     @cached_property
     def turns(self) -> bool:

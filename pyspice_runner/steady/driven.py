@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import groups
+from pyspice_runner.motor import groups, strength
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, PRIMARY, Copy, Plant, copy_name, driven_bench
-from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, loads
+from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -104,7 +104,8 @@ class DrivenPoint(Orbit):
         free = self.free
         begun, back, monodromy, faded = self._reduced()
         left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
-        kept = np.arange(len(sizes)) < len(sizes) - self._still
+        # what sticks, and charges that are isolated, stay where they are
+        kept = np.arange(len(sizes)) < len(sizes) - self.sticks - self.plant.isolated
         moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
         step = np.asarray((self.trace.later(self.plant.begins * self.plant.drive.period) - self.state) / self.scale)
         step[free] = back @ moved + faded.T @ (faded @ step[free])
@@ -131,18 +132,13 @@ class DrivenPoint(Orbit):
         return super().remaining(lasting)
 
     @property
-    def _still(self) -> int:
-        """Number of directions in which the state stays where it is."""
-        return self.sticks + self.plant.isolated
-
-    @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers, the largest first, without the 1 of sliders that stick and of isolated charges.
 
         The charge between a capacitor in series and a group has no path away.
         """
         values = np.linalg.eigvals(self._reduced()[2]).astype(complex)
-        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self._still])
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks + self.plant.isolated])
         return np.asarray(values[np.argsort(-np.abs(values))])
 
     def _update(self, step: Array, gap: Array) -> None:
@@ -217,6 +213,7 @@ def driven_answers(
     answers = [Answer(point, maps[1]) for point in points]
     before = _metered(setups, points, maps[0])
     pending = list(range(len(points)))
+    torques = [point.plant.friction_n * point.plant.motor.rotor.radius_m for point in points]
     for period_map in maps[1:]:
         some = [points[place] for place in pending]
         DrivenShooting(some, period_map).solve([point for point in some if point.done])
@@ -225,7 +222,7 @@ def driven_answers(
         for place, fine in zip(pending, found, strict=True):
             answers[place] = _answer(points[place], period_map, fine, before[place])
             before[place] = fine
-        pending = [place for place in pending if answers[place].error > accuracy * _friction(points[place])]
+        pending = [place for place in pending if answers[place].error > accuracy * torques[place]]
         if not pending:
             break
     return answers, tuple(maps)
@@ -240,12 +237,6 @@ def _answer(
     assert point.trace is not None
     speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
     return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
-
-
-def _friction(point: Orbit) -> float:
-    """Return the friction torque under the preload, N·m."""
-    motor = point.plant.motor
-    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 def _behind_network(plant: Plant, start: Orbit) -> Array:
@@ -323,5 +314,8 @@ def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, 
     peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}
     block = Block(bench, means, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
     result = quantities([block])
-    assert point.trace is not None
-    return result | loads(point.plant, point.trace, period_map.discretisation, result["friction_loss_w"])
+    plant, trace = point.plant, point.trace
+    assert trace is not None
+    worn = rubbing(plant, trace, period_map.discretisation, result["friction_loss_w"])
+    result |= strength.peak_of_motion(plant.motor, modal(plant, trace)[0])
+    return result | strength.of_contact(plant.motor.contact, float(trace.normal.max()), worn)

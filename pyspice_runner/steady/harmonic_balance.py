@@ -521,16 +521,6 @@ class Balance:
     sliders: Array  # at t = 0, µm
 
     @property
-    def normal(self) -> float:
-        """Mean normal force in N."""
-        return float(self.forces.normal.mean())
-
-    @property
-    def friction(self) -> float:
-        """Mean friction force on the rotor in N."""
-        return float(self.forces.friction.mean())
-
-    @property
     def speed(self) -> float:
         """Speed of the rotor in rad/s."""
         return float(self.unknowns[-1]) * self.grid.omega / self.plant.motor.rotor.radius_m
@@ -615,12 +605,12 @@ def balanced_states(setups: Sequence[Point], starts: Sequence[Balance | None]) -
 
 def _state(balance: Balance) -> BalancedState:
     motor, plant = balance.plant.motor, balance.plant
-    torque = motor.rotor.radius_m * balance.friction
+    torque = motor.rotor.radius_m * float(balance.forces.friction.mean())
     bearing = motor.rotor.bearing_damping_n_m_s * balance.speed
     dry = float(np.sign(plant.load.speed or 0.0)) * motor.rotor.bearing_friction_n_m
     values = {
         "speed_rad_s": balance.speed, "torque_n_m": torque, "load_torque_n_m": torque - bearing - dry,
-        "normal_force_n": balance.normal,
+        "normal_force_n": float(balance.forces.normal.mean()),
     }  # fmt: skip
     for group in "ab":
         volts, amperes = balance.phasors(group)

@@ -21,7 +21,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.circuit.law import contact_library, unplotted
@@ -29,10 +28,10 @@ from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
 from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_sway, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import square
+from pyspice_runner.run.window import Array
 from pyspice_runner.spice.library import read_library
 from pyspice_runner.steady.copies import Plant, phasor_at
 
-Array = NDArray[np.float64]
 FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
 
 

@@ -26,7 +26,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.law import MOST_SLIDERS, reached
 from pyspice_runner.circuit.state import Discretisation, pushes, static_sway
 from pyspice_runner.errors import SimulationError
@@ -186,12 +185,9 @@ class PeriodMap:
             SimulationError: if ngspice is missing or cannot be run.
         """
         if after:  # the derivative is that of a run from its start
-            found = self._evaluated(copies, after * self.period + self.duration, whole=True)
-            return [trace and replace(trace, course=None) for trace in found]
-        return self._within_reach(copies)
-
-    def _within_reach(self, copies: Sequence[Copy]) -> list[Trace | None]:
-        """Return the traces over a period; leave out the sliders of a brush that touch nothing, if these are known."""
+            traces = self._evaluated(copies, after * self.period + self.duration, whole=True)
+            return [trace and replace(trace, course=None) for trace in traces]
+        # the sliders of a brush that touch nothing are left out, if these are known
         sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
         law = copies[0].plant.law if copies else None  # the same in all
         if law is None or not law.row or sliders >= law.sliders:
@@ -205,7 +201,7 @@ class PeriodMap:
                 trace = _reaching(copy, replace(trace, states=states))
             found.append(trace)
         beyond = [place for place, trace in enumerate(found) if trace is None or (trace.reach or 0) > sliders]
-        again = self._within_reach([replace(copies[place], reach=None) for place in beyond])
+        again = self.traces([replace(copies[place], reach=None) for place in beyond])
         for place, trace in zip(beyond, again, strict=True):
             found[place] = trace
         return found
@@ -217,7 +213,7 @@ class PeriodMap:
 
     def deck(self, copy: Copy) -> str:
         """Return the deck that runs one copy over a period."""
-        single = self._bench([copy]) if self.lead else copies_bench([copy], self.discretisation)
+        single = (driven_bench if self.lead else copies_bench)([copy], self.discretisation)
         ready = simulator(single, self._vectors(0, copy.plant, whole=True))
         return str(ready.prepare("transient", **transient_timing(self.duration, self.duration, self.step)))
 
@@ -261,7 +257,10 @@ class PeriodMap:
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        bench = self._bench(copies)
+        if self.lead:
+            bench = driven_bench(copies, self.discretisation)
+        else:
+            bench = copies_bench(copies, self.discretisation, self._texts, plates=False)
         names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         every = list(dict.fromkeys(name for own in names for name in own))
         timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
@@ -269,11 +268,6 @@ class PeriodMap:
         deck = str(bench.circuit.raw_spice)
         self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
         return self._traces(copies, outcome.vectors(), whole=whole)
-
-    def _bench(self, copies: Sequence[Copy]) -> Bench:
-        if self.lead:
-            return driven_bench(copies, self.discretisation)
-        return copies_bench(copies, self.discretisation, self._texts, plates=False)
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         """Return the vectors to record of a copy: its states, and of a whole period its contact and driven pins."""
@@ -490,7 +484,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
     found["held_min"], found["held_max"] = held_forces(plant, trace) if held else (0.0, 0.0)
-    found["rubbing"] = _rubbing(plant, trace, discretisation, found["work"] - found["given"])
+    found["rubbing"] = rubbing(plant, trace, discretisation, found["work"] - found["given"])
     for group, tones in zip(GROUPS, plant.drive.tones, strict=True):
         voltage = drive_voltage(tones, trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
@@ -528,16 +522,7 @@ def phases(found: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def loads(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> dict[str, float]:
-    """Return strain and stress of the ceramic, pressure and wear of the contact; ``loss_w`` is the loss by friction."""
-    greatest, rubbing = float(trace.normal.max()), _rubbing(plant, trace, discretisation, loss_w)
-    return {
-        **strength.peak_of_motion(plant.motor, modal(plant, trace)[0]),
-        **strength.of_contact(plant.motor.contact, greatest, rubbing),
-    }
-
-
-def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
+def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
     """Return the mean of normal force times slip velocity in W; of other laws than the paper's by their loss.
 
     The spring of the paper's law is not quite conservative: its loss also has what the spring gives or takes.

@@ -21,13 +21,11 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import carriers, square
-from pyspice_runner.run.waveforms import interpolated
+from pyspice_runner.run.waveforms import Array, interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
 from pyspice_runner.steady.period_map import GROSS_SLIP, PeriodMap, Trace, held_by_friction, held_forces, in_threads
-
-Array = NDArray[np.float64]
 
 LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
 SPACING = 3  # of the points that are solved first

@@ -9,7 +9,7 @@ which biases the small mean of a large alternating torque.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any, Generic, TypeVar, Unpack
@@ -455,12 +455,12 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
     """
     answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]
-    level = dict(enumerate(_between(points, maps[0], own=True)))
+    level = _between({place: points[place] for place in pending}, maps[0])
     averages = _averages(level, maps[0])
     if accuracy >= ROUGH:
         for place, (found, spread) in averages.items():  # the coarse step alone does where the contact stays closed
             error = FROM_SPREAD * spread
-            if found["touching"] >= 1.0 and error <= accuracy * _friction(points[place]):
+            if found["touching"] >= 1.0 and error <= accuracy * points[place].plant.friction_n:
                 answers[place] = _answer(level[place][0], maps[0], found, error)
         pending = [place for place in pending if place not in answers]
     for refinement in range(MOST_REFINEMENTS + 1):
@@ -469,7 +469,9 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
         before = averages
         first = maps[0]
         maps.append(PeriodMap(first.period, steps * 2**refinement, first.timeout, first.workers, first.processes))
-        level = dict(zip(pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True))
+        moved = {place: points[place].moved(0.0, maps[-1].step) for place in pending}
+        _correct(moved.values(), maps[-1])
+        level = _between(moved, maps[-1])
         averages = _averages(level, maps[-1])
         still = []
         for place in pending:
@@ -481,15 +483,10 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
             limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
             error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
             answers[place] = _answer(level[place][0], maps[-1], limit, error)
-            if error > accuracy * _friction(points[place]) and points[place].plant.law:
+            if error > accuracy * points[place].plant.friction_n and points[place].plant.law:
                 still.append(place)
         pending = still
     return answers
-
-
-def _friction(point: Orbit) -> float:
-    """Return the friction force under the preload, N."""
-    return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
 
 
 def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
@@ -498,34 +495,26 @@ def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], err
     return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
 
 
-def _between(points: Sequence[Orbit], period_map: PeriodMap, *, own: bool) -> list[list[Orbit]]:
-    """Return copies of solved points on a map, their steps between each other's; of unsolved ones none.
-
-    With ``own`` it is the map on which the points were solved; each is then its own first copy.
-    """
-    first: list[Orbit | None] = list(points)
-    if not own:
-        first = _corrected([point.moved(0.0, period_map.step) if point.done else None for point in points], period_map)
-    copies = [[point] if point is not None and point.done else [] for point in first]
+def _between(points: Mapping[int, Orbit], period_map: PeriodMap) -> dict[int, list[Orbit]]:
+    """Return those of some points that are solved on a map, each with copies whose steps lie between each other's."""
+    copies = {place: [point] for place, point in points.items() if point.done}
     for number in range(1, OFFSETS):
         begun = number / OFFSETS * period_map.step
-        moved = [several[0].moved(begun, period_map.step) if several else None for several in copies]
-        for several, copy in zip(copies, _corrected(moved, period_map, near=True), strict=True):
-            several += [] if copy is None else [copy]
+        moved = {place: several[0].moved(begun, period_map.step) for place, several in copies.items()}
+        _correct(moved.values(), period_map, near=True)
+        for place, several in copies.items():
+            several.append(moved[place])
     return copies
 
 
-def _corrected(copies: Sequence[Orbit | None], period_map: PeriodMap, *, near: bool = False) -> list[Orbit | None]:
+def _correct(copies: Collection[Orbit], period_map: PeriodMap, *, near: bool = False) -> None:
     """Solve copies on a map, first with the derivative that they have; ``near`` is that of :class:`.Shooting`."""
-    every = [copy for copy in copies if copy is not None]
-    shooting = Shooting(every, period_map, near=near)
+    shooting = Shooting([*copies], period_map, near=near)
     shooting.solve()
-    lost = [copy for copy in every if not copy.done]
+    lost = [copy for copy in copies if not copy.done]
     for copy in lost:  # the derivative of the coarse step did not serve
         copy.restart(copy.state)
-    if lost:
-        shooting.solve(lost)
-    return list(copies)
+    shooting.solve(lost)
 
 
 def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> dict[int, tuple[dict[str, float], float]]:
@@ -559,22 +548,17 @@ def _result(
         audit = Audit(audit_point(setup.motor, found, step))
         if setup.solver.audit:
             audit.withhold(f"steady state at {speed_rad_s:.4g} rad/s")
-    simulated_s, solver_seconds, period_maps, decks = 0.0, 0.0, 0, ""
-    for period_map in maps:
-        effort = period_map.effort
-        simulated_s += effort.simulated_s
-        solver_seconds += effort.seconds
-        period_maps += effort.evaluations
-        decks += effort.hashes()
+    efforts = [period_map.effort for period_map in maps]
+    decks = "".join(effort.hashes() for effort in efforts)
     provenance: dict[str, Any] = {
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
         "run": setup.to_dict(),
-        "ngspice_version": maps[0].effort.ngspice_version,
-        "simulated_s": simulated_s / points,
+        "ngspice_version": efforts[0].ngspice_version,
+        "simulated_s": sum(effort.simulated_s for effort in efforts) / points,
         "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
-        "period_maps": period_maps,
-        "solver_seconds": solver_seconds,
+        "period_maps": sum(effort.evaluations for effort in efforts),
+        "solver_seconds": sum(effort.seconds for effort in efforts),
         "audit": audit.to_dict(),
     }
     return SteadyState(
@@ -583,7 +567,7 @@ def _result(
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
         audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
-        provenance=provenance, solution=None, failure=maps[0].effort.failure,
+        provenance=provenance, solution=None, failure=efforts[0].failure,
     )  # fmt: skip
 
 

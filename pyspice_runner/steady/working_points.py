@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from graphlib import TopologicalSorter
 from itertools import product
 from math import inf, prod
 from typing import TYPE_CHECKING, Any, Literal, Unpack
@@ -141,8 +142,7 @@ def mapped(
     twice = next((path for path in paths if paths.count(path) > 1), None)
     if twice:
         raise ParameterError(f"{twice} is given twice. Give it once.")
-    fixed = {"speed": stated["load.speed"], "torque": stated["load.torque"]}
-    if fixed.get(objective):
+    if stated.get(f"load.{objective}"):
         raise ParameterError(
             f"objective = {objective!r} is not valid: the load fixes the {objective} of every point. Leave it out, or "
             "choose another objective."
@@ -273,23 +273,18 @@ def _solved(
 def _as_ready(
     task: Callable[[int], Found], needs: Sequence[Collection[int]], workers: int
 ) -> Iterator[tuple[int, Found]]:
-    """Yield the numbers and results of tasks as they end, each begun after the tasks that it needs have been yielded.
-
-    A task needs only tasks with smaller numbers.
-    """
-    waiting = {number: set(several) for number, several in enumerate(needs)}
+    """Yield the numbers and results of tasks as they end, each begun after those that it needs have been yielded."""
+    waiting = TopologicalSorter(dict(enumerate(needs)))
+    waiting.prepare()
     running: dict[Future[Found], int] = {}
     with ThreadPoolExecutor(workers) as pool:
         try:
-            while waiting or running:
-                for number in [one for one, several in waiting.items() if not several]:
-                    del waiting[number]
-                    running[pool.submit(task, number)] = number
+            while waiting.is_active():
+                running |= {pool.submit(task, number): number for number in waiting.get_ready()}
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     ended = running.pop(future)
                     yield ended, future.result()
-                    for several in waiting.values():
-                        several.discard(ended)
+                    waiting.done(ended)
         finally:
             for future in running:
                 future.cancel()
