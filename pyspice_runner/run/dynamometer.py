@@ -110,14 +110,10 @@ class Dynamometer:
         return self.setup.load.speed or 0.0
 
     @property
-    def periods(self) -> int:
-        """Number of drive periods in a block: ten, or more until the slowest mode or the carrier decays by e."""
-        return max(_FEWEST_PERIODS, ceil(self.setup.motor.decay_s / self.setup.source.period))
-
-    @property
     def duration(self) -> float:
-        """Length of a block in s."""
-        return self.periods * self.setup.source.period
+        """Length of a block in s: ten drive periods, or more until the slowest mode or the carrier decays by e."""
+        period = self.setup.source.period
+        return max(_FEWEST_PERIODS, ceil(self.setup.motor.decay_s / period)) * period
 
     def rest(self) -> Motion:
         """Return preloaded rest on a turning rotor, before the source is switched on."""

@@ -337,9 +337,7 @@ class Plant:
     def store_phasors(self, pins: Mapping[str, complex], currents: Mapping[str, complex]) -> list[complex]:
         """Return the phasors of the stores of a network in a linear steady state; 0 for those of a stage.
 
-        Args:
-            pins: group → phasor of the voltage at its pin, V.
-            currents: group → phasor of the current into its pin, A.
+        ``pins`` has the phasor of the voltage in V at the pin of each group, ``currents`` that of the current in A.
         """
         omega, of_devices = 2.0 * pi * self.front.frequency, dict[tuple[str, str], complex]()
         for group in GROUPS:
@@ -488,13 +486,11 @@ def copies_bench(
     start: dict[str, float] = {}
     signals: dict[str, Derived] = {}
     plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
-    for plant in plants:
-        own = [copy_name(number) for number, copy in enumerate(copies) if copy.plant.motor_name == plant.motor_name]
-        signals |= plotted_nodes(plant.motor, plant.law, *own)
     subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
     lines = [*subcircuits.values()]
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
+        signals |= plotted_nodes(plant.motor, plant.law, instance)
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
         key = (plant.drive, copy.begun, at_pins)
         if key not in sources:

@@ -293,8 +293,8 @@ class _Period(Dynamometer):
     """A dynamometer that runs for one period."""
 
     @property
-    def periods(self) -> int:
-        return 1
+    def duration(self) -> float:
+        return self.setup.source.period
 
 
 def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, float]:

@@ -187,19 +187,21 @@ class PeriodMap:
         if after:  # the derivative is that of a run from its start
             traces = self._evaluated(copies, after * self.period + self.duration, whole=True)
             return [trace and replace(trace, course=None) for trace in traces]
-        # the sliders of a brush that touch nothing are left out, if these are known
-        sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
         law = copies[0].plant.law if copies else None  # the same in all
-        if law is None or not law.row or sliders >= law.sliders:
-            traces = self._evaluated(copies, self.duration, whole=True)
-            return [trace and _reaching(copy, trace) for copy, trace in zip(copies, traces, strict=True)]
+        if law is None or not law.row:
+            return self._evaluated(copies, self.duration, whole=True)
+        # the sliders of a brush that touch nothing are left out, if these are known
+        sliders = min(law.sliders, max(copy.reach or MOST_SLIDERS for copy in copies))
         inner = [copy.with_sliders(sliders) for copy in copies]
         found: list[Trace | None] = []
         for copy, own, trace in zip(copies, inner, self._evaluated(inner, self.duration, whole=True), strict=True):
             if trace is not None:
-                states = copy.plant.widened(trace.states, own.plant, 0)
-                trace = _reaching(copy, replace(trace, states=states))
+                depth = None if trace.course is None else 1e-6 * float(trace.course.penetration_um.max())
+                reach = None if depth is None else reached(law, copy.plant.motor.contact, depth)
+                trace = replace(trace, states=copy.plant.widened(trace.states, own.plant, 0), reach=reach)
             found.append(trace)
+        if sliders == law.sliders:
+            return found
         beyond = [place for place, trace in enumerate(found) if trace is None or (trace.reach or 0) > sliders]
         again = self.traces([replace(copies[place], reach=None) for place in beyond])
         for place, trace in zip(beyond, again, strict=True):
@@ -346,14 +348,6 @@ class PeriodMap:
             return [(base, one) for one in near]
 
         return in_threads(evaluated, decks, self.workers)
-
-
-def _reaching(copy: Copy, trace: Trace) -> Trace:
-    """Return the trace of a copy with the number of sliders of a brush that touch something in the whole run."""
-    law, contact = copy.plant.law, copy.plant.motor.contact
-    if law is None or not law.row or trace.course is None:
-        return trace
-    return replace(trace, reach=reached(law, contact, 1e-6 * float(trace.course.penetration_um.max())))
 
 
 class _Uneven(Exception):

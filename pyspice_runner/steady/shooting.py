@@ -231,10 +231,8 @@ class Orbit:
     def moved(self, begun: float, step: float | None = None) -> Orbit:
         """Return the point with its period begun at another time in s, at the state that its orbit has there.
 
-        Args:
-            begun: time in s at which a run begins.
-            step: time step in s on the map to which the point moves, if it is another one. Where the contact slips, the
-                slider is beyond its limit by a distance that is proportional to the step.
+        ``step`` is the time step in s of the map to which the point moves, if it is another one: where the contact
+        slips, the slider is beyond its limit by a distance that is proportional to the step.
         """
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
@@ -262,10 +260,8 @@ class Orbit:
         places = [*range(plant.modes), *range(plant.order)[plant.where("mount")][::2]]
         state[places] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
         state[plant.where("contact")] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
-        for place, part in enumerate(plant.states):
-            if part.part == "stem_x":
-                state[place] += motor.contact.tangential_series_compliance_m_per_n * force_n
-                break
+        along = [place for place, part in enumerate(plant.states) if part.part == "stem_x"]
+        state[along[:1]] += motor.contact.tangential_series_compliance_m_per_n * force_n
         return replace(self, state=state, at_start=None, at_end=None, measured_end=None, trace=None, step=None)
 
     def copy(self, state: Array) -> Copy:
@@ -583,7 +579,7 @@ class Shooting:
             self._settle(lost, decays)
             self.solve_by(lost, "settled")
         self._unload()
-        self.measure_anew()
+        self._measure_anew()
 
     def _unload(self) -> None:
         """Move points whose shafts friction holds to the torque nearest to 0, from which a motor starts."""
@@ -605,7 +601,7 @@ class Shooting:
                 if point in points:
                     vars(point).update(vars(there) | {"method": point.method, "iterations": point.iterations})
 
-    def measure_anew(self) -> None:
+    def _measure_anew(self) -> None:
         """Measure the derivatives of solved points anew if they were measured too far away to tell the multipliers."""
         far = [point for point in self.points if point.done and point.far]
         self._renew(far)

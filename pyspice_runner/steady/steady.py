@@ -365,8 +365,7 @@ class Part(Generic[Place]):
 def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     """Divide operating points with ideal voltages into parts, the largest first. The points of a curve stay together.
 
-    Raises:
-        ParameterError: for a drive that has no steady state to be found.
+    Raise a ParameterError for a drive that has no steady state to be found.
     """
     groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
     for place, setup in setups.items():
@@ -387,11 +386,7 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
 
 
 def _drive(setup: Point) -> Drive:
-    """Return the drive of an operating point, after checking that shooting can find its steady state.
-
-    Raises:
-        ParameterError: if not.
-    """
+    """Return the drive of an operating point. Raise a ParameterError if shooting cannot find its steady state."""
     drive = setup.source.ideal
     assert drive is not None
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
