@@ -139,20 +139,17 @@ class Dynamometer:
         outcome = self._run(start, blocks * self.duration, 0.0, meters=True, end_only=False)
         vectors = outcome.vectors()
         time = vectors["time"]
-        edges = [
-            {name: float(np.interp(number * self.duration, time, values)) for name, values in vectors.items()}
-            for number in range(1, blocks + 1)
-        ]
         found: list[Block] = []
         before = dict.fromkeys(vectors, 0.0)
-        for number, edge in enumerate(edges):
-            within = slice(*np.searchsorted(time, [number * self.duration, (number + 1) * self.duration]).tolist())
+        for number in range(blocks):
+            begun, ended = number * self.duration, (number + 1) * self.duration
+            edge = {name: float(np.interp(ended, time, values)) for name, values in vectors.items()}
+            within = slice(*np.searchsorted(time, [begun, ended]).tolist())
             peaks = {group: float(np.abs(vectors[ammeter(group)][within]).max()) for group in "ab"}
             means = self.means({name: edge[name] - before[name] for name in edge})
             end = self.setup.motion(edge)
-            begin = found[-1].end if found else start
-            found.append(Block(self, means, peaks, begin, end, (number + 1) * self.duration, outcome.deck_sha256))
-            before = edge
+            found.append(Block(self, means, peaks, start, end, ended, outcome.deck_sha256))
+            before, start = edge, end
         return found
 
     def _run(self, start: Motion, duration: float, begun: float, *, meters: bool, end_only: bool) -> Outcome:

@@ -63,8 +63,6 @@ class Outcome:
 
     def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
         """Add those that follow from others to vectors."""
-        if not self.signals:
-            return vectors
         plotted = {name: signal for name, signal in self.signals.items() if isinstance(signal, Plotted)}
         found = vectors | plotted_vectors(plotted, vectors)
         return found | {name: one.of(vectors) for name, one in self.signals.items() if not isinstance(one, Plotted)}

@@ -43,11 +43,9 @@ class Solver:
     audit: bool = True  # whether a result that fails the physical audit (:mod:`.audit`) is an error
 
     def __post_init__(self) -> None:
-        if self.accuracy is not None and not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:
-            raise ParameterError(
-                f"accuracy = {self.accuracy:g} is not valid: it must be a relative error from {LEAST_ACCURACY:g} to "
-                f"{MOST_ACCURACY:g} of the tip's motion."
-            )
+        valid = self.accuracy is None or LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY
+        words = f"a relative error from {LEAST_ACCURACY:g} to {MOST_ACCURACY:g} of the tip's motion"
+        require(valid, "accuracy", self.accuracy, words)
 
 
 DEFAULT = Solver()

@@ -247,11 +247,8 @@ def _check_recording(
     words = f"a whole number of steps from 1 to {most}"
     require(1 <= record_every <= most, "record_every", record_every, words)
     last = max(duration - 10.0 * step * record_every, 0.0)
-    if not 0.0 <= record_from <= last:
-        raise ParameterError(
-            f"record_from = {record_from:g} s is not valid: it must be from 0 to {last:.6g} s, ten points before "
-            "the end."
-        )
+    words = f"from 0 to {last:.6g} s, ten points before the end"
+    require(0.0 <= record_from <= last, "record_from", record_from, words, unit="s")
     points = (duration - record_from) / (step * record_every)
     if points > MOST_POINTS:
         raise ParameterError(
@@ -347,12 +344,8 @@ class CoarserRuns:
             len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
         )
         speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
-        return Errors(
-            first / 3.0 if second_order else first,
-            speed,
-            None if force is None else setup.motor.rotor.radius_m * force,
-            seconds,
-        )
+        torque = None if force is None else setup.motor.rotor.radius_m * force
+        return Errors(first / 3.0 if second_order else first, speed, torque, seconds)
 
 
 class _Ended(Exception):
@@ -364,8 +357,7 @@ def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float
     if name not in runs[0]:
         return None
     means = [Window(run["time_s"], period).mean(run[name]) for run in runs]
-    weights = (1.0, 0.5)
-    return float(sum(weight * abs(a - b) for weight, a, b in zip(weights, means[:-1], means[1:], strict=False)))
+    return float(sum(weight * abs(a - b) for weight, a, b in zip((1.0, 0.5), means[:-1], means[1:], strict=False)))
 
 
 def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool) -> float:

@@ -206,10 +206,9 @@ def driven_answers(
         )
         for finer in steps
     ]  # fmt: skip
-    guessed, others = [point for point in points if point.guessed], [point for point in points if not point.guessed]
-    DrivenShooting(others, maps[0]).search()
+    DrivenShooting([point for point in points if not point.guessed], maps[0]).search()
     stability = DrivenShooting(points, maps[0])
-    stability.solve_by(guessed, "newton")
+    stability.solve_by([point for point in points if point.guessed], "newton")
     answers = [Answer(point, maps[1]) for point in points]
     before = _metered(setups, points, maps[0])
     pending = list(range(len(points)))
@@ -219,24 +218,17 @@ def driven_answers(
         DrivenShooting(some, period_map).solve([point for point in some if point.done])
         stability._renew([point for point in some if point.done and point.far])
         found = _metered([setups[place] for place in pending], some, period_map)
-        for place, fine in zip(pending, found, strict=True):
-            answers[place] = _answer(points[place], period_map, fine, before[place])
+        for place, point, fine in zip(pending, some, found, strict=True):
+            answers[place] = Answer(point, period_map)
+            if fine and before[place] and point.trace is not None:
+                speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
+                error = abs(fine["torque_n_m"] - before[place]["torque_n_m"])
+                answers[place] = Answer(point, period_map, fine, error, speed)
             before[place] = fine
         pending = [place for place in pending if answers[place].error > accuracy * torques[place]]
         if not pending:
             break
     return answers, tuple(maps)
-
-
-def _answer(
-    point: DrivenPoint, period_map: PeriodMap, fine: Mapping[str, float], coarse: Mapping[str, float]
-) -> Answer:
-    """Return the answer for the quantities at a step and at one twice as long; both are empty without a solution."""
-    if not (fine and coarse):
-        return Answer(point, period_map)
-    assert point.trace is not None
-    speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
-    return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
 
 
 def _behind_network(plant: Plant, start: Orbit) -> Array:

@@ -101,9 +101,9 @@ class Stators(_OfPoints):
     impedance: Complex  # force over displacement, shape (points, harmonics, n, n), N/m
     memory: Complex  # force over the rate of an amplitude that changes slowly, N s/m
     forces: Complex  # by voltages and preload, shape (points, harmonics, n), N
-    contact: Array  # parameters of the library, shape (points, parameters)
     direct: Complex  # motion of the tip by the voltages through modes left out, shape (points, harmonics, 2), m
     series: Array  # compliances in series along x and y, shape (points, 2), m/N
+    contact: Array  # parameters of the library, shape (points, parameters)
     preload: Array  # N; this and the following have the shape (points, 1)
     grip: Array  # static limit of the friction force, N
     depth: Array  # static penetration, m
@@ -150,8 +150,9 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     for plant in plants:
         motor, contact = plant.motor, plant.motor.contact
         preload, radius = contact.preload_n, motor.rotor.radius_m
+        series = contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n
         rows.append((
-            *linear(plant, grid.omega, grid.orders, most), preload, contact.friction * preload,
+            *linear(plant, grid.omega, grid.orders, most), series, preload, contact.friction * preload,
             contact_law.static_penetration(contact), static_sway(motor, plant.law, None), radius,
             (plant.load.speed or 0.0) * radius / grid.omega, float(plant.turns),
             motor.rotor.bearing_damping_n_m_s / radius**2, (plant.load.torque or 0.0) / radius,
@@ -159,17 +160,14 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
         ))  # fmt: skip
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     motors = [plant.motor for plant in plants]
-    contacts = [motor.contact for motor in motors]
-    series = [[one.tangential_series_compliance_m_per_n, one.series_compliance_m_per_n] for one in contacts]
     bent = [motor.deflection_m + motor.contact.preload_n * motor.contact.series_compliance_m_per_n for motor in motors]
     parameters = np.array(list(parameter_columns(PAPER_LAW, motors, bent).values())).T
-    scalars = [column[:, np.newaxis] for column in columns[4:]]
-    direct = np.array([motion_by_voltage(plant, grid.omega, grid.orders) for plant in plants])
-    return Stators(*[*columns[:4], parameters, direct, np.array(series), *scalars])
+    scalars = [column[:, np.newaxis] for column in columns[6:]]
+    return Stators(*[*columns[:6], parameters, *scalars])
 
 
-def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex]:
-    """Return the first four fields of :class:`Stators` of one point, with so many coordinates."""
+def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex, Complex]:
+    """Return the first five fields of :class:`Stators` of one point, with so many coordinates."""
     stator, modes = plant.motor.stator.with_carrier(plant.mount), plant.modes
     count = len(stator.mass)
     stiffness, damping, mass = np.eye(most), np.zeros((most, most)), np.zeros((most, most))
@@ -177,24 +175,16 @@ def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array,
         padded[:count, :count] = square(own)
     rates = 1j * omega * orders[:, np.newaxis, np.newaxis]
     tip = np.pad(stator.contact, ((0, 0), (0, most - count)))
-    forces = np.zeros((len(orders), most), dtype=complex)
-    for tones, coupling in zip(plant.drive.tones, stator.coupling.T, strict=True):
+    forces, direct = np.zeros((len(orders), most), dtype=complex), np.zeros((len(orders), 2), dtype=complex)
+    moved = plant.motor.stator.residual_per_volt.T
+    for tones, coupling, per_volt in zip(plant.drive.tones, stator.coupling.T, moved, strict=True):
         for tone in tones:
             order, phasor = tone_phasor(tone, omega)
             forces[order, :count] += coupling * phasor
+            direct[order] += per_volt * phasor
     if stator.carriers:
         forces[0, modes] = plant.motor.contact.preload_n
-    return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces
-
-
-def motion_by_voltage(plant: Plant, omega: float, orders: Array) -> Complex:
-    """Return the phasors of the motion of the tip along x and y by modes left out, shape (harmonics, 2), m."""
-    moved = np.zeros((len(orders), 2), dtype=complex)
-    for tones, per_volt in zip(plant.drive.tones, plant.motor.stator.residual_per_volt.T, strict=True):
-        for tone in tones:
-            order, phasor = tone_phasor(tone, omega)
-            moved[order] += per_volt * phasor
-    return moved
+    return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces, direct
 
 
 def tone_phasor(tone: Tone, omega: float) -> tuple[int, complex]:
@@ -548,7 +538,7 @@ class Balance:
         plant, grid = self.plant, self.grid
         orders = np.arange(2.0 * len(grid.orders) - 1.0)
         count = plant.modes + len(carriers(plant.mount))
-        tip, impedance, _, forces = linear(plant, grid.omega, orders, count)
+        tip, impedance, _, forces, direct = linear(plant, grid.omega, orders, count)
         forces += grid.phasors(self.forces.on_tip[0], orders) @ tip
         coordinates = np.linalg.solve(impedance, forces[..., np.newaxis])[..., 0]
         displacements = coordinates.sum(axis=0).real
@@ -557,7 +547,6 @@ class Balance:
         state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
         state[plant.where("contact")] = MICRO * self.sliders
         contact, stem = plant.motor.contact, []
-        direct = motion_by_voltage(plant, grid.omega, orders)
         moved, moving = direct.sum(axis=0).real, (1j * grid.omega * orders @ direct).real
         for axis, series, force, rest in (
             (1, contact.series_compliance_m_per_n, self.forces.normal[0], contact.preload_n),

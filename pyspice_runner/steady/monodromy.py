@@ -122,12 +122,9 @@ class _Group:
         # rounded as in the netlist: the rate is a small difference of two forces, over half a step
         found = {}
         for name in stems(self.plant.motor, self.law):
-            preload, compliance = np.zeros((2, len(self.plants)))
-            for run, plant in enumerate(self.plants):
-                preload[run] = rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0
-                compliance[run] = rounded(stems(plant.motor, self.law)[name])
-            values = {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
-            found[name] = known | values
+            preload = [rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0 for plant in self.plants]
+            compliance = [rounded(stems(plant.motor, self.law)[name]) for plant in self.plants]
+            found[name] = known | {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
         return found
 
     @cached_property

@@ -34,7 +34,7 @@ from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
-from pyspice_runner.run.kernel import run_bench, simulator, transient_timing
+from pyspice_runner.run.kernel import Outcome, run_bench, simulator, transient_timing
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import (
@@ -119,13 +119,13 @@ class Effort:
     _hashes: set[str] = field(default_factory=set, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)  # decks run in threads
 
-    def add(self, copies: int, duration: float, deck: str, seconds: float, ngspice_version: str) -> None:
+    def add(self, copies: int, duration: float, deck: str, outcome: Outcome) -> None:
         """Add the run of a deck with a number of copies over a time in s."""
         with self._lock:
             self.evaluations += copies
             self.simulated_s += copies * duration
-            self.seconds += seconds
-            self.ngspice_version = ngspice_version
+            self.seconds += outcome.seconds
+            self.ngspice_version = outcome.ngspice_version
             self._hashes.add(hashlib.sha256(deck.encode()).hexdigest())
             if self.failure is not None:
                 _discard(self.failure)
@@ -267,8 +267,7 @@ class PeriodMap:
         every = list(dict.fromkeys(name for own in names for name in own))
         timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
         outcome = run_bench(bench, every, self.timeout, "transient", timing, processes=self.processes)
-        deck = str(bench.circuit.raw_spice)
-        self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
+        self.effort.add(len(copies), duration, str(bench.circuit.raw_spice), outcome)
         return self._traces(copies, outcome.vectors(), whole=whole)
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:

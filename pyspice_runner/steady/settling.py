@@ -12,7 +12,7 @@ from math import ceil
 from typing import Any
 
 from pyspice_runner.circuit.state import Motion
-from pyspice_runner.errors import ParameterError, SimulationError, require
+from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.dynamometer import Block, Dynamometer, quantities
 from pyspice_runner.steady.period_map import cores
@@ -35,10 +35,8 @@ class Settling:
 
     def __post_init__(self) -> None:
         require(1e-8 <= self.tolerance <= 0.1, "tolerance", self.tolerance, "a number from 1e-8 to 0.1")
-        if not _FEWEST_BLOCKS <= self.patience <= 10_000:
-            raise ParameterError(
-                f"patience = {self.patience} is not valid: it must be a whole number from {_FEWEST_BLOCKS} to 10000."
-            )
+        words = f"a whole number from {_FEWEST_BLOCKS} to 10000"
+        require(_FEWEST_BLOCKS <= self.patience <= 10_000, "patience", self.patience, words)
 
     def holds(self, before: Sequence[Block], now: Sequence[Block], slack: float = 1.0) -> bool:
         """Whether the means of two successive groups of blocks are the same, to so many times the tolerance."""

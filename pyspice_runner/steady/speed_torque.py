@@ -130,7 +130,7 @@ def curve(
     """Return the curve of an operating point, whose load is replaced; the arguments are as in :func:`speed_torque`."""
     law = touching_law(base.law, _NO_TORQUE)
     axes = _axes(speeds, over or {})
-    mode = _way(mode, base)
+    mode = "settle" if base.source.own else mode  # the states of such a driver are not known
     count = prod(len(values) for values in axes.values())
     if count > _MOST_POINTS:
         raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
@@ -170,11 +170,6 @@ def curve(
     raise fault
 
 
-def _way(mode: Method, base: Point) -> Method:
-    """Return how the points are measured: a driver whose states are not known settles."""
-    return "settle" if base.source.own else mode
-
-
 @checked
 def held_point(
     motor: Motor,
@@ -196,7 +191,8 @@ def held_point(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     bench = _held(motor, drive, speed=speed, audit=audit, **settings)
-    found, fault = _measured([bench], _way(mode, bench.setup), Settling(tolerance, patience), None)
+    mode = "settle" if bench.setup.source.own else mode
+    found, fault = _measured([bench], mode, Settling(tolerance, patience), None)
     if fault is not None:
         raise fault
     return _reported(bench, found[0])

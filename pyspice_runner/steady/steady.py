@@ -23,7 +23,7 @@ from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.contact import static_penetration
-from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
+from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import exceeded
@@ -340,10 +340,7 @@ def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> lis
     A short transient from rest leaves rotor and carrier far from where they stay.
     """
     free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
-    ideal = []
-    for place in free:
-        driver = setups[place].drive
-        ideal.append(replace(setups[place], source=DriveSource(TwoPhaseDrive(**two_phases(driver)))))
+    ideal = [replace(setups[place], source=DriveSource(Plant.of(setups[place]).drive)) for place in free]
     found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
     return [found.get(place) for place in range(len(setups))]
 
@@ -519,11 +516,10 @@ def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> di
     """
     averages = {}
     for place, copies in level.items():
-        solved = [(copy.plant, copy.trace) for copy in copies if copy.done and copy.trace]
-        several = [means(plant, trace, period_map.discretisation) for plant, trace in solved]
+        several = [means(one.plant, one.trace, period_map.discretisation) for one in copies if one.done and one.trace]
         if len(several) < OFFSETS:
             continue
-        values = np.array([list(one.values()) for one in several])
+        values = np.array([list(found.values()) for found in several])
         found = dict(zip(several[0], values.mean(axis=0).tolist(), strict=True))
         for name in ("peak_a", "peak_b", "greatest"):
             found[name] = float(values[:, list(found).index(name)].max())

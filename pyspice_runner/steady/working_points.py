@@ -255,7 +255,11 @@ def _solved(
 
         def solved(number: int) -> list[SteadyState]:
             part = parts[number]
-            starts = [_start([found[other] for other in beside[index]]) for index in part.setups]
+            starts: list[Orbit | None] = []
+            for index in part.setups:
+                near = [found[other] for other in beside[index]]
+                points = [other.solution for other in near if other.stable and other.solution]
+                starts.append(between(points) if points else None)
             return solve_part(part, accuracy, starts, processes)
 
         try:
@@ -294,12 +298,6 @@ def _neighbours(index: Index, stride: int) -> Iterator[Index]:
     """Yield the points of the grid of twice the stride that are nearest to a point; itself if it is one of them."""
     steps = [(-stride, stride) if at % (2 * stride) else (0,) for at in index]
     return (tuple(at + step for at, step in zip(index, each, strict=True)) for each in product(*steps))
-
-
-def _start(near: Sequence[SteadyState]) -> Orbit | None:
-    """Return the mean of the neighbours that are stable, if there are any."""
-    points = [other.solution for other in near if other.stable and other.solution]
-    return between(points) if points else None
 
 
 def _plain(value: Any) -> Any:
