@@ -123,7 +123,7 @@ class Dynamometer:
         return replace(rest, speed_rad_s=self.speed, plates_a_v=plates_a, plates_b_v=plates_b)
 
     def run(self, start: Motion, begun: float, *, meters: bool = True) -> Block:
-        """Run one block. The source was switched on ``begun`` seconds ago.
+        """Run one block at the speed of the operating point. The source was switched on ``begun`` seconds ago.
 
         Without ``meters`` only forces and torque are measured.
         """
