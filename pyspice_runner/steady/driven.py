@@ -82,10 +82,8 @@ class DrivenShooting(Shooting):
 
     def _run_up(self, points: Sequence[Orbit], decays: float) -> None:
         """Solve points after some decay times of the slowest mode from rest, or a short run from where they are."""
-        if not points:
-            return
         times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
-        periods = max(FEWEST_PERIODS, ceil(decays * max(times) / self.map.period))
+        periods = max(FEWEST_PERIODS, ceil(decays * max(times, default=0.0) / self.map.period))
         copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
         for point, end in zip(points, self.map.settled(copies, periods), strict=True):
             point.restart(point.state if end is None else end)
