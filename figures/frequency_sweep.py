@@ -92,7 +92,7 @@ def _swept(motor: pr.Motor, drive: pr.TwoPhaseDrive, grid: np.ndarray, settling:
     there_and_back, motion, rows = np.concatenate([grid, grid[::-1]]), None, []
     for frequency in there_and_back.tolist():
         point = Point.of(motor, drive.updated({"frequency": frequency}), speed=0.0)
-        row, last = settle(Dynamometer(off_beat(point)), 0.0, motion, Settling(**settling))
+        row, last = settle(Dynamometer(off_beat(point)), motion, Settling(**settling))
         motion = last.end
         rows.append({name: row[name] for name in ("settled", *(name for name, *_ in ROWS))})
     columns = {name: ("drive.frequency", [row[name] for row in rows]) for name in rows[0]}

@@ -178,24 +178,18 @@ def ceramic(
     for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=True):
         if moved.any() and f"v(xmotor.{name})" in samples:  # power that the groups pass to the contact
             heat += window.mean(moved * np.gradient(samples[f"v(xmotor.{name})"], samples["time"]))
-    found = {
-        **peak_of_motion(motor, displacement),
-        "temperature_rise_k": temperature_rise(motor, heat),
-        **_of_contact(motor, law, discretisation, samples, window),
-    }
-    return stated(motor, found, samples["v(shaft)"])
-
-
-def _of_contact(
-    motor: Motor, law: Law | None, discretisation: Discretisation, samples: Mapping[str, Array], window: Window
-) -> dict[str, float]:
     normal, slider, depth = map(samples.get, ("v(xmotor.normal)", "v(xmotor.slider)", "v(xmotor.xcontact.delta)"))
     greatest = nan if normal is None else float(normal[window.points].max())
     rubbing = nan
     if law and "averaged" in law.forms and normal is not None and slider is not None and depth is not None:
         velocity = slip_velocity(motor.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
         rubbing = window.mean(normal * velocity)
-    return of_contact(motor.contact, greatest, rubbing)
+    found = {
+        **peak_of_motion(motor, displacement),
+        "temperature_rise_k": temperature_rise(motor, heat),
+        **of_contact(motor.contact, greatest, rubbing),
+    }
+    return stated(motor, found, samples["v(shaft)"])
 
 
 def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict[str, Any]:

@@ -17,7 +17,6 @@ import numpy as np
 
 from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
-from pyspice_runner.circuit.source import Source
 from pyspice_runner.circuit.state import PLATES, Motion, held_piezo, motion_of, motor_states
 from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.motor import Motor
@@ -106,79 +105,59 @@ class Dynamometer:
     setup: Point  # motor, source, contact and solver
 
     @property
-    def motor(self) -> Motor:
-        """The motor."""
-        return self.setup.motor
-
-    @property
     def speed(self) -> float:
         """Speed in rad/s of its operating point."""
         return self.setup.load.speed or 0.0
 
     @property
-    def source(self) -> Source:
-        """The source at its pins."""
-        return self.setup.source
-
-    @property
-    def periods(self) -> int:
-        """Number of drive periods in a block: ten, or more until the slowest mode or the carrier decays by e."""
-        return max(_FEWEST_PERIODS, ceil(self.motor.decay_s / self.source.period))
-
-    @property
     def duration(self) -> float:
-        """Length of a block in s."""
-        return self.periods * self.source.period
+        """Length of a block in s: ten drive periods, or more until the slowest mode or the carrier decays by e."""
+        period = self.setup.source.period
+        return max(_FEWEST_PERIODS, ceil(self.setup.motor.decay_s / period)) * period
 
-    def rest(self, speed: float) -> Motion:
+    def rest(self) -> Motion:
         """Return preloaded rest on a turning rotor, before the source is switched on."""
-        states = motor_states(self.motor, self.setup.law)
+        states = motor_states(self.setup.motor, self.setup.law)
         rest = motion_of(states, [state.at_rest(self.setup.discretisation) for state in states])
-        plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.source.initial_voltages())
-        return replace(rest, speed_rad_s=speed, plates_a_v=plates_a, plates_b_v=plates_b)
+        plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.setup.source.initial_voltages())
+        return replace(rest, speed_rad_s=self.speed, plates_a_v=plates_a, plates_b_v=plates_b)
 
-    def run(self, start: Motion, speed: float, begun: float, *, meters: bool = True) -> Block:
-        """Run one block.
+    def run(self, start: Motion, begun: float, *, meters: bool = True) -> Block:
+        """Run one block at the speed of the operating point. The source was switched on ``begun`` seconds ago.
 
-        The shaft is held at ``speed`` (rad/s); the source was switched on ``begun`` seconds ago. Without ``meters``
-        only forces and torque are measured.
+        Without ``meters`` only forces and torque are measured.
         """
-        outcome = self._run(start, speed, self.duration, begun, meters=meters, end_only=True)
+        outcome = self._run(start, self.duration, begun, meters=meters, end_only=True)
         last = outcome.last()
         peaks = {group: last[f"v(xmeter_{group}.v_peak)"] for group in "ab"} if meters else {}
         end = self.setup.motion(last)
         return Block(self, self.means(last), peaks, start, end, begun + self.duration, outcome.deck_sha256)
 
-    def run_from_rest(self, speed: float, blocks: int) -> list[Block]:
+    def run_from_rest(self, blocks: int) -> list[Block]:
         """Run successive blocks at once, for a source whose state cannot be continued: a driver circuit."""
-        start = self.rest(speed)
-        outcome = self._run(start, speed, blocks * self.duration, 0.0, meters=True, end_only=False)
+        start = self.rest()
+        outcome = self._run(start, blocks * self.duration, 0.0, meters=True, end_only=False)
         vectors = outcome.vectors()
         time = vectors["time"]
-        edges = [
-            {name: float(np.interp(number * self.duration, time, values)) for name, values in vectors.items()}
-            for number in range(1, blocks + 1)
-        ]
         found: list[Block] = []
         before = dict.fromkeys(vectors, 0.0)
-        for number, edge in enumerate(edges):
-            within = slice(*np.searchsorted(time, [number * self.duration, (number + 1) * self.duration]).tolist())
+        for number in range(blocks):
+            begun, ended = number * self.duration, (number + 1) * self.duration
+            edge = {name: float(np.interp(ended, time, values)) for name, values in vectors.items()}
+            within = slice(*np.searchsorted(time, [begun, ended]).tolist())
             peaks = {group: float(np.abs(vectors[ammeter(group)][within]).max()) for group in "ab"}
             means = self.means({name: edge[name] - before[name] for name in edge})
             end = self.setup.motion(edge)
-            begin = found[-1].end if found else start
-            found.append(Block(self, means, peaks, begin, end, (number + 1) * self.duration, outcome.deck_sha256))
-            before = edge
+            found.append(Block(self, means, peaks, start, end, ended, outcome.deck_sha256))
+            before, start = edge, end
         return found
 
-    def _run(
-        self, start: Motion, speed: float, duration: float, begun: float, *, meters: bool, end_only: bool
-    ) -> Outcome:
+    def _run(self, start: Motion, duration: float, begun: float, *, meters: bool, end_only: bool) -> Outcome:
         setup = self.setup
         assert setup.law is not None
         require_linear(setup.motor, "A point that settles on the dynamometer")
         bench = dynamometer_bench(
-            setup.motor, setup.source, speed=speed, law=setup.law, meters=meters,
+            setup.motor, setup.source, speed=self.speed, law=setup.law, meters=meters,
             discretisation=setup.discretisation, start=start, begun=begun,
         )  # fmt: skip
         vectors = [*self.integrals(meters), *setup.state_vectors()]
@@ -199,10 +178,10 @@ class Dynamometer:
     def stored(self, motion: Motion) -> float:
         """Return the energy in J in modes, plates and mount, without rotor and contact."""
         lifts, rises = (motion.carrier_m, motion.carrier_x_m), (motion.carrier_m_s, motion.carrier_x_m_s)
-        energy = stored_energy(self.motor, motion.displacements_m, motion.velocities_m_s, lifts, rises)
-        piezo = held_piezo(self.motor, self.setup.law)
+        energy = stored_energy(self.setup.motor, motion.displacements_m, motion.velocities_m_s, lifts, rises)
+        piezo = held_piezo(self.setup.motor, self.setup.law)
         share = piezo.capacitance_ab_f / piezo.capacitance_a_f
-        branches = zip(*(dielectric_branches(self.motor, group, self.setup.law) for group in "ab"), strict=True)
+        branches = zip(*(dielectric_branches(self.setup.motor, group, self.setup.law) for group in "ab"), strict=True)
         for (a, b), u, v in zip(branches, motion.plates_a_v, motion.plates_b_v, strict=True):
             energy += 0.5 * (a.capacitance_f * u * (u - 2.0 * share * v) + b.capacitance_f * v**2)
         return energy
@@ -210,13 +189,13 @@ class Dynamometer:
     @property
     def dampers(self) -> list[str]:
         """Names of the dampers: the modes, and the mount if there is one."""
-        modes = [str(index) for index in range(1, len(self.motor.modes) + 1)]
-        return [*modes, *("mount", "mount_x")[: len(carriers(self.motor.mount))]]
+        modes = [str(index) for index in range(1, len(self.setup.motor.modes) + 1)]
+        return [*modes, *("mount", "mount_x")[: len(carriers(self.setup.motor.mount))]]
 
     @property
     def dielectrics(self) -> list[str]:
         """Names of the capacitances: the groups, and that between them if there is one."""
-        return ["a", "b", *(["ab"] if self.motor.piezo.capacitance_ab_f else [])]
+        return ["a", "b", *(["ab"] if self.setup.motor.piezo.capacitance_ab_f else [])]
 
     def integrals(self, meters: bool) -> list[str]:
         """Return the vectors of the integrals of the instruments."""
@@ -250,7 +229,7 @@ class Block:
     @property
     def torque(self) -> float:
         """Mean torque of the contact on the rotor, N·m."""
-        return self.bench.motor.rotor.radius_m * self.means["xbrake.v_friction"]
+        return self.bench.setup.motor.rotor.radius_m * self.means["xbrake.v_friction"]
 
     @property
     def normal_force(self) -> float:
@@ -299,11 +278,11 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
     """Return the quantities of :data:`UNITS` over successive blocks, all of them metered."""
     bench = blocks[0].bench
     mean = {name: sum(block.means[name] for block in blocks) / len(blocks) for name in blocks[0].means}
-    omega = 2.0 * pi * min(bench.source.frequencies)
+    omega = 2.0 * pi * min(bench.setup.source.frequencies)
     amplitudes = [  # a bound: the static bending and, by the heat of the damping, the vibration
         abs(mode.tip_y * blocks[-1].normal_force / mode.stiffness_n_per_m)
         + strength.amplitude(mean[f"xheat_{index}.v_heat"] / mode.damping_n_s_per_m, omega)
-        for index, mode in enumerate(bench.motor.modes, start=1)
+        for index, mode in enumerate(bench.setup.motor.modes, start=1)
     ]
     found = {
         "friction": mean["xbrake.v_friction"],
@@ -316,7 +295,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
         "dielectric_loss": sum(mean[f"xheat_{group}.v_heat"] for group in bench.dielectrics),
         "damping_loss": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
         "stored": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / (len(blocks) * bench.duration),
-        **strength.peak_of_amplitudes(bench.motor, amplitudes),
+        **strength.peak_of_amplitudes(bench.setup.motor, amplitudes),
     }
     for group in "ab":
         meter = f"xmeter_{group}.v_"
@@ -326,7 +305,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
             groups.named("current_square", group): mean[f"{meter}square_i"],
             groups.named("peak", group): max(block.peaks[group] for block in blocks),
         }
-    return quantities_of(bench.motor, found)
+    return quantities_of(bench.setup.motor, found)
 
 
 def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:

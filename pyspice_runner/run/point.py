@@ -43,11 +43,9 @@ class Solver:
     audit: bool = True  # whether a result that fails the physical audit (:mod:`.audit`) is an error
 
     def __post_init__(self) -> None:
-        if self.accuracy is not None and not LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY:
-            raise ParameterError(
-                f"accuracy = {self.accuracy:g} is not valid: it must be a relative error from {LEAST_ACCURACY:g} to "
-                f"{MOST_ACCURACY:g} of the tip's motion."
-            )
+        valid = self.accuracy is None or LEAST_ACCURACY <= self.accuracy <= MOST_ACCURACY
+        words = f"a relative error from {LEAST_ACCURACY:g} to {MOST_ACCURACY:g} of the tip's motion"
+        require(valid, "accuracy", self.accuracy, words)
 
 
 DEFAULT = Solver()
@@ -223,11 +221,11 @@ class Point:
         """Return the same with a time step in s."""
         return replace(self, solver=replace(self.solver, step=step))
 
-    def bench(self, *, start: Motion | None = None, begun: float = 0.0, title: str = "") -> Bench:
-        """Return the bench, from rest or from a motion that the source has driven for ``begun`` seconds."""
+    def bench(self) -> Bench:
+        """Return the bench, from rest."""
         return motor_bench(
             self.motor, self.source, load=self.load, law=self.law, discretisation=self.discretisation,
-            thermal=self.thermal, start=start, begun=begun, title=title,
+            thermal=self.thermal,
         )  # fmt: skip
 
     def run(

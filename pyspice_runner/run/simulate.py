@@ -104,7 +104,12 @@ def simulated(
         # of the fastest motion; the error falls with the square of the points in its period
         points = max(UNIFORM_POINTS * sqrt(_USUAL_ERROR / accuracy), 4.0 * FEWEST_POINTS_PER_PERIOD)
         point = point.with_step(point.shortest_period / points)
-    _check_duration(point, duration)
+    require(isfinite(duration) and duration > 0.0, "duration", duration, "a number > 0 s", unit="s")
+    if duration < 10.0 * point.step:
+        raise ParameterError(
+            f"duration = {duration:g} s is shorter than ten steps of {point.step:g} s; give at least "
+            f"{10 * point.step:.3g} s."
+        )
     _check_recording(signals, record_from, record_every, duration, point.step)
     estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
     if accuracy is not None and not estimate:
@@ -232,15 +237,6 @@ def _run(
             return waveforms(outcome, complete=True, coarser=coarser)
 
 
-def _check_duration(setup: Point, duration: float) -> None:
-    require(isfinite(duration) and duration > 0.0, "duration", duration, "a number > 0 s", unit="s")
-    if duration < 10.0 * setup.step:
-        raise ParameterError(
-            f"duration = {duration:g} s is shorter than ten steps of {setup.step:g} s; give at least "
-            f"{10 * setup.step:.3g} s."
-        )
-
-
 def _check_recording(
     signals: Sequence[str] | None, record_from: float, record_every: int, duration: float, step: float
 ) -> None:
@@ -251,11 +247,8 @@ def _check_recording(
     words = f"a whole number of steps from 1 to {most}"
     require(1 <= record_every <= most, "record_every", record_every, words)
     last = max(duration - 10.0 * step * record_every, 0.0)
-    if not 0.0 <= record_from <= last:
-        raise ParameterError(
-            f"record_from = {record_from:g} s is not valid: it must be from 0 to {last:.6g} s, ten points before "
-            "the end."
-        )
+    words = f"from 0 to {last:.6g} s, ten points before the end"
+    require(0.0 <= record_from <= last, "record_from", record_from, words, unit="s")
     points = (duration - record_from) / (step * record_every)
     if points > MOST_POINTS:
         raise ParameterError(
@@ -351,12 +344,8 @@ class CoarserRuns:
             len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
         )
         speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
-        return Errors(
-            first / 3.0 if second_order else first,
-            speed,
-            None if force is None else setup.motor.rotor.radius_m * force,
-            seconds,
-        )
+        torque = None if force is None else setup.motor.rotor.radius_m * force
+        return Errors(first / 3.0 if second_order else first, speed, torque, seconds)
 
 
 class _Ended(Exception):
@@ -368,8 +357,7 @@ def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float
     if name not in runs[0]:
         return None
     means = [Window(run["time_s"], period).mean(run[name]) for run in runs]
-    weights = (1.0, 0.5)
-    return float(sum(weight * abs(a - b) for weight, a, b in zip(weights, means[:-1], means[1:], strict=False)))
+    return float(sum(weight * abs(a - b) for weight, a, b in zip((1.0, 0.5), means[:-1], means[1:], strict=False)))
 
 
 def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool) -> float:

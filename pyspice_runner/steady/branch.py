@@ -152,9 +152,11 @@ class _Node:
         assert self.point.at_start is not None
         matrix = np.column_stack([self.point.at_end - self.point.at_start, self.slope])
         free = self.free
-        bordered = np.vstack([matrix, tangent])[np.ix_(free, free)]
+        left, sizes, across = np.linalg.svd(np.vstack([matrix, tangent])[np.ix_(free, free)])
+        # the solution of minimum norm: sliders that stick keep their distances
+        kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - self.point.sticks)
         change = np.zeros(len(free))
-        change[free] = _solved(bordered, right[free], int(self.point.sticks))
+        change[free] = across.T @ np.where(kept, (left.T @ right[free]) / np.where(kept, sizes, 1.0), 0.0)
         return change
 
 
@@ -222,13 +224,6 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
                 "It comes back to start."
             )  # fmt: skip
     return nodes, f"It has {points} points."
-
-
-def _solved(matrix: Array, right: Array, drop: int) -> Array:
-    """Return the solution of minimum norm of linear equations, with the ``drop`` smallest singular values left out."""
-    left, sizes, across = np.linalg.svd(matrix)
-    kept = (sizes > 1e-10 * sizes[0]) & (np.arange(len(sizes)) < len(sizes) - drop)
-    return np.asarray(across.T @ np.where(kept, (left.T @ right) / np.where(kept, sizes, 1.0), 0.0))
 
 
 def _tangent(node: _Node, before: Array, weights: Array) -> Array:

@@ -46,10 +46,8 @@ from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_pha
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.run.point import Point
+from pyspice_runner.run.window import Array
 from pyspice_runner.spice.library import PREFIX, definition_texts, read_library
-
-Array = NDArray[np.float64]
-
 
 LEAD = 0.05  # of a period, from the start of a run to that of the period: charges of the transistors settle in it
 # of copies whose transistors start without charge: with a smaller abstol (A) or trtol ngspice often fails there
@@ -148,11 +146,6 @@ class Plant:
         return motor_states(self.motor, self.law, ("mode", "contact", "stem", "mount", *turning, *plates))
 
     @cached_property
-    def period(self) -> float:
-        """Period of the drive in s."""
-        return self.drive.period
-
-    @cached_property
     def _places(self) -> dict[Kind, slice]:
         """The places of the states of each part of the motor, which follow each other."""
         found: dict[Kind, slice] = {}
@@ -188,19 +181,14 @@ class Plant:
         return len(self.motor.modes)
 
     @cached_property
-    def slider(self) -> int | None:
-        """Place of the slider of a law with a single one."""
-        return 2 * self.modes if self.law and self.law.sliding and not self.law.row else None
-
-    @cached_property
     def mount(self) -> Mount | None:
         """The mount in the netlist."""
         return carrier(self.motor, self.law)
 
-    @cached_property
-    def carrier(self) -> slice:
-        """Place of displacement and velocity of the carrier, if there is one."""
-        return self.where("mount")
+    @property
+    def friction_n(self) -> float:
+        """The friction force under the preload, N."""
+        return self.motor.contact.friction * self.motor.contact.preload_n
 
     @cached_property
     def turns(self) -> bool:
@@ -263,17 +251,18 @@ class Plant:
         return f"{copy}.xmotor" if self.driver else copy
 
     def vectors(self, copy: str) -> list[str]:
-        """Return the vectors of a copy that hold the states of the motor, in their order."""
-        return self._vectors.format(self.inside(copy), f"{copy}.shaft" if self.driver else f"{copy}_shaft").split()
-
-    def recorded(self, copy: str) -> list[str]:
-        """Return the vectors of a copy that hold all its states."""
-        return self.vectors(copy) + [name for store in self.stores for name in store.vectors(copy)]
+        """Return the vectors of a copy that hold its states: those of the motor, then those of the stores."""
+        shaft = f"{copy}.shaft" if self.driver else f"{copy}_shaft"
+        names = [state.vector.format(self.inside(copy), shaft) for state in self.states]
+        return names + [name for store in self.stores for name in store.vectors(copy)]
 
     def sampled(self, samples: Mapping[str, Array], copy: str, discretisation: Discretisation) -> Array:
         """Return the states from the samples of these vectors, shape (order, points), in SI units."""
-        rows = np.array([samples[name] for name in self.vectors(copy)]) * self.units(discretisation)[:, np.newaxis]
-        return np.array([*rows, *(store.value(samples, copy) for store in self.stores)]) if self.stores else rows
+        rows = [
+            state.scale(discretisation) * samples[name]
+            for state, name in zip(self.states, self.vectors(copy), strict=False)
+        ]
+        return np.array([*rows, *(store.value(samples, copy) for store in self.stores)])
 
     def pins(self, copy: str) -> dict[str, str]:
         """Return the vectors of voltages and currents behind a driver, by their names in a run of one motor."""
@@ -282,20 +271,6 @@ class Plant:
             found[f"v({group})"] = f"v({copy}.{group})"
             found[groups.current("pin", group)] = groups.current(f".{copy}.vpin", group)
         return found
-
-    @cached_property
-    def _vectors(self) -> str:
-        return " ".join(state.vector for state in self.states)
-
-    def units(self, discretisation: Discretisation) -> Array:
-        """Return the SI value of 1 V or 1 A of each of these vectors."""
-        if discretisation not in self._units:
-            self._units[discretisation] = np.array([state.scale(discretisation) for state in self.states])
-        return self._units[discretisation]
-
-    @cached_property
-    def _units(self) -> dict[Discretisation, Array]:
-        return {}
 
     # --- behind a driver: its inductances and capacitances are states ---
 
@@ -360,9 +335,7 @@ class Plant:
     def store_phasors(self, pins: Mapping[str, complex], currents: Mapping[str, complex]) -> list[complex]:
         """Return the phasors of the stores of a network in a linear steady state; 0 for those of a stage.
 
-        Args:
-            pins: group → phasor of the voltage at its pin, V.
-            currents: group → phasor of the current into its pin, A.
+        ``pins`` has the phasor of the voltage in V at the pin of each group, ``currents`` that of the current in A.
         """
         omega, of_devices = 2.0 * pi * self.front.frequency, dict[tuple[str, str], complex]()
         for group in GROUPS:
@@ -381,11 +354,6 @@ class Plant:
                 edges += [edge + half for edge in delay.edges(self.front.ahead(group))]
         distances = np.abs((phases[:, np.newaxis] - edges + 0.5) % 1.0 - 0.5).min(axis=1)
         return float(phases[distances.argmax()] - 0.5 * LEAD)
-
-    def _switched(self, group: str) -> dict[str, bool]:
-        """Return whether each delay of a bridge is at 1 V as a run starts, by its parameter."""
-        control = sin(2.0 * pi * (self.begins + self.front.ahead(group)))
-        return {name: delay.sign * control > delay.level for name, delay in self.front.delays(group).items()}
 
     def bench_texts(self, discretisation: Discretisation, *, meters: bool) -> dict[str, str]:
         """Return the subcircuit of motor, driver and shaft and those of its parts, by name.
@@ -415,7 +383,9 @@ class Plant:
             amplitude, turned = control_amplitude(self.front, group), 360.0 * (begins % 1.0)
             control = f"SIN(0 {amplitude!r} {self.front.frequency!r} 0 0 {turned!r})"
             circuit.V(groups.named("control", group), groups.named("control", group), circuit.gnd, control)
-            for name, above in self._switched(group).items():
+            level = sin(2.0 * pi * begins)
+            for name, delay in self.front.delays(group).items():
+                above = delay.sign * level > delay.level
                 circuit[groups.named("Xstage", group)].parameters[name] = 1.0 if above else -1.0
             add_breakpoints(circuit, self.front, group, self.begins)
 
@@ -509,13 +479,11 @@ def copies_bench(
     start: dict[str, float] = {}
     signals: dict[str, Derived] = {}
     plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
-    for plant in plants:
-        own = [copy_name(number) for number, copy in enumerate(copies) if copy.plant.motor_name == plant.motor_name]
-        signals |= plotted_nodes(plant.motor, plant.law, *own)
     subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
     lines = [*subcircuits.values()]
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
+        signals |= plotted_nodes(plant.motor, plant.law, instance)
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
         key = (plant.drive, copy.begun, at_pins)
         if key not in sources:

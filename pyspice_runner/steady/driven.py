@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil, pi, sqrt
 
@@ -20,20 +19,13 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor import groups
+from pyspice_runner.motor import groups, strength
 from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
-from pyspice_runner.steady.copies import (
-    LEAD,
-    PRIMARY,
-    Copy,
-    Plant,
-    copy_name,
-    driven_bench,
-)
-from pyspice_runner.steady.period_map import PeriodMap, cores, current, loads
+from pyspice_runner.steady.copies import LEAD, PRIMARY, Copy, Plant, copy_name, driven_bench
+from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -52,21 +44,16 @@ class DrivenShooting(Shooting):
     decks = 2  # of a derivative
 
     def _evaluate(self, points: Sequence[Orbit]) -> None:
-        for point, trace in zip(
-            points, self.map.traces([Copy(point.plant, point.state) for point in points]), strict=True
-        ):
+        traces = self.map.traces([Copy(point.plant, point.state) for point in points])
+        for point, trace in zip(points, traces, strict=True):
             point.trace = trace
             point.failed = trace is None
-        self.measure([point for point in points if point.at_end is None and not point.failed])
+        self._renew([point for point in points if point.at_end is None and not point.failed])
         for point in points:
             if not point.failed:
-                point.step = point.newton_step()
                 point.judge()
 
     def _renew(self, points: Sequence[Orbit]) -> None:
-        self.measure(points)
-
-    def measure(self, points: Sequence[Orbit]) -> None:
         """Measure the derivatives of points that have a trace."""
         decks = [
             [Copy(point.plant, state) for state in (point.state, *(point.state + part))]
@@ -76,6 +63,31 @@ class DrivenShooting(Shooting):
         found = iter(self.map.together(decks))
         for point in points:
             point.differentiate([pair for _ in range(self.decks) for pair in next(found)])
+
+    def search(self) -> None:
+        """Solve points without a guess: of each curve one first, the others from it or after a longer transient."""
+        curves: dict[tuple[str, bool], list[Orbit]] = {}
+        for point in self.points:  # a free shaft has a state more
+            curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
+        seeds = [curve[len(curve) // 2] for curve in curves.values()]
+        for decays in (0.0, *NEWTON.settling):
+            self._run_up([seed for seed in seeds if not seed.done], decays)
+        for seed, curve in zip(seeds, curves.values(), strict=True):
+            for point in curve:
+                if point is not seed and seed.done:
+                    point.guess(seed)
+        self.solve_by([point for point in self.points if point.guessed], "neighbour")
+        for decays in NEWTON.settling:
+            self._run_up([point for point in self.points if not point.done], decays)
+
+    def _run_up(self, points: Sequence[Orbit], decays: float) -> None:
+        """Solve points after some decay times of the slowest mode from rest, or a short run from where they are."""
+        times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
+        periods = max(FEWEST_PERIODS, ceil(decays * max(times, default=0.0) / self.map.period))
+        copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
+        for point, end in zip(points, self.map.settled(copies, periods), strict=True):
+            point.restart(point.state if end is None else end)
+        self.solve_by(points, "settled" if decays else "newton")
 
 
 class DrivenPoint(Orbit):
@@ -90,9 +102,10 @@ class DrivenPoint(Orbit):
         free = self.free
         begun, back, monodromy, faded = self._reduced()
         left, sizes, right = np.linalg.svd(monodromy - np.eye(len(monodromy)))
-        kept = np.arange(len(sizes)) < len(sizes) - self._still
+        # what sticks, and charges that are isolated, stay where they are
+        kept = np.arange(len(sizes)) < len(sizes) - self.sticks - self.plant.isolated
         moved = right.T @ np.where(kept, -(left.T @ (begun.T @ self.gap[free])) / np.where(kept, sizes, 1.0), 0.0)
-        step = np.asarray((self.trace.later(self.plant.begins * self.plant.period) - self.state) / self.scale)
+        step = np.asarray((self.trace.later(self.plant.begins * self.plant.drive.period) - self.state) / self.scale)
         step[free] = back @ moved + faded.T @ (faded @ step[free])
         return step
 
@@ -117,18 +130,13 @@ class DrivenPoint(Orbit):
         return super().remaining(lasting)
 
     @property
-    def _still(self) -> int:
-        """Number of directions in which the state stays where it is."""
-        return self.sticks + self.plant.isolated
-
-    @property
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers, the largest first, without the 1 of sliders that stick and of isolated charges.
 
         The charge between a capacitor in series and a group has no path away.
         """
         values = np.linalg.eigvals(self._reduced()[2]).astype(complex)
-        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self._still])
+        values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks + self.plant.isolated])
         return np.asarray(values[np.argsort(-np.abs(values))])
 
     def _update(self, step: Array, gap: Array) -> None:
@@ -183,7 +191,7 @@ def driven_answers(
         plant = Plant.of(setup)
         state = np.zeros(plant.order) if start is None else _behind_network(plant, start)
         if start is None and moving is not None:
-            state[: plant.inner] = moving.moved(plant.begins * plant.period).state[: plant.inner]
+            state[: plant.inner] = moving.moved(plant.begins * plant.drive.period).state[: plant.inner]
         tolerance = max(NEWTON.residual, SOLVED * accuracy)
         points.append(DrivenPoint(plant, state, _scale(plant), guessed=start is not None, tolerance=tolerance))
     first = setups[0]
@@ -196,41 +204,29 @@ def driven_answers(
         )
         for finer in steps
     ]  # fmt: skip
-    _search([point for point in points if not point.guessed], maps[0])
-    _place([point for point in points if point.guessed], maps[0])
+    DrivenShooting([point for point in points if not point.guessed], maps[0]).search()
+    stability = DrivenShooting(points, maps[0])
+    stability.solve_by([point for point in points if point.guessed], "newton")
     answers = [Answer(point, maps[1]) for point in points]
     before = _metered(setups, points, maps[0])
-    stability = DrivenShooting(points, maps[0])
     pending = list(range(len(points)))
+    torques = [point.plant.friction_n * point.plant.motor.rotor.radius_m for point in points]
     for period_map in maps[1:]:
         some = [points[place] for place in pending]
         DrivenShooting(some, period_map).solve([point for point in some if point.done])
-        stability.measure([point for point in some if point.done and point.far])
+        stability._renew([point for point in some if point.done and point.far])
         found = _metered([setups[place] for place in pending], some, period_map)
-        for place, fine in zip(pending, found, strict=True):
-            answers[place] = _answer(points[place], period_map, fine, before[place])
+        for place, point, fine in zip(pending, some, found, strict=True):
+            answers[place] = Answer(point, period_map)
+            if fine and before[place] and point.trace is not None:
+                speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
+                error = abs(fine["torque_n_m"] - before[place]["torque_n_m"])
+                answers[place] = Answer(point, period_map, fine, error, speed)
             before[place] = fine
-        pending = [place for place in pending if answers[place].error > accuracy * _friction(points[place])]
+        pending = [place for place in pending if answers[place].error > accuracy * torques[place]]
         if not pending:
             break
     return answers, tuple(maps)
-
-
-def _answer(
-    point: DrivenPoint, period_map: PeriodMap, fine: Mapping[str, float], coarse: Mapping[str, float]
-) -> Answer:
-    """Return the answer for the quantities at a step and at one twice as long; both are empty without a solution."""
-    if not (fine and coarse):
-        return Answer(point, period_map)
-    assert point.trace is not None
-    speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
-    return Answer(point, period_map, fine, abs(fine["torque_n_m"] - coarse["torque_n_m"]), speed)
-
-
-def _friction(point: Orbit) -> float:
-    """Return the friction torque under the preload, N·m."""
-    motor = point.plant.motor
-    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 def _behind_network(plant: Plant, start: Orbit) -> Array:
@@ -274,65 +270,21 @@ def _scale(plant: Plant) -> Array:
     return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 
 
-def _place(points: Sequence[DrivenPoint], period_map: PeriodMap) -> None:
-    """Solve points from where they are."""
-    DrivenShooting(points, period_map).solve()
-    for point in points:
-        point.method = "newton" if point.done else ""
-
-
-def _search(points: Sequence[DrivenPoint], period_map: PeriodMap) -> None:
-    shooting = DrivenShooting(points, period_map)
-    curves: dict[tuple[str, bool], list[DrivenPoint]] = {}
-    for point in points:  # a free shaft has a state more
-        curves.setdefault((point.plant.curve, point.plant.turns), []).append(point)
-    seeds = [curve[len(curve) // 2] for curve in curves.values()]
-    for decays in (0.0, *NEWTON.settling):
-        _retry([seed for seed in seeds if not seed.done], shooting, period_map, decays)
-    for seed, curve in zip(seeds, curves.values(), strict=True):
-        for point in curve:
-            if point is not seed and seed.done:
-                point.guess(seed)
-    near = [point for point in points if point.guessed]
-    shooting.solve(near)
-    for point in near:
-        point.method = "neighbour" if point.done else ""
-    for decays in NEWTON.settling:
-        _retry([point for point in points if not point.done], shooting, period_map, decays)
-
-
-def _retry(points: Sequence[DrivenPoint], shooting: DrivenShooting, period_map: PeriodMap, decays: float) -> None:
-    """Solve points after some decay times of the slowest mode from rest, or a short transient from where they are."""
-    if not points:
-        return
-    times = [2.0 * mode.mass_kg / mode.damping_n_s_per_m for point in points for mode in point.plant.motor.modes]
-    periods = max(FEWEST_PERIODS, ceil(decays * max(times) / period_map.period))
-    copies = [Copy(point.plant, np.zeros(point.plant.order) if decays else point.state) for point in points]
-    for point, end in zip(points, period_map.settled(copies, periods), strict=True):
-        point.restart(point.state if end is None else end)
-    shooting.solve(points)
-    for point in points:
-        point.method = ("settled" if decays else "newton") if point.done else ""
-
-
 def _metered(setups: Sequence[Point], points: Sequence[Orbit], period_map: PeriodMap) -> list[dict[str, float]]:
     """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
-    places = [place for place, point in enumerate(points) if point.done]
 
     def measured(place: int) -> dict[str, float]:
-        return _quantities(setups[place], points[place], period_map)
+        return _quantities(setups[place], points[place], period_map) if points[place].done else {}
 
-    with ThreadPoolExecutor(cores()) as pool:
-        found = dict(zip(places, pool.map(measured, places), strict=True))
-    return [found.get(place, {}) for place in range(len(points))]
+    return in_threads(measured, range(len(points)), cores())
 
 
 class _Period(Dynamometer):
     """A dynamometer that runs for one period."""
 
     @property
-    def periods(self) -> int:
-        return 1
+    def duration(self) -> float:
+        return self.setup.source.period
 
 
 def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, float]:
@@ -352,5 +304,8 @@ def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, 
     peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}
     block = Block(bench, means, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
     result = quantities([block])
-    assert point.trace is not None
-    return result | loads(point.plant, point.trace, period_map.discretisation, result["friction_loss_w"])
+    plant, trace = point.plant, point.trace
+    assert trace is not None
+    worn = rubbing(plant, trace, period_map.discretisation, result["friction_loss_w"])
+    result |= strength.peak_of_motion(plant.motor, modal(plant, trace)[0])
+    return result | strength.of_contact(plant.motor.contact, float(trace.normal.max()), worn)

@@ -101,9 +101,9 @@ class Stators(_OfPoints):
     impedance: Complex  # force over displacement, shape (points, harmonics, n, n), N/m
     memory: Complex  # force over the rate of an amplitude that changes slowly, N s/m
     forces: Complex  # by voltages and preload, shape (points, harmonics, n), N
-    contact: Array  # parameters of the library, shape (points, parameters)
     direct: Complex  # motion of the tip by the voltages through modes left out, shape (points, harmonics, 2), m
     series: Array  # compliances in series along x and y, shape (points, 2), m/N
+    contact: Array  # parameters of the library, shape (points, parameters)
     preload: Array  # N; this and the following have the shape (points, 1)
     grip: Array  # static limit of the friction force, N
     depth: Array  # static penetration, m
@@ -150,31 +150,24 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     for plant in plants:
         motor, contact = plant.motor, plant.motor.contact
         preload, radius = contact.preload_n, motor.rotor.radius_m
+        series = contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n
         rows.append((
-            *linear(plant, grid.omega, grid.orders, most), preload, contact.friction * preload,
+            *linear(plant, grid.omega, grid.orders, most), series, preload, contact.friction * preload,
             contact_law.static_penetration(contact), static_sway(motor, plant.law, None), radius,
             (plant.load.speed or 0.0) * radius / grid.omega, float(plant.turns),
             motor.rotor.bearing_damping_n_m_s / radius**2, (plant.load.torque or 0.0) / radius,
             motor.stator.with_carrier(plant.mount).decay_s,
         ))  # fmt: skip
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    contacts = [plant.motor.contact for plant in plants]
-    series = [[one.tangential_series_compliance_m_per_n, one.series_compliance_m_per_n] for one in contacts]
-    parameters = np.array(list(contact_parameters(plants, PAPER_LAW).values())).T
-    scalars = [column[:, np.newaxis] for column in columns[4:]]
-    direct = np.array([motion_by_voltage(plant, grid.omega, grid.orders) for plant in plants])
-    return Stators(*[*columns[:4], parameters, direct, np.array(series), *scalars])
-
-
-def contact_parameters(plants: Sequence[Plant], law: Law) -> dict[str, Array]:
-    """Return the parameters of the library of a law, each of shape (points,)."""
     motors = [plant.motor for plant in plants]
     bent = [motor.deflection_m + motor.contact.preload_n * motor.contact.series_compliance_m_per_n for motor in motors]
-    return parameter_columns(law, motors, bent)
+    parameters = np.array(list(parameter_columns(PAPER_LAW, motors, bent).values())).T
+    scalars = [column[:, np.newaxis] for column in columns[6:]]
+    return Stators(*[*columns[:6], parameters, *scalars])
 
 
-def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex]:
-    """Return the first four fields of :class:`Stators` of one point, with so many coordinates."""
+def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex, Complex]:
+    """Return the first five fields of :class:`Stators` of one point, with so many coordinates."""
     stator, modes = plant.motor.stator.with_carrier(plant.mount), plant.modes
     count = len(stator.mass)
     stiffness, damping, mass = np.eye(most), np.zeros((most, most)), np.zeros((most, most))
@@ -182,24 +175,16 @@ def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array,
         padded[:count, :count] = square(own)
     rates = 1j * omega * orders[:, np.newaxis, np.newaxis]
     tip = np.pad(stator.contact, ((0, 0), (0, most - count)))
-    forces = np.zeros((len(orders), most), dtype=complex)
-    for tones, coupling in zip(plant.drive.tones, stator.coupling.T, strict=True):
+    forces, direct = np.zeros((len(orders), most), dtype=complex), np.zeros((len(orders), 2), dtype=complex)
+    moved = plant.motor.stator.residual_per_volt.T
+    for tones, coupling, per_volt in zip(plant.drive.tones, stator.coupling.T, moved, strict=True):
         for tone in tones:
             order, phasor = tone_phasor(tone, omega)
             forces[order, :count] += coupling * phasor
+            direct[order] += per_volt * phasor
     if stator.carriers:
         forces[0, modes] = plant.motor.contact.preload_n
-    return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces
-
-
-def motion_by_voltage(plant: Plant, omega: float, orders: Array) -> Complex:
-    """Return the phasors of the motion of the tip along x and y by modes left out, shape (harmonics, 2), m."""
-    moved = np.zeros((len(orders), 2), dtype=complex)
-    for tones, per_volt in zip(plant.drive.tones, plant.motor.stator.residual_per_volt.T, strict=True):
-        for tone in tones:
-            order, phasor = tone_phasor(tone, omega)
-            moved[order] += per_volt * phasor
-    return moved
+    return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces, direct
 
 
 def tone_phasor(tone: Tone, omega: float) -> tuple[int, complex]:
@@ -305,19 +290,6 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     return TouchingContact(*[*forces, pins[5], *slopes])
 
 
-def residual_of(stators: Stators, grid: Grid, response: Response, unknowns: Array, found: Forces) -> Array:
-    """Return the residual of the equations in m with the forces of a contact that moves as the unknowns tell."""
-    s, phasors = stators, grid.phasors(found.on_tip, grid.orders)
-    driven = response.free + np.einsum("phxf,phf->phx", response.compliance, phasors)
-    residual = np.empty_like(unknowns)
-    residual[:, :-1] = unknowns[:, :-1] - real_parts(driven)
-    # the rotor: held, or in balance with bearing and load
-    unit, surface = (s.depth / s.grip)[:, 0], unknowns[:, -1]
-    balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - found.friction.mean(axis=1)
-    residual[:, -1] = np.where(s.turns[:, 0], unit * balance, surface - s.surface[:, 0])
-    return residual
-
-
 def clipped(slid: Array, limit: Array) -> tuple[Array, Array]:
     """Return the slider at each phase of the second of two periods, and the phase at which it last was at its limit.
 
@@ -346,19 +318,20 @@ LEAST_DAMPING = 1.0 / 64.0
 
 
 def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> list[Balance | None]:
-    """Return the balanced motions of operating points whose drives have the same period; ``None`` where there is none.
+    """Return the balanced motions of operating points; ``None`` where there is none.
 
     A free tip and laws without sliders have none. A point starts from that of ``near``. Without one, the point with the
     middle speed of each curve runs up from rest, and the others start from it. A brush is balanced as a single slider.
     """
     found: list[Balance | None] = [None] * len(plants)
-    groups: dict[tuple[Library, Law], list[int]] = {}
+    groups: dict[tuple[float, Library, Law], list[int]] = {}
     for place, plant in enumerate(plants):
         if plant.law and plant.law.sliding and tones(plant):
-            groups.setdefault((contact_library(PAPER_LAW, plant.motor.contact), plant.law), []).append(place)
-    for (library, _), places in groups.items():
+            library = contact_library(PAPER_LAW, plant.motor.contact)
+            groups.setdefault((plant.drive.period, library, plant.law), []).append(place)
+    for (period, library, _), places in groups.items():
         some = [plants[place] for place in places]
-        points = _Points(some, Grid(some[0].drive.period, max(map(tones, some)), library))
+        points = _Points(some, Grid(period, max(map(tones, some)), library))
         points.solve([near[place] if near else None for place in places])
         for place, balance in zip(places, points.balances(), strict=True):
             found[place] = balance
@@ -374,14 +347,20 @@ def tones(plant: Plant) -> int:
 def _residual(stators: Stators, grid: Grid, response: Response, unknowns: Array) -> tuple[Array, Array]:
     """Return the residual of the equations in m, and its derivative."""
     s, found = stators, touching_contact(stators, grid, unknowns)
+    phasors = grid.phasors(found.on_tip, grid.orders)
+    driven = response.free + np.einsum("phxf,phf->phx", response.compliance, phasors)
     slopes = np.stack([grid.phasors(each, grid.orders) for each in (found.slope_x, found.slope_y)], axis=2)
     count = unknowns.shape[1]
-    derivative = np.empty((len(unknowns), count, count))
+    residual, derivative = np.empty_like(unknowns), np.empty((len(unknowns), count, count))
+    residual[:, :-1] = unknowns[:, :-1] - real_parts(driven)
     derivative[:, :-1] = np.eye(count)[:-1] - real_parts(response.compliance @ slopes)
-    unit, turns = (s.depth / s.grip)[:, 0], s.turns[:, 0]
+    # the rotor: held, or in balance with bearing and load
+    unit, turns, surface = (s.depth / s.grip)[:, 0], s.turns[:, 0], unknowns[:, -1]
+    balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - found.friction.mean(axis=1)
+    residual[:, -1] = np.where(turns, unit * balance, surface - s.surface[:, 0])
     derivative[:, -1] = -(turns * unit)[:, np.newaxis] * found.slope_friction.mean(axis=1)
     derivative[:, -1, -1] += np.where(turns, unit * grid.omega * s.drag[:, 0], 1.0)
-    return residual_of(stators, grid, response, unknowns, found), derivative
+    return residual, derivative
 
 
 def _newton(
@@ -426,39 +405,6 @@ def _coordinates(stators: Stators, grid: Grid, response: Response, forces: Force
     return np.asarray(response.coordinates + np.einsum("phnm,phm->phn", response.gains, pushed))
 
 
-def _run_up(stators: Stators, grid: Grid) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the unknowns of points that run to their steady state, and whether they reached it.
-
-    They begin at rest. The amplitudes follow their slow equations by the
-    implicit Euler rule, with steps that grow.
-    """
-    count = len(stators.depth)
-    unknowns = np.zeros((count, 2 * grid.shape.shape[1] + 1))
-    unknowns[:, -1] = stators.surface[:, 0]
-    coordinates = np.zeros(stators.forces.shape, dtype=complex)
-    # the preload bends the modes; of a carrier it is balanced
-    pressed = stators.forces[:, 0] - stators.preload * stators.tip[:, 1]
-    coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
-    unknowns[:, grid.shape.shape[1]] = np.einsum("pn,pn->p", stators.tip[:, 1], coordinates[:, 0].real)
-    step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
-    reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-    for _ in range(MOST_TIMES):
-        active = np.flatnonzero(~(reached | lost))
-        if not len(active):
-            break
-        some = stators.of(active)
-        final = step[active] > LONGEST_STEP * some.decay[:, 0]
-        response = response_of(some, np.where(final, 0.0, 1.0 / step[active]), coordinates[active])
-        found, good, taken = _newton(some, grid, response, unknowns[active])
-        moved = active[good]
-        unknowns[moved] = found[good]
-        coordinates[moved] = _coordinates(some, grid, response, touching_contact(some, grid, found))[good]
-        reached[active] = good & final
-        step[active] *= np.where(good, np.where(taken <= QUICK, GROWTH, 1.0), 0.25)
-        lost[active] = step[active] < SHORTEST_STEP * 2.0 * pi / grid.omega
-    return unknowns, reached
-
-
 class _Points:
     """Operating points on the way to their balanced motions."""
 
@@ -501,9 +447,33 @@ class _Points:
         return pairs
 
     def _run_up(self, places: Sequence[int] | Places) -> None:
-        some = np.array(places, dtype=int)
-        if len(some):
-            self.unknowns[some], self.found[some] = _run_up(self.stators.of(some), self.grid)
+        """Let points run to their steady state from rest, by the slow equations with steps that grow."""
+        places, grid = np.array(places, dtype=int), self.grid
+        stators, count = self.stators.of(places), len(places)
+        unknowns = np.zeros((count, self.unknowns.shape[1]))
+        unknowns[:, -1] = stators.surface[:, 0]
+        coordinates = np.zeros(stators.forces.shape, dtype=complex)
+        # the preload bends the modes; of a carrier it is balanced
+        pressed = stators.forces[:, 0] - stators.preload * stators.tip[:, 1]
+        coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
+        unknowns[:, grid.shape.shape[1]] = np.einsum("pn,pn->p", stators.tip[:, 1], coordinates[:, 0].real)
+        step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
+        reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+        for _ in range(MOST_TIMES):
+            active = np.flatnonzero(~(reached | lost))
+            if not len(active):
+                break
+            some = stators.of(active)
+            final = step[active] > LONGEST_STEP * some.decay[:, 0]
+            response = response_of(some, np.where(final, 0.0, 1.0 / step[active]), coordinates[active])
+            found, good, taken = _newton(some, grid, response, unknowns[active])
+            moved = active[good]
+            unknowns[moved] = found[good]
+            coordinates[moved] = _coordinates(some, grid, response, touching_contact(some, grid, found))[good]
+            reached[active] = good & final
+            step[active] *= np.where(good, np.where(taken <= QUICK, GROWTH, 1.0), 0.25)
+            lost[active] = step[active] < SHORTEST_STEP * 2.0 * pi / grid.omega
+        self.unknowns[places], self.found[places] = unknowns, reached
 
     def _start(self, some: Places, guess: Array) -> None:
         if len(some):
@@ -541,16 +511,6 @@ class Balance:
     sliders: Array  # at t = 0, µm
 
     @property
-    def normal(self) -> float:
-        """Mean normal force in N."""
-        return float(self.forces.normal.mean())
-
-    @property
-    def friction(self) -> float:
-        """Mean friction force on the rotor in N."""
-        return float(self.forces.friction.mean())
-
-    @property
     def speed(self) -> float:
         """Speed of the rotor in rad/s."""
         return float(self.unknowns[-1]) * self.grid.omega / self.plant.motor.rotor.radius_m
@@ -578,7 +538,7 @@ class Balance:
         plant, grid = self.plant, self.grid
         orders = np.arange(2.0 * len(grid.orders) - 1.0)
         count = plant.modes + len(carriers(plant.mount))
-        tip, impedance, _, forces = linear(plant, grid.omega, orders, count)
+        tip, impedance, _, forces, direct = linear(plant, grid.omega, orders, count)
         forces += grid.phasors(self.forces.on_tip[0], orders) @ tip
         coordinates = np.linalg.solve(impedance, forces[..., np.newaxis])[..., 0]
         displacements = coordinates.sum(axis=0).real
@@ -587,7 +547,6 @@ class Balance:
         state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
         state[plant.where("contact")] = MICRO * self.sliders
         contact, stem = plant.motor.contact, []
-        direct = motion_by_voltage(plant, grid.omega, orders)
         moved, moving = direct.sum(axis=0).real, (1j * grid.omega * orders @ direct).real
         for axis, series, force, rest in (
             (1, contact.series_compliance_m_per_n, self.forces.normal[0], contact.preload_n),
@@ -597,7 +556,7 @@ class Balance:
                 rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
                 stem += [series * (force[0] - rest) - moved[axis], series * rate - moving[axis]]
         state[plant.where("stem")] = stem
-        state[plant.carrier] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
+        state[plant.where("mount")] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
         if plant.turns:
             state[-1] = self.speed
         return state
@@ -629,25 +588,18 @@ def balances(setup: Point) -> bool:
 
 def balanced_states(setups: Sequence[Point], starts: Sequence[Balance | None]) -> list[BalancedState | None]:
     """Return the points by harmonic balance; ``None`` where it has no solution. ``starts`` are solutions nearby."""
-    plants = [Plant.of(setup) for setup in setups]
-    groups: dict[float, list[int]] = {}
-    for place, plant in enumerate(plants):
-        groups.setdefault(plant.drive.period, []).append(place)
-    found: dict[int, BalancedState | None] = {}
-    for places in groups.values():
-        solved = balanced([plants[place] for place in places], [starts[place] for place in places])
-        found |= {place: None if one is None else _state(one) for place, one in zip(places, solved, strict=True)}
-    return [found[place] for place in range(len(setups))]
+    solved = balanced([Plant.of(setup) for setup in setups], starts)
+    return [None if one is None else _state(one) for one in solved]
 
 
 def _state(balance: Balance) -> BalancedState:
     motor, plant = balance.plant.motor, balance.plant
-    torque = motor.rotor.radius_m * balance.friction
+    torque = motor.rotor.radius_m * float(balance.forces.friction.mean())
     bearing = motor.rotor.bearing_damping_n_m_s * balance.speed
     dry = float(np.sign(plant.load.speed or 0.0)) * motor.rotor.bearing_friction_n_m
     values = {
         "speed_rad_s": balance.speed, "torque_n_m": torque, "load_torque_n_m": torque - bearing - dry,
-        "normal_force_n": balance.normal,
+        "normal_force_n": float(balance.forces.normal.mean()),
     }  # fmt: skip
     for group in "ab":
         volts, amperes = balance.phasors(group)

@@ -21,7 +21,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.circuit.law import contact_library, unplotted
@@ -29,10 +28,10 @@ from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
 from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_sway, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import square
+from pyspice_runner.run.window import Array
 from pyspice_runner.spice.library import read_library
 from pyspice_runner.steady.copies import Plant, phasor_at
 
-Array = NDArray[np.float64]
 FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
 
 
@@ -105,7 +104,7 @@ class _Group:
         inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
         self.inner = np.array(inner, dtype=int)  # states of contact and stem
         self.units = np.array([self.plant.states[place].unit for place in inner])
-        modes, carrier = self.plant.modes, self.plant.carrier
+        modes, carrier = self.plant.modes, self.plant.where("mount")
         # places of the displacements of modes and carriers in the state, and of their velocities
         self.places = [*range(modes), *range(carrier.start, carrier.stop, 2)]
         self.speeds = [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]
@@ -123,12 +122,9 @@ class _Group:
         # rounded as in the netlist: the rate is a small difference of two forces, over half a step
         found = {}
         for name in stems(self.plant.motor, self.law):
-            preload, compliance = np.zeros((2, len(self.plants)))
-            for run, plant in enumerate(self.plants):
-                preload[run] = rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0
-                compliance[run] = rounded(stems(plant.motor, self.law)[name])
-            values = {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
-            found[name] = known | values
+            preload = [rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0 for plant in self.plants]
+            compliance = [rounded(stems(plant.motor, self.law)[name]) for plant in self.plants]
+            found[name] = known | {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
         return found
 
     @cached_property

@@ -22,11 +22,10 @@ from itertools import chain
 from math import atan2, ceil, degrees, nan
 from threading import Lock
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.law import MOST_SLIDERS, reached
 from pyspice_runner.circuit.state import Discretisation, pushes, static_sway
 from pyspice_runner.errors import SimulationError
@@ -35,7 +34,7 @@ from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
-from pyspice_runner.run.kernel import run_bench, simulator
+from pyspice_runner.run.kernel import Outcome, run_bench, simulator, transient_timing
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import (
@@ -120,13 +119,13 @@ class Effort:
     _hashes: set[str] = field(default_factory=set, repr=False)
     _lock: Lock = field(default_factory=Lock, repr=False)  # decks run in threads
 
-    def add(self, copies: int, duration: float, deck: str, seconds: float, ngspice_version: str) -> None:
+    def add(self, copies: int, duration: float, deck: str, outcome: Outcome) -> None:
         """Add the run of a deck with a number of copies over a time in s."""
         with self._lock:
             self.evaluations += copies
             self.simulated_s += copies * duration
-            self.seconds += seconds
-            self.ngspice_version = ngspice_version
+            self.seconds += outcome.seconds
+            self.ngspice_version = outcome.ngspice_version
             self._hashes.add(hashlib.sha256(deck.encode()).hexdigest())
             if self.failure is not None:
                 _discard(self.failure)
@@ -176,10 +175,6 @@ class PeriodMap:
         """How motors are adapted to the step."""
         return Discretisation(self.step, self.uniform)
 
-    def with_steps(self, steps: int) -> PeriodMap:
-        """Return a map over the same period with another number of steps."""
-        return PeriodMap(self.period, steps, self.timeout, self.workers, self.processes)
-
     def traces(self, copies: Sequence[Copy], after: int = 0) -> list[Trace | None]:
         """Return the traces of the copies over a period, after a number of others; ``None`` if ngspice finds none.
 
@@ -190,26 +185,25 @@ class PeriodMap:
             SimulationError: if ngspice is missing or cannot be run.
         """
         if after:  # the derivative is that of a run from its start
-            found = self._evaluated(copies, after * self.period + self.duration, whole=True)
-            return [trace and replace(trace, course=None) for trace in found]
-        return self._within_reach(copies)
-
-    def _within_reach(self, copies: Sequence[Copy]) -> list[Trace | None]:
-        """Return the traces over a period; leave out the sliders of a brush that touch nothing, if these are known."""
-        sliders = max((copy.reach or MOST_SLIDERS for copy in copies), default=MOST_SLIDERS)
+            traces = self._evaluated(copies, after * self.period + self.duration, whole=True)
+            return [trace and replace(trace, course=None) for trace in traces]
         law = copies[0].plant.law if copies else None  # the same in all
-        if law is None or not law.row or sliders >= law.sliders:
-            traces = self._evaluated(copies, self.duration, whole=True)
-            return [trace and _reaching(copy, trace) for copy, trace in zip(copies, traces, strict=True)]
+        if law is None or not law.row:
+            return self._evaluated(copies, self.duration, whole=True)
+        # the sliders of a brush that touch nothing are left out, if these are known
+        sliders = min(law.sliders, max(copy.reach or MOST_SLIDERS for copy in copies))
         inner = [copy.with_sliders(sliders) for copy in copies]
         found: list[Trace | None] = []
         for copy, own, trace in zip(copies, inner, self._evaluated(inner, self.duration, whole=True), strict=True):
             if trace is not None:
-                states = copy.plant.widened(trace.states, own.plant, 0)
-                trace = _reaching(copy, replace(trace, states=states))
+                depth = None if trace.course is None else 1e-6 * float(trace.course.penetration_um.max())
+                reach = None if depth is None else reached(law, copy.plant.motor.contact, depth)
+                trace = replace(trace, states=copy.plant.widened(trace.states, own.plant, 0), reach=reach)
             found.append(trace)
+        if sliders == law.sliders:
+            return found
         beyond = [place for place, trace in enumerate(found) if trace is None or (trace.reach or 0) > sliders]
-        again = self._within_reach([replace(copies[place], reach=None) for place in beyond])
+        again = self.traces([replace(copies[place], reach=None) for place in beyond])
         for place, trace in zip(beyond, again, strict=True):
             found[place] = trace
         return found
@@ -221,9 +215,9 @@ class PeriodMap:
 
     def deck(self, copy: Copy) -> str:
         """Return the deck that runs one copy over a period."""
-        single = self._bench([copy]) if self.lead else copies_bench([copy], self.discretisation)
+        single = (driven_bench if self.lead else copies_bench)([copy], self.discretisation)
         ready = simulator(single, self._vectors(0, copy.plant, whole=True))
-        return str(ready.prepare("transient", **self._timing(self.duration, whole=True)))
+        return str(ready.prepare("transient", **transient_timing(self.duration, self.duration, self.step)))
 
     @property
     def duration(self) -> float:
@@ -231,16 +225,12 @@ class PeriodMap:
         steps = _MORE if self.lead else _LEAD
         return (1.0 + self.lead) * self.period + (steps * self.step if self.uniform else 0.0)
 
-    def _timing(self, duration: float, whole: bool) -> dict[str, Any]:
-        return {
-            "step_time": duration, "end_time": duration, "max_time": self.step, "use_initial_condition": True,
-            "start_time": duration - (self.duration if whole else self.step),
-        }  # fmt: skip
-
     def _evaluated(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         if not copies:
             return []
-        self._write(copies)
+        # the subcircuits of new motors are written before the threads of the decks read them; none behind drivers
+        new = [copy for copy in copies if not (copy.plant.driver or copy.plant.motor_name in self._texts)]
+        self._texts |= motor_texts(new, self.discretisation, plates=False)
         workers, law = self.workers, copies[0].plant.law  # the same in all
         most = COPIES_PER_DECK if self.uniform else 1  # elsewhere the steps would depend on the other copies
         decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(law.sliders if law else 1, 1))))
@@ -251,11 +241,6 @@ class PeriodMap:
         parts = [copies[places[0] : places[-1] + 1] for places in ends]
         found = in_threads(partial(self._deck, duration=duration, whole=whole), parts, workers)
         return list(chain.from_iterable(found))
-
-    def _write(self, copies: Sequence[Copy]) -> None:
-        """Write the subcircuits of new motors, before the threads of the decks read them; none behind drivers."""
-        new = [copy for copy in copies if not (copy.plant.driver or copy.plant.motor_name in self._texts)]
-        self._texts |= motor_texts(new, self.discretisation, plates=False)
 
     def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         """Run one deck; where that fails, run its halves, so that one copy does not take the others along."""
@@ -274,24 +259,21 @@ class PeriodMap:
         return [*self._deck(copies[:half], duration, whole), *self._deck(copies[half:], duration, whole)]
 
     def _run(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
-        bench = self._bench(copies)
+        if self.lead:
+            bench = driven_bench(copies, self.discretisation)
+        else:
+            bench = copies_bench(copies, self.discretisation, self._texts, plates=False)
         names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
         every = list(dict.fromkeys(name for own in names for name in own))
-        timing = self._timing(duration, whole)
+        timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
         outcome = run_bench(bench, every, self.timeout, "transient", timing, processes=self.processes)
-        deck = str(bench.circuit.raw_spice)
-        self.effort.add(len(copies), duration, deck, outcome.seconds, outcome.ngspice_version)
+        self.effort.add(len(copies), duration, str(bench.circuit.raw_spice), outcome)
         return self._traces(copies, outcome.vectors(), whole=whole)
-
-    def _bench(self, copies: Sequence[Copy]) -> Bench:
-        if self.lead:
-            return driven_bench(copies, self.discretisation)
-        return copies_bench(copies, self.discretisation, self._texts, plates=False)
 
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         """Return the vectors to record of a copy: its states, and of a whole period its contact and driven pins."""
         copy = copy_name(number)
-        names = plant.recorded(copy)
+        names = plant.vectors(copy)
         if whole:
             motor = plant.inside(copy)
             names += [f"v({motor}.{name})" for name in CONTACT if plant.law]
@@ -367,14 +349,6 @@ class PeriodMap:
         return in_threads(evaluated, decks, self.workers)
 
 
-def _reaching(copy: Copy, trace: Trace) -> Trace:
-    """Return the trace of a copy with the number of sliders of a brush that touch something in the whole run."""
-    law, contact = copy.plant.law, copy.plant.motor.contact
-    if law is None or not law.row or trace.course is None:
-        return trace
-    return replace(trace, reach=reached(law, contact, 1e-6 * float(trace.course.penetration_um.max())))
-
-
 class _Uneven(Exception):
     """ngspice shortened steps, because Newton's iteration did not converge for one of the copies."""
 
@@ -436,7 +410,7 @@ def held_by_friction(plant: Plant, trace: Trace) -> bool:
     """
     if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
         return False
-    contact, state, carrier = plant.motor.contact, trace.contact_state, trace.states[plant.carrier]
+    contact, state, carrier = plant.motor.contact, trace.contact_state, trace.states[plant.where("mount")]
     along_m_s = tip(plant, trace)[2] + (carrier[3] if len(carrier) > 2 else 0.0)
     elastic_m = 2.0 * contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     path_m = np.abs(along_m_s[state > GROSS_SLIP]).sum() * (trace.time[1] - trace.time[0])
@@ -457,7 +431,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
     x, _, vx, vy = np.array(tip(plant, trace))[:, 1:]
-    carrier = trace.states[plant.carrier]  # displacement and velocity of the carrier along y, then along x
+    carrier = trace.states[plant.where("mount")]  # displacement and velocity of the carrier along y, then along x
     x = x - static_sway(motor, plant.law, discretisation)
     if len(carrier):
         vy = vy + carrier[1, 1:]
@@ -503,7 +477,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
     found["held_min"], found["held_max"] = held_forces(plant, trace) if held else (0.0, 0.0)
-    found["rubbing"] = _rubbing(plant, trace, discretisation, found["work"] - found["given"])
+    found["rubbing"] = rubbing(plant, trace, discretisation, found["work"] - found["given"])
     for group, tones in zip(GROUPS, plant.drive.tones, strict=True):
         voltage = drive_voltage(tones, trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
@@ -541,16 +515,7 @@ def phases(found: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def loads(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> dict[str, float]:
-    """Return strain and stress of the ceramic, pressure and wear of the contact; ``loss_w`` is the loss by friction."""
-    greatest, rubbing = float(trace.normal.max()), _rubbing(plant, trace, discretisation, loss_w)
-    return {
-        **strength.peak_of_motion(plant.motor, modal(plant, trace)[0]),
-        **strength.of_contact(plant.motor.contact, greatest, rubbing),
-    }
-
-
-def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
+def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
     """Return the mean of normal force times slip velocity in W; of other laws than the paper's by their loss.
 
     The spring of the paper's law is not quite conservative: its loss also has what the spring gives or takes.
@@ -568,7 +533,7 @@ def _rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w:
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
-    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.carrier][:, at].tolist()
+    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.where("mount")][:, at].tolist()
     motion = displacement[:, at].tolist(), velocity[:, at].tolist()
     return stored_energy(plant.motor, *motion, carrier[::2], carrier[1::2])
 

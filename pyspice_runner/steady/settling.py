@@ -12,7 +12,7 @@ from math import ceil
 from typing import Any
 
 from pyspice_runner.circuit.state import Motion
-from pyspice_runner.errors import ParameterError, SimulationError, require
+from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.run.audit import audit_point
 from pyspice_runner.run.dynamometer import Block, Dynamometer, quantities
 from pyspice_runner.steady.period_map import cores
@@ -35,10 +35,8 @@ class Settling:
 
     def __post_init__(self) -> None:
         require(1e-8 <= self.tolerance <= 0.1, "tolerance", self.tolerance, "a number from 1e-8 to 0.1")
-        if not _FEWEST_BLOCKS <= self.patience <= 10_000:
-            raise ParameterError(
-                f"patience = {self.patience} is not valid: it must be a whole number from {_FEWEST_BLOCKS} to 10000."
-            )
+        words = f"a whole number from {_FEWEST_BLOCKS} to 10000"
+        require(_FEWEST_BLOCKS <= self.patience <= 10_000, "patience", self.patience, words)
 
     def holds(self, before: Sequence[Block], now: Sequence[Block], slack: float = 1.0) -> bool:
         """Whether the means of two successive groups of blocks are the same, to so many times the tolerance."""
@@ -58,29 +56,30 @@ def _mean(blocks: Sequence[Block], name: str) -> float:
 
 def _torque_scale(blocks: Sequence[Block]) -> float:
     """Return the mean torque, without sign, plus a small part of what friction can transmit."""
-    motor = blocks[0].bench.motor
+    motor = blocks[0].bench.setup.motor
     friction_torque = motor.contact.friction * motor.rotor.radius_m * _mean(blocks, "normal_force")
     return abs(_mean(blocks, "torque")) + _SMALL * friction_torque
 
 
 def settle(
-    bench: Dynamometer, speed: float, start: Motion | None, settling: Settling, stop: Callable[[], bool] = bool
+    bench: Dynamometer, start: Motion | None, settling: Settling, stop: Callable[[], bool] = bool
 ) -> tuple[dict[str, Any], Block]:
     """Run blocks until their means stay the same, or patience ends; return the outcome and the last block.
 
     The meters cost time; they come in when the next block is expected to be settled, and for the last half of patience.
     """
-    if (drive := bench.source.ideal) is None:
-        return _settle_from_rest(bench, speed, settling, stop)
+    source = bench.setup.source
+    if (drive := source.ideal) is None:
+        return _settle_from_rest(bench, settling, stop)
     # what goes on from another motion is driven at full amplitude
-    begun = ceil(drive.soft_start / bench.source.period) * bench.source.period if start else 0.0
-    motion = replace(start, speed_rad_s=speed) if start else bench.rest(speed)
+    begun = ceil(drive.soft_start / source.period) * source.period if start else 0.0
+    motion = replace(start, speed_rad_s=bench.speed) if start else bench.rest()
     blocks: list[Block] = []
     meters = False
     while True:
         if stop():
             raise SimulationError("The run was stopped because another one failed.")
-        blocks.append(bench.run(motion, speed, begun, meters=meters))
+        blocks.append(bench.run(motion, begun, meters=meters))
         motion, begun = blocks[-1].end, blocks[-1].ended
         before, now = _groups(blocks)
         if before and begun - 2 * len(now) * bench.duration >= drive.soft_start * (1.0 - 1e-9):
@@ -93,15 +92,13 @@ def settle(
         meters = meters or len(blocks) >= settling.patience - settling.patience // 2
 
 
-def _settle_from_rest(
-    bench: Dynamometer, speed: float, settling: Settling, stop: Callable[[], bool]
-) -> tuple[dict[str, Any], Block]:
+def _settle_from_rest(bench: Dynamometer, settling: Settling, stop: Callable[[], bool]) -> tuple[dict[str, Any], Block]:
     """Do the same in runs from rest, each of twice as many blocks as the one before."""
     number = min(2 * _FEWEST_BLOCKS, settling.patience)
     while True:
         if stop():
             raise SimulationError("The run was stopped because another one failed.")
-        blocks = bench.run_from_rest(speed, number)
+        blocks = bench.run_from_rest(number)
         for end in range(2, len(blocks) + 1):
             before, now = _groups(blocks[:end])
             if settling.holds(before, now):
@@ -131,19 +128,15 @@ def _scatter(values: Sequence[float]) -> float:
 
 
 def _outcome(now: list[Block], before: list[Block], blocks: int, tolerance: float, settled: bool) -> dict[str, Any]:
+    bench, means = now[0].bench, quantities(now)
+    findings = audit_point(bench.setup.motor, means, bench.setup.step)
     error = max(tolerance * _torque_scale(now), _scatter([block.torque for block in now]))
     return {
-        **_audited(now), "settled": settled, "torque_drift_n_m": now[-1].torque - before[-1].torque,
-        "simulated_s": blocks * now[0].bench.duration, "deck_sha256": now[-1].deck_sha256,
-        "torque_error_n_m": error, "largest_multiplier": float("nan"), "method": "settle",
+        **means, "audit_passed": not findings, "findings": findings, "settled": settled,
+        "torque_drift_n_m": now[-1].torque - before[-1].torque, "simulated_s": blocks * bench.duration,
+        "deck_sha256": now[-1].deck_sha256, "torque_error_n_m": error, "largest_multiplier": float("nan"),
+        "method": "settle",
     }  # fmt: skip
-
-
-def _audited(blocks: list[Block]) -> dict[str, Any]:
-    """Return the quantities over blocks, and the findings of the audit."""
-    bench, means = blocks[0].bench, quantities(blocks)
-    findings = audit_point(bench.motor, means, bench.setup.step)
-    return {**means, "audit_passed": not findings, "findings": findings}
 
 
 def settle_points(
@@ -157,7 +150,7 @@ def settle_points(
     progress(0, len(points))
     if len(points) == 1:  # in this thread, which an interrupt reaches at once
         ((place, bench),) = points.items()
-        outcomes[place] = settle(bench, bench.speed, None, settling)[0]
+        outcomes[place] = settle(bench, None, settling)[0]
         progress(1, 1)
         return
     stop = threading.Event()
@@ -166,7 +159,7 @@ def settle_points(
         with ThreadPoolExecutor(min(cores(), len(points))) as pool:
             try:
                 for place, bench in points.items():
-                    futures[place] = pool.submit(settle, bench, bench.speed, None, settling, stop.is_set)
+                    futures[place] = pool.submit(settle, bench, None, settling, stop.is_set)
                 for done, future in enumerate(futures.values(), start=1):
                     future.result()
                     progress(done, len(points))

@@ -11,7 +11,6 @@ the damping. ``docs/steady_state.md`` has the derivation and what was measured.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from math import ceil, log, pi
 from typing import Any
@@ -22,13 +21,11 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import carriers, square
-from pyspice_runner.run.waveforms import interpolated
+from pyspice_runner.run.waveforms import Array, interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
 from pyspice_runner.steady.period_map import GROSS_SLIP, PeriodMap, Trace, held_by_friction, held_forces, in_threads
-
-Array = NDArray[np.float64]
 
 LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
 SPACING = 3  # of the points that are solved first
@@ -38,12 +35,10 @@ SPACING = 3  # of the points that are solved first
 class Tolerances:
     """Tolerances of Newton's method on a period."""
 
-    perturbation: float = (
-        3e-4  # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
-    )
-    residual: float = (
-        1e-4  # remaining Newton step, and what it would change of the mean forces, relative to their scales
-    )
+    # of the scale of a state: between the noise of Newton's iteration in ngspice and the curvature
+    perturbation: float = 3e-4
+    # remaining Newton step, and what it would change of the mean forces, relative to their scales
+    residual: float = 1e-4
     iterations: int = 12  # the maximum; quadratic convergence takes 3 to 5
     damping: float = 1.0 / 64.0  # the minimum; a shorter step seldom leads to the solution
     growth: float = 3.0  # by which the first steps may grow: they pass from one kind of contact to another
@@ -58,18 +53,15 @@ class Tolerances:
     # copies and by the equations. About 1e-3 is left where the tip touches in the uneven steps between.
     memory: float = 0.1
     exact_memory: float = 2e-4
-    gross_slip: float = (
-        GROSS_SLIP - 1.0
-    )  # of the contact's state, from stick to where all sliders slip, or to separation
+    # of the contact's state, from stick to where all sliders slip, or to separation
+    gross_slip: float = GROSS_SLIP - 1.0
     held: float = 0.9  # of the range of forces that friction holds, to which a point is moved in one step
     balance: float = 2e-4  # of the preload, mean friction force below which the contact counts as unloaded
     unloadings: int = 4  # maximum of these steps; the contact's tangential spring is not linear
     slipped: float = 3.0  # limits of stick under the preload, to which a slider is moved that its shaft drags
     slowest_s: float = 50.0  # time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
-    settling: tuple[float, float] = (
-        1.0,
-        4.0,
-    )  # decay times of the slowest mode that a point runs if Newton's method fails
+    # decay times of the slowest mode that a point runs if Newton's method fails
+    settling: tuple[float, float] = (1.0, 4.0)
 
 
 NEWTON = Tolerances()
@@ -141,7 +133,7 @@ class Orbit:
         # A heavy rotor is slow, and has its steady speed. A shaft that is held at a speed drags the sliders until they
         # slip, however little it does in a period.
         slow = self.plant.turns & (right[:, -1] ** 2 > 0.5) | bool(self.plant.load.speed)
-        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.plant.period / NEWTON.slowest_s)
+        kept = sizes > np.where(slow, 1e-10 * sizes[0], self.plant.drive.period / NEWTON.slowest_s)
         drifting = self.drift > self.tolerance
         kept &= np.arange(len(sizes)) < len(sizes) - self.sticks - drifting
         assert self.trace is not None
@@ -218,7 +210,7 @@ class Orbit:
         """
         if not (self.plant.load.speed and self.slip.stuck):
             return 0.0
-        distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.period
+        distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.drive.period
         return abs(distance) / float(self.scale[self.plant.where("contact")].max())
 
     def remaining(self, step: Array) -> float:
@@ -239,22 +231,20 @@ class Orbit:
     def moved(self, begun: float, step: float | None = None) -> Orbit:
         """Return the point with its period begun at another time in s, at the state that its orbit has there.
 
-        Args:
-            begun: time in s at which a run begins.
-            step: time step in s on the map to which the point moves, if it is another one. Where the contact slips, the
-                slider is beyond its limit by a distance that is proportional to the step.
+        ``step`` is the time step in s of the map to which the point moves, if it is another one: where the contact
+        slips, the slider is beyond its limit by a distance that is proportional to the step.
         """
         assert self.trace is not None
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
         state = interpolated(time, self.trace.states, at)
-        if step is not None and self.plant.slider is not None:
+        law, place = self.plant.law, self.plant.where("contact").start
+        if step is not None and law and law.sliding and not law.row:
             depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
             normal = float(np.interp(at, time, self.trace.normal))
             limit = contact_law.stick_limit(self.plant.motor.contact, depth, normal)
-            slider = state[self.plant.slider]
-            held = np.clip(slider, -limit, limit)
-            state[self.plant.slider] = held + (slider - held) * step / (time[1] - time[0])
+            held = np.clip(state[place], -limit, limit)
+            state[place] = held + (state[place] - held) * step / (time[1] - time[0])
         return replace(self, state=state, begun=begun, trace=None, step=None)
 
     @property
@@ -267,13 +257,11 @@ class Orbit:
         """Return the point with a constant friction force in addition, at the static deflections that it causes."""
         plant, motor, state = self.plant, self.plant.motor, self.state.copy()
         stator = motor.stator.with_carrier(plant.mount)
-        places = [*range(plant.modes), *range(plant.carrier.start, plant.carrier.stop, 2)]
+        places = [*range(plant.modes), *range(plant.order)[plant.where("mount")][::2]]
         state[places] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
         state[plant.where("contact")] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
-        for place, part in enumerate(plant.states):
-            if part.part == "stem_x":
-                state[place] += motor.contact.tangential_series_compliance_m_per_n * force_n
-                break
+        along = [place for place, part in enumerate(plant.states) if part.part == "stem_x"]
+        state[along[:1]] += motor.contact.tangential_series_compliance_m_per_n * force_n
         return replace(self, state=state, at_start=None, at_end=None, measured_end=None, trace=None, step=None)
 
     def copy(self, state: Array) -> Copy:
@@ -292,8 +280,8 @@ class Orbit:
         self.reach = None
 
     def judge(self) -> None:
-        """Mark the point as solved if the next step is small enough."""
-        assert self.step is not None
+        """Take the next step, and mark the point as solved if it is small enough."""
+        self.step = self.newton_step()
         self.residual = self.remaining(self.step)
         self.done = self.residual <= self.tolerance
 
@@ -375,7 +363,6 @@ class Orbit:
         self.measured_end, self.measured_at = self.at_end, self.state
         self.force_slope = self.plant.widened(derivative.forces, inner, 1) * self.scale
         self.stale = False
-        self.step = self.newton_step()
         self.judge()
 
     @property
@@ -396,7 +383,7 @@ class Orbit:
             monodromy = self.monodromy
         values = np.linalg.eigvals(monodromy).astype(complex)
         values = np.delete(values, np.argsort(np.abs(values - 1.0))[: self.sticks])
-        values = values[np.abs(values - 1.0) > self.plant.period / NEWTON.slowest_s]
+        values = values[np.abs(values - 1.0) > self.plant.drive.period / NEWTON.slowest_s]
         return np.asarray(values[np.argsort(-np.abs(values))])
 
 
@@ -408,7 +395,7 @@ def between(points: Sequence[Orbit]) -> Orbit:
 
 
 def start_balanced(points: Sequence[Orbit]) -> None:
-    """Let points start from harmonic balance, where that finds a start. Their drives have the same period."""
+    """Let points start from harmonic balance, where that finds a start."""
     for point, balance in zip(points, balanced([point.plant for point in points]), strict=True):
         if balance is not None:
             point.restart(balance.state)
@@ -421,7 +408,7 @@ def start_point(plant: Plant) -> Orbit:
     preload = motor.contact.preload_n if plant.law else 0.0
     state = np.zeros(plant.order)
     amplitudes = np.zeros(n)
-    places = [*range(n), *range(plant.carrier.start, plant.carrier.stop, 2)]
+    places = [*range(n), *range(plant.order)[plant.where("mount")][::2]]
     stator = motor.stator.with_carrier(plant.mount)
     for tones in zip(*plant.drive.tones, strict=True):
         gains = np.linalg.solve(stator.dynamic_stiffness(2.0 * pi * tones[0].frequency), stator.coupling)
@@ -459,16 +446,13 @@ def start_point(plant: Plant) -> Orbit:
     return Orbit(plant, state, scale)
 
 
+@dataclass
 class Shooting:
-    """Newton's method for many operating points together, on one map. The points are changed in place.
+    """Newton's method for many operating points together, on one map. The points are changed in place."""
 
-    With ``near`` the derivatives that points have are those of the same orbits at the same step.
-    """
-
-    def __init__(self, points: Sequence[Orbit], period_map: PeriodMap, *, near: bool = False) -> None:
-        self.points = list(points)
-        self.map = period_map
-        self.near = near
+    points: Sequence[Orbit]
+    map: PeriodMap
+    near: bool = False  # whether the derivatives that points have are those of the same orbits at the same step
 
     def solve(self, points: Sequence[Orbit] | None = None) -> None:
         """Iterate until every point is solved or has failed. A point keeps its derivative while that is good.
@@ -480,8 +464,8 @@ class Shooting:
             point.done = point.failed = point.damped = False
             point.damping, point.iterations = 1.0, 0
         threads = max(min(self.map.workers, len(every)), 1)
-        part = copy(self)
-        part.map = replace(self.map, workers=max(1, self.map.workers // threads))  # with a common effort
+        workers = max(1, self.map.workers // threads)
+        part = replace(self, map=replace(self.map, workers=workers))  # with a common effort
         in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
 
     def _iterate(self, active: list[Orbit]) -> None:
@@ -516,7 +500,6 @@ class Shooting:
                 continue
             near = False
             if point.at_end is not None:
-                point.step = point.newton_step()
                 point.judge()
                 near = self.near and point.residual * NEWTON.neighbour_contraction < NEWTON.expected * point.tolerance
             if point.exact and not (point.done or near):
@@ -577,8 +560,7 @@ class Shooting:
             beside = _nearest(point, seeds)[:2]
             if beside:
                 point.guess(between(beside))
-        if others:
-            self.solve(others)
+        self.solve(others)
         for point in self.points:
             way = "damped" if point.damped else "newton"
             point.method = ("neighbour" if point.guessed else way) if point.done else ""
@@ -586,18 +568,18 @@ class Shooting:
         for point in lost:
             point.restart(start_point(point.plant).state)
         start_balanced(lost)
-        self._retry(lost, "newton")
+        self.solve_by(lost, "newton")
         lost = [point for point in self.points if point.failed]
         near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
         for point, other in near:
             point.restart(other.state)
-        self._retry([point for point, _ in near], "neighbour")
+        self.solve_by([point for point, _ in near], "neighbour")
         for decays in NEWTON.settling:
             lost = [point for point in self.points if point.failed]
             self._settle(lost, decays)
-            self._retry(lost, "settled")
+            self.solve_by(lost, "settled")
         self._unload()
-        self.measure_anew()
+        self._measure_anew()
 
     def _unload(self) -> None:
         """Move points whose shafts friction holds to the torque nearest to 0, from which a motor starts."""
@@ -619,18 +601,17 @@ class Shooting:
                 if point in points:
                     vars(point).update(vars(there) | {"method": point.method, "iterations": point.iterations})
 
-    def measure_anew(self) -> None:
+    def _measure_anew(self) -> None:
         """Measure the derivatives of solved points anew if they were measured too far away to tell the multipliers."""
         far = [point for point in self.points if point.done and point.far]
         self._renew(far)
         doubtful = [point for point in far if not point.done]  # by the new derivative
-        if doubtful:
-            self.solve(doubtful)
-            self._renew([point for point in doubtful if point.done and point.far])
+        self.solve(doubtful)
+        self._renew([point for point in doubtful if point.done and point.far])
 
-    def _retry(self, points: Sequence[Orbit], method: str) -> None:
-        if points:
-            self.solve(points)
+    def solve_by(self, points: Sequence[Orbit], method: str) -> None:
+        """Solve points from where they are; ``method`` is then that of those that are solved."""
+        self.solve(points)
         for point in points:
             point.method = method if point.done else ""
 
@@ -638,8 +619,11 @@ class Shooting:
         """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
-            longest = max(longest, decays * point.plant.motor.stator.with_carrier(point.plant.mount).decay_s)
-            point.restart(_rest(point.plant))
+            plant, rest, stator = point.plant, np.zeros(point.plant.order), point.plant.motor.stator
+            longest = max(longest, decays * stator.with_carrier(plant.mount).decay_s)
+            if plant.law:
+                rest[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
+            point.restart(rest)
         periods = max(10, ceil(longest / self.map.period))
         ends = self.map.settled([Copy(point.plant, point.state, point.begun) for point in points], periods)
         for point, end in zip(points, ends, strict=True):
@@ -673,14 +657,6 @@ def _nearest(point: Orbit, points: Sequence[Orbit]) -> list[Orbit]:
         if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
     ]
     return [other for _, other in sorted(others, key=lambda one: one[0])]
-
-
-def _rest(plant: Plant) -> Array:
-    state = np.zeros(plant.order)
-    if plant.law:
-        stator = plant.motor.stator
-        state[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
-    return state
 
 
 def _perturbed(point: Orbit) -> list[Copy]:

@@ -149,21 +149,19 @@ class SmallSignals(Result):
     def _limits(self) -> Iterator[str]:
         """Yield the cautions of the steady state, and the transfer functions that are not accurate."""
         yield from self.state.cautions
+        every = [
+            (f"{output} per {of}", self.modulation_hz, self.errors[output, of], values)
+            for (output, of), values in self.transfers.items()
+        ]
+        for at, group in enumerate("AB"):
+            error, values = self.hot_admittance_error_s[:, at, at], self.hot_admittance_s[:, at, at]
+            every.append((f"hot admittance of {group}", self.probe_hz, error, values))
         inaccurate = []
-        for (output, of), values in self.transfers.items():
-            share = self.errors[output, of] / np.maximum(np.abs(values), np.finfo(float).tiny)
+        for name, frequencies, errors, values in every:
+            share = errors / np.maximum(np.abs(values), np.finfo(float).tiny)
             worst = int(np.argmax(share))
             if share[worst] > ACCURATE:
-                inaccurate.append(
-                    f"{output} per {of} ({100.0 * share[worst]:.2g} % at {self.modulation_hz[worst]:.4g} Hz)"
-                )
-        for place, group in enumerate("AB"):
-            own = (slice(None), place, place)
-            share = self.hot_admittance_error_s[own] / np.abs(self.hot_admittance_s[own])
-            worst = int(np.argmax(share))
-            if share[worst] > ACCURATE:
-                at = f"{self.probe_hz[worst]:.4g} Hz"
-                inaccurate.append(f"hot admittance of {group} ({100.0 * share[worst]:.2g} % at {at})")
+                inaccurate.append(f"{name} ({100.0 * share[worst]:.2g} % at {frequencies[worst]:.4g} Hz)")
         if inaccurate:
             yield (
                 f"The estimated error of transfer functions exceeds {100.0 * ACCURATE:g} %: {', '.join(inaccurate)}. "
@@ -300,7 +298,13 @@ class _Linear:
         turning = np.concatenate([[0.0], modulation])
         probes = [(place, shift * frequency + at) for at in turning.tolist() for place, shift in sides]
         responses = dict(zip(probes, self._responses(probes, turning.repeat(len(sides))), strict=True))
-        carriers = self._carriers()
+        assert self.point.trace is not None
+        wave = np.exp(-2j * pi * frequency * self.point.trace.time[1:])
+        # phasors of currents and motional currents: the real part of phasor · e^{jΩt} is the current
+        carriers = {
+            name: complex(2.0 * np.mean(signal[1:] * wave))
+            for name, signal in zip(_SIGNALS[2:], self.base[2:], strict=True)
+        }
         transfers: dict[tuple[str, str], list[complex]] = {}
         hot = {}
         image = {}
@@ -366,17 +370,6 @@ class _Linear:
             waves = np.exp(-2j * pi * np.outer(time, at + plant.drive.frequency * np.array([0, 1, -1])))
             found.append(np.asarray(signals[:, 1:] @ waves[1:] / len(waves[1:]), dtype=complex))
         return found
-
-    def _carriers(self) -> dict[str, complex]:
-        """Return the phasors of currents and motional currents: the real part of phasor · e^{jΩt} is the current."""
-        assert self.point.trace is not None
-        time, frequency = self.point.trace.time, self.point.plant.drive.frequencies[0]
-        wave = np.exp(-2j * pi * frequency * time[1:])
-        return {
-            name: complex(2.0 * np.mean(signal[1:] * wave))
-            for name, signal in zip(_SIGNALS, self.base, strict=True)
-            if name not in ("speed", "friction")
-        }
 
     @staticmethod
     def _modulated(

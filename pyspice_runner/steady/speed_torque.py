@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
+from math import prod
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
@@ -129,8 +130,11 @@ def curve(
     """Return the curve of an operating point, whose load is replaced; the arguments are as in :func:`speed_torque`."""
     law = touching_law(base.law, _NO_TORQUE)
     axes = _axes(speeds, over or {})
-    mode = _way(mode, base)
-    _check(axes)
+    mode = "settle" if base.source.own else mode  # the states of such a driver are not known
+    count = prod(len(values) for values in axes.values())
+    if count > _MOST_POINTS:
+        raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
+    check_distinct(axes)
     *further, _ = axes
     points: list[Dynamometer] = []
     for values in product(*(axes[path].tolist() for path in further)):
@@ -166,11 +170,6 @@ def curve(
     raise fault
 
 
-def _way(mode: Method, base: Point) -> Method:
-    """Return how the points are measured: a driver whose states are not known settles."""
-    return "settle" if base.source.own else mode
-
-
 @checked
 def held_point(
     motor: Motor,
@@ -192,7 +191,8 @@ def held_point(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     bench = _held(motor, drive, speed=speed, audit=audit, **settings)
-    found, fault = _measured([bench], _way(mode, bench.setup), Settling(tolerance, patience), None)
+    mode = "settle" if bench.setup.source.own else mode
+    found, fault = _measured([bench], mode, Settling(tolerance, patience), None)
     if fault is not None:
         raise fault
     return _reported(bench, found[0])
@@ -229,7 +229,7 @@ def _held(motor: Motor, drive: Drive | Driver, *, speed: float = 0.0, **settings
 
 def _reported(bench: Dynamometer, outcome: dict[str, Any]) -> dict[str, Any]:
     """Return the outcome of a point as :func:`held_point` reports it."""
-    motor = bench.motor
+    motor = bench.setup.motor
     kept = {name: value for name, value in outcome.items() if name not in ("audit_passed", "findings")}
     cautions = [*exceeded(motor, outcome), *_cautions([bench], [outcome])]
     found = {**kept, "engine": "spice", "cautions": cautions, "audit": Audit(outcome["findings"]).to_dict()}
@@ -349,13 +349,6 @@ def _axes(speeds: Any, over: Mapping[str, Any]) -> dict[str, Array]:
     axes = {path: axis(path, values) for path, values in over.items() if path not in given}
     ((name, values),) = given.items()
     return {**axes, SPEED: axis(name, values)}
-
-
-def _check(axes: Mapping[str, Array]) -> None:
-    count = int(np.prod([len(axis) for axis in axes.values()]))
-    if count > _MOST_POINTS:
-        raise ParameterError(f"The curve has {count} points; at most {_MOST_POINTS} are allowed.")
-    check_distinct(axes)
 
 
 def _dynamometer(point: Point) -> Dynamometer:

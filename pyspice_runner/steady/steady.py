@@ -9,7 +9,7 @@ which biases the small mean of a large alternating torque.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any, Generic, TypeVar, Unpack
@@ -23,7 +23,7 @@ from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.contact import static_penetration
-from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, too_fast, two_phases
+from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import exceeded
@@ -272,14 +272,16 @@ def steady_states(
         SimulationError: if ngspice fails.
     """
     check_accuracy(accuracy)
+    ideal: dict[int, Point] = {}
     behind: dict[tuple[Any, ...], list[int]] = {}
     for place, setup in enumerate(setups):
-        if setup.source.ideal is None:
+        if setup.source.ideal is not None:
+            ideal[place] = setup
+        else:
             check_driven(setup)
             behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
     starts = starts or [None] * len(setups)
-    driven = {place for places in behind.values() for place in places}
-    parts = divided({place: setup for place, setup in enumerate(setups) if place not in driven})
+    parts = divided(ideal)
 
     found: dict[int, SteadyState] = {}
     with KeptProcesses() as processes:
@@ -294,10 +296,7 @@ def steady_states(
             some, begun = [setups[place] for place in places], [starts[place] for place in places]
             answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
             for place, answer in zip(places, answers, strict=True):
-                state = _result(setups[place], answer.point, answer, maps)
-                if state.converged and waveforms:
-                    state = replace(state, waveforms=_waveforms(setups[place], answer, state.provenance))
-                found[place] = state
+                found[place] = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
     return [found[place] for place in range(len(setups))]
 
 
@@ -341,10 +340,7 @@ def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> lis
     A short transient from rest leaves rotor and carrier far from where they stay.
     """
     free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
-    ideal = []
-    for place in free:
-        driver = setups[place].drive
-        ideal.append(replace(setups[place], source=DriveSource(TwoPhaseDrive(**two_phases(driver)))))
+    ideal = [replace(setups[place], source=DriveSource(Plant.of(setups[place]).drive)) for place in free]
     found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
     return [found.get(place) for place in range(len(setups))]
 
@@ -366,30 +362,28 @@ class Part(Generic[Place]):
 def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     """Divide operating points with ideal voltages into parts, the largest first. The points of a curve stay together.
 
-    Raises:
-        ParameterError: for a drive that has no steady state to be found.
+    Raise a ParameterError for a drive that has no steady state to be found.
     """
     groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
     for place, setup in setups.items():
         curves = groups.setdefault((_drive(setup).period, setup.law), {})
         curves.setdefault(Plant.of(setup).curve, []).append(place)
     parts: list[tuple[list[Place], tuple[int, int]]] = []
-    for curves in groups.values():
+    for (period, _), curves in groups.items():
         each, most = list(curves.values()), ceil(cores() / len(groups))
-        steps = _steps([setups[place] for curve in each for place in curve])
+        own = [setups[place] for curve in each for place in curve]
+        steps = 2 * ceil(0.5 * period / min(setup.step for setup in own) - 1e-9)
+        shortest = min(setup.shortest_period for setup in own)
+        coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
         several = [[place for curve in each[first::most] for place in curve] for first in range(most)]
-        parts += [(places, steps) for places in several if places]
+        parts += [(places, (steps, coarse)) for places in several if places]
     parts.sort(key=lambda part: len(part[0]), reverse=True)  # so that none of the long ones is left alone at the end
     workers = max(1, cores() // max(len(parts), 1))
     return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
 
 
 def _drive(setup: Point) -> Drive:
-    """Return the drive of an operating point, after checking that shooting can find its steady state.
-
-    Raises:
-        ParameterError: if not.
-    """
+    """Return the drive of an operating point. Raise a ParameterError if shooting cannot find its steady state."""
     drive = setup.source.ideal
     assert drive is not None
     if setup.load.speed is None and setup.motor.rotor.bearing_friction_n_m:
@@ -413,14 +407,6 @@ def _drive(setup: Point) -> Drive:
     return drive
 
 
-def _steps(setups: Sequence[Point]) -> tuple[int, int]:
-    """Return the numbers of fine and of coarse steps in the period of points whose drives have the same period."""
-    period = _drive(setups[0]).period
-    steps = 2 * ceil(0.5 * period / min(setup.step for setup in setups) - 1e-9)
-    shortest = min(setup.shortest_period for setup in setups)
-    return steps, max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
-
-
 def solve_part(
     part: Part[Any],
     accuracy: float | None,
@@ -431,26 +417,26 @@ def solve_part(
 ) -> list[SteadyState]:
     """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`."""
     setups, (steps, coarse) = list(part.setups.values()), part.steps
-    solver, period = setups[0].solver, _drive(setups[0]).period
+    solver, period = setups[0].solver, setups[0].source.period
     maps = [PeriodMap(period, coarse, solver.timeout, part.workers, processes)]
     points = [start_point(Plant.of(setup)) for setup in setups]
     for point, start in zip(points, starts, strict=True):
         if start is not None:
             point.guess(start)
     Shooting(points, maps[0]).search()
-    if accuracy is None:
-        answers = {place: _coarse(point, maps[0]) for place, point in enumerate(points) if point.done}
+    if accuracy is None:  # the coarse step alone, of which no error is known
+        answers = {
+            place: _answer(point, maps[0], means(point.plant, point.trace, maps[0].discretisation), float("nan"))
+            for place, point in enumerate(points)
+            if point.done and point.trace
+        }
     else:
         answers = _answers(points, maps, steps, accuracy)
     found = []
     for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
         answer = answers[place] if place in answers and point.done else Answer(point)
-        state = _result(setup, point, answer, maps, len(points))
-        if state.converged:
-            state = replace(state, solution=point)
-        if state.converged and waveforms:
-            state = replace(state, waveforms=_waveforms(setup, answer, state.provenance))
-        found.append(state)
+        state = _result(setup, point, answer, maps, len(points), waveforms=waveforms)
+        found.append(replace(state, solution=point) if state.converged else state)
     return found
 
 
@@ -461,20 +447,23 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
     """
     answers: dict[int, Answer] = {}
     pending = [place for place, point in enumerate(points) if point.done]
-    level = dict(enumerate(_between(points, maps[0], own=True)))
+    level = _between({place: points[place] for place in pending}, maps[0])
     averages = _averages(level, maps[0])
     if accuracy >= ROUGH:
         for place, (found, spread) in averages.items():  # the coarse step alone does where the contact stays closed
             error = FROM_SPREAD * spread
-            if found["touching"] >= 1.0 and error <= accuracy * _friction(points[place]):
+            if found["touching"] >= 1.0 and error <= accuracy * points[place].plant.friction_n:
                 answers[place] = _answer(level[place][0], maps[0], found, error)
         pending = [place for place in pending if place not in answers]
     for refinement in range(MOST_REFINEMENTS + 1):
         if not pending:
             break
         before = averages
-        maps.append(maps[0].with_steps(steps * 2**refinement))
-        level = dict(zip(pending, _between([points[place] for place in pending], maps[-1], own=False), strict=True))
+        first = maps[0]
+        maps.append(PeriodMap(first.period, steps * 2**refinement, first.timeout, first.workers, first.processes))
+        moved = {place: points[place].moved(0.0, maps[-1].step) for place in pending}
+        _correct(moved.values(), maps[-1])
+        level = _between(moved, maps[-1])
         averages = _averages(level, maps[-1])
         still = []
         for place in pending:
@@ -486,21 +475,10 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
             limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
             error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
             answers[place] = _answer(level[place][0], maps[-1], limit, error)
-            if error > accuracy * _friction(points[place]) and points[place].plant.law:
+            if error > accuracy * points[place].plant.friction_n and points[place].plant.law:
                 still.append(place)
         pending = still
     return answers
-
-
-def _coarse(point: Orbit, period_map: PeriodMap) -> Answer:
-    """Return the answer of the coarse step, of which no error is known."""
-    assert point.trace is not None
-    return _answer(point, period_map, means(point.plant, point.trace, period_map.discretisation), float("nan"))
-
-
-def _friction(point: Orbit) -> float:
-    """Return the friction force under the preload, N."""
-    return point.plant.motor.contact.friction * point.plant.motor.contact.preload_n
 
 
 def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
@@ -509,34 +487,26 @@ def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], err
     return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
 
 
-def _between(points: Sequence[Orbit], period_map: PeriodMap, *, own: bool) -> list[list[Orbit]]:
-    """Return copies of solved points on a map, their steps between each other's; of unsolved ones none.
-
-    With ``own`` it is the map on which the points were solved; each is then its own first copy.
-    """
-    first: list[Orbit | None] = list(points)
-    if not own:
-        first = _corrected([point.moved(0.0, period_map.step) if point.done else None for point in points], period_map)
-    copies = [[point] if point is not None and point.done else [] for point in first]
+def _between(points: Mapping[int, Orbit], period_map: PeriodMap) -> dict[int, list[Orbit]]:
+    """Return those of some points that are solved on a map, each with copies whose steps lie between each other's."""
+    copies = {place: [point] for place, point in points.items() if point.done}
     for number in range(1, OFFSETS):
         begun = number / OFFSETS * period_map.step
-        moved = [several[0].moved(begun, period_map.step) if several else None for several in copies]
-        for several, copy in zip(copies, _corrected(moved, period_map, near=True), strict=True):
-            several += [] if copy is None else [copy]
+        moved = {place: several[0].moved(begun, period_map.step) for place, several in copies.items()}
+        _correct(moved.values(), period_map, near=True)
+        for place, several in copies.items():
+            several.append(moved[place])
     return copies
 
 
-def _corrected(copies: Sequence[Orbit | None], period_map: PeriodMap, *, near: bool = False) -> list[Orbit | None]:
+def _correct(copies: Collection[Orbit], period_map: PeriodMap, *, near: bool = False) -> None:
     """Solve copies on a map, first with the derivative that they have; ``near`` is that of :class:`.Shooting`."""
-    every = [copy for copy in copies if copy is not None]
-    shooting = Shooting(every, period_map, near=near)
+    shooting = Shooting([*copies], period_map, near=near)
     shooting.solve()
-    lost = [copy for copy in every if not copy.done]
+    lost = [copy for copy in copies if not copy.done]
     for copy in lost:  # the derivative of the coarse step did not serve
         copy.restart(copy.state)
-    if lost:
-        shooting.solve(lost)
-    return list(copies)
+    shooting.solve(lost)
 
 
 def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> dict[int, tuple[dict[str, float], float]]:
@@ -546,11 +516,10 @@ def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> di
     """
     averages = {}
     for place, copies in level.items():
-        solved = [(copy.plant, copy.trace) for copy in copies if copy.done and copy.trace]
-        several = [means(plant, trace, period_map.discretisation) for plant, trace in solved]
+        several = [means(one.plant, one.trace, period_map.discretisation) for one in copies if one.done and one.trace]
         if len(several) < OFFSETS:
             continue
-        values = np.array([list(one.values()) for one in several])
+        values = np.array([list(found.values()) for found in several])
         found = dict(zip(several[0], values.mean(axis=0).tolist(), strict=True))
         for name in ("peak_a", "peak_b", "greatest"):
             found[name] = float(values[:, list(found).index(name)].max())
@@ -558,7 +527,9 @@ def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> di
     return averages
 
 
-def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1) -> SteadyState:
+def _result(
+    setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap], points: int = 1, *, waveforms: bool
+) -> SteadyState:
     """Return the steady state of a point at the coarse step, with audit and provenance; ``points`` share the maps."""
     found, last = answer.found, answer.point
     step = answer.map.step if answer.map else setup.step
@@ -568,22 +539,17 @@ def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap
         audit = Audit(audit_point(setup.motor, found, step))
         if setup.solver.audit:
             audit.withhold(f"steady state at {speed_rad_s:.4g} rad/s")
-    simulated_s, solver_seconds, period_maps, decks = 0.0, 0.0, 0, ""
-    for period_map in maps:
-        effort = period_map.effort
-        simulated_s += effort.simulated_s
-        solver_seconds += effort.seconds
-        period_maps += effort.evaluations
-        decks += effort.hashes()
+    efforts = [period_map.effort for period_map in maps]
+    decks = "".join(effort.hashes() for effort in efforts)
     provenance: dict[str, Any] = {
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
         "run": setup.to_dict(),
-        "ngspice_version": maps[0].effort.ngspice_version,
-        "simulated_s": simulated_s / points,
+        "ngspice_version": efforts[0].ngspice_version,
+        "simulated_s": sum(effort.simulated_s for effort in efforts) / points,
         "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
-        "period_maps": period_maps,
-        "solver_seconds": solver_seconds,
+        "period_maps": sum(effort.evaluations for effort in efforts),
+        "solver_seconds": sum(effort.seconds for effort in efforts),
         "audit": audit.to_dict(),
     }
     return SteadyState(
@@ -591,7 +557,8 @@ def _result(setup: Point, point: Orbit, answer: Answer, maps: Sequence[PeriodMap
         speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
-        audit=audit, waveforms=None, provenance=provenance, solution=None, failure=maps[0].effort.failure,
+        audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
+        provenance=provenance, solution=None, failure=efforts[0].failure,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from graphlib import TopologicalSorter
 from itertools import product
 from math import inf, prod
 from typing import TYPE_CHECKING, Any, Literal, Unpack
@@ -31,6 +32,7 @@ from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.period_map import Found, cores
+from pyspice_runner.steady.settling import Progress
 from pyspice_runner.steady.shooting import Orbit, between
 from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates, dataset_of
 from pyspice_runner.steady.steady import (
@@ -48,7 +50,6 @@ if TYPE_CHECKING:
     import xarray
 
 Objective = Literal["torque", "speed", "efficiency", "power"]
-Progress = Callable[[int, int], None]
 Limit = float | tuple[float, float]  # the maximum of an absolute value, or its minimum and maximum
 
 OBJECTIVES: dict[Objective, str] = {
@@ -141,8 +142,7 @@ def mapped(
     twice = next((path for path in paths if paths.count(path) > 1), None)
     if twice:
         raise ParameterError(f"{twice} is given twice. Give it once.")
-    fixed = {"speed": stated["load.speed"], "torque": stated["load.torque"]}
-    if fixed.get(objective):
+    if stated.get(f"load.{objective}"):
         raise ParameterError(
             f"objective = {objective!r} is not valid: the load fixes the {objective} of every point. Leave it out, or "
             "choose another objective."
@@ -255,7 +255,11 @@ def _solved(
 
         def solved(number: int) -> list[SteadyState]:
             part = parts[number]
-            starts = [_start([found[other] for other in beside[index]]) for index in part.setups]
+            starts: list[Orbit | None] = []
+            for index in part.setups:
+                near = [found[other] for other in beside[index]]
+                points = [other.solution for other in near if other.stable and other.solution]
+                starts.append(between(points) if points else None)
             return solve_part(part, accuracy, starts, processes)
 
         try:
@@ -273,26 +277,18 @@ def _solved(
 def _as_ready(
     task: Callable[[int], Found], needs: Sequence[Collection[int]], workers: int
 ) -> Iterator[tuple[int, Found]]:
-    """Yield the numbers and results of tasks as they end, each begun after the tasks that it needs have been yielded.
-
-    A task needs only tasks with smaller numbers.
-    """
-    if workers <= 1:
-        yield from ((number, task(number)) for number in range(len(needs)))
-        return
-    waiting = {number: set(several) for number, several in enumerate(needs)}
+    """Yield the numbers and results of tasks as they end, each begun after those that it needs have been yielded."""
+    waiting = TopologicalSorter(dict(enumerate(needs)))
+    waiting.prepare()
     running: dict[Future[Found], int] = {}
     with ThreadPoolExecutor(workers) as pool:
         try:
-            while waiting or running:
-                for number in [one for one, several in waiting.items() if not several]:
-                    del waiting[number]
-                    running[pool.submit(task, number)] = number
+            while waiting.is_active():
+                running |= {pool.submit(task, number): number for number in waiting.get_ready()}
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     ended = running.pop(future)
                     yield ended, future.result()
-                    for several in waiting.values():
-                        several.discard(ended)
+                    waiting.done(ended)
         finally:
             for future in running:
                 future.cancel()
@@ -302,12 +298,6 @@ def _neighbours(index: Index, stride: int) -> Iterator[Index]:
     """Yield the points of the grid of twice the stride that are nearest to a point; itself if it is one of them."""
     steps = [(-stride, stride) if at % (2 * stride) else (0,) for at in index]
     return (tuple(at + step for at, step in zip(index, each, strict=True)) for each in product(*steps))
-
-
-def _start(near: Sequence[SteadyState]) -> Orbit | None:
-    """Return the mean of the neighbours that are stable, if there are any."""
-    points = [other.solution for other in near if other.stable and other.solution]
-    return between(points) if points else None
 
 
 def _plain(value: Any) -> Any:

@@ -88,7 +88,7 @@ def test_the_folds_are_where_sweeps_up_and_down_jump() -> None:
         motion, separated = None, []
         for frequency in frequencies.tolist():  # each transient continues the one before
             point = Point.of(MOTOR, DRIVE.updated({"frequency": frequency}), speed=0.0)
-            outcome, last = settle(Dynamometer(off_beat(point)), 0.0, motion, Settling(patience=12))
+            outcome, last = settle(Dynamometer(off_beat(point)), motion, Settling(patience=12))
             motion = last.end
             separated.append(outcome["separated"])
         jump = int(np.abs(np.diff(separated)).argmax())

@@ -95,14 +95,14 @@ def test_sliders_that_touch_nothing_are_left_out_of_the_circuit(flat: float, gue
     motor = pr.load_motor("andersen2002").updated({"mount": None, "contact.worn_flat_radius_m": flat})
     plant = Plant(motor, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0), Load(3.0), Law("brush", 8))
     point = start_point(plant)
-    (whole,) = PeriodMap(plant.period, 64).traces([point.copy(point.state)])
+    (whole,) = PeriodMap(plant.drive.period, 64).traces([point.copy(point.state)])
     assert whole is not None
     assert whole.reach is not None
     assert 1 < whole.reach < 8
     assert not whole.states[plant.where("contact")][whole.reach :].any()
     assert whole.states[plant.where("contact")][whole.reach - 1].any()
     point.reach = whole.reach if guess == "exact" else 1
-    (part,) = PeriodMap(plant.period, 64).traces([point.copy(point.state)])
+    (part,) = PeriodMap(plant.drive.period, 64).traces([point.copy(point.state)])
     assert part is not None
     assert part.reach == whole.reach
     assert part.course is not None

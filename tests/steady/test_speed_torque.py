@@ -21,6 +21,7 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.cli import run
 from pyspice_runner.errors import Interrupted
+from pyspice_runner.motor.drive import Load
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.point import Point
@@ -75,8 +76,8 @@ def test_rotors_spun_up_under_load_lie_on_the_fixed_speed_curve() -> None:
     assert np.interp(speeds, SPEEDS, held["torque_n_m"]) == pytest.approx(torques, abs=allowed)
 
 
-def dynamometer(excitation: pr.TwoPhaseDrive | pr.TwoToneDrive, law: Law = PAPER_LAW) -> Dynamometer:
-    return Dynamometer(off_beat(Point(MOTOR, DriveSource(excitation), law=law)))
+def dynamometer(excitation: pr.TwoPhaseDrive | pr.TwoToneDrive, speed: float, law: Law = PAPER_LAW) -> Dynamometer:
+    return Dynamometer(off_beat(Point(MOTOR, DriveSource(excitation), Load(speed), law)))
 
 
 @pytest.mark.parametrize("frequency", [44.5e3, 46e3])
@@ -103,10 +104,10 @@ def test_a_block_goes_on_from_the_one_before_as_if_they_were_one_run(law: Any, m
 
     monkeypatch.setattr("pyspice_runner.spice.pyspice.run_deck", counting)
     excitation, contact = drive(46e3), Law(law, 3 if law == "brush" else None)
-    bench = dynamometer(excitation, contact)
-    motion, begun = bench.rest(6.0), 0.0
+    bench = dynamometer(excitation, 6.0, contact)
+    motion, begun = bench.rest(), 0.0
     for _ in range(2):
-        block = bench.run(motion, 6.0, begun)
+        block = bench.run(motion, begun)
         motion, begun = block.end, block.ended
     assert max(stored) <= 2  # points: memory does not grow with the time that is simulated
     whole = pr.simulate(
@@ -128,10 +129,10 @@ def test_a_block_goes_on_from_the_one_before_as_if_they_were_one_run(law: Any, m
 @pytest.mark.soak
 def test_the_brake_loads_a_free_shaft_with_a_torque() -> None:
     excitation, load = drive(46e3), float(curve(46e3)["load_torque_n_m"].sel(speed_rad_s=18.0))
-    bench = dynamometer(excitation)
+    bench = dynamometer(excitation, 18.0)
     loaded = dynamometer_bench(
-        MOTOR, bench.source, speed=None, load_torque=load, meters=False,
-        discretisation=bench.setup.discretisation, start=bench.rest(18.0),
+        MOTOR, bench.setup.source, speed=None, load_torque=load, meters=False,
+        discretisation=bench.setup.discretisation, start=bench.rest(),
     )  # fmt: skip
     end = 5 * bench.duration
     vectors = transient(
