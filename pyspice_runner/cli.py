@@ -90,7 +90,7 @@ def run(arguments: list[str]) -> int:
         complain(f"piezomotor: {OUT_OF_MEMORY}")
         return 3
     except (BrokenPipeError, SystemExit):  # the reader of the pipe has ended; for --help rich raises SystemExit then
-        silence(sys.stdout)
+        silence()
         return 0
     except (KeyboardInterrupt, typer.Abort):
         done = f"{' and '.join(written)} {'are' if len(written) > 1 else 'is'} complete" if written else ""
@@ -98,7 +98,7 @@ def run(arguments: list[str]) -> int:
         return _status_of(came)
     except OSError as error:
         complain(f"piezomotor: {_told(error)}")
-        silence(sys.stdout)
+        silence()
         return 2
     except _usage_error() as error:
         message = error.message.replace("Value error, ", "")

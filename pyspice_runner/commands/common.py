@@ -153,9 +153,9 @@ def grid_or_none(option: str, text: str | None) -> list[float] | None:
     return None if text is None else grid(option, text)
 
 
-def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[float]]:
-    """Return the values of axes that are written as PATH=VALUES. Raise ParameterError for an axis without values."""
-    return {path: grid(f"{option} {path}", values) for path, values in pairs_of(option, texts)}
+def axes_of(texts: list[str] | None) -> dict[str, list[float]]:
+    """Return the values of the axes of ``--over PATH=VALUES``. Raise ParameterError for an axis without values."""
+    return {path: grid(f"--over {path}", values) for path, values in pairs_of("--over", texts)}
 
 
 def pairs_of(
@@ -305,14 +305,11 @@ def _noted(path: Path) -> Iterator[None]:
 def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> None:
     """Print a result. Raise ParameterError if the standard output cannot be written."""
     try:
-        if as_json or isinstance(table, str):
-            _write(json.dumps(document, allow_nan=False) + "\n" if as_json else str(table))
-        else:
-            say(table)
+        say(json.dumps(document, allow_nan=False) + "\n" if as_json else table)
     except BrokenPipeError:  # the reader of the pipe has ended, as with `| head`
-        silence(sys.stdout)
+        silence()
     except OSError as error:
-        silence(sys.stdout)
+        silence()
         raise pr.ParameterError(f"Cannot write the standard output: {error.strerror}.{_ELSEWHERE}") from error
 
 
@@ -351,14 +348,8 @@ def say(what: Table | str) -> None:
             console.width = Measurement.get(console, console.options.update(max_width=_WIDEST), what).maximum
         with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
-        _write(shown.get())
-    else:
-        _write(what)
-
-
-def _write(text: str) -> None:
-    """Print a text as it is to standard output."""
-    sys.stdout.write(text)
+        what = shown.get()
+    sys.stdout.write(what)
     sys.stdout.flush()
 
 
@@ -374,9 +365,9 @@ class _Complaints(Console):
         self.quiet = True
 
 
-def silence(stream: Any) -> None:
-    """Discard what a stream still holds, so that Python does not try to write it again at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+def silence() -> None:
+    """Discard what standard output still holds, so that Python does not try to write it again at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -388,13 +379,6 @@ def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from leaves(value, path)
         else:
             yield path, value
-
-
-def view() -> Any:
-    """Return the module that draws; Matplotlib takes a second to load, so only a command that draws loads it."""
-    from pyspice_runner.view import plots
-
-    return plots
 
 
 def warn_of(findings: Iterable[str]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driving import one_tone
 from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import State
 
@@ -37,7 +36,7 @@ def state_space(call: Call) -> None:
     """
     call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".mat")
-    drive = one_tone(call.stated, "Small signals are those about")
+    drive = call.one_tone("Small signals are those about")
     with common.busy("The averaged motor settles"):
         system = pr.state_space(call.loaded, drive, load_torque=call.load_torque)
     common.caution(system)

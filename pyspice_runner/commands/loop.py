@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driving import one_tone
 from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.control.loop import Quantity
 
@@ -37,7 +36,7 @@ def loop(call: Call) -> None:
             f"--sample {call.sample:g} is out of range: it is the time between two samples, at most {LONGEST_SAMPLE:g} "
             f"s. For {call.sample:g} samples per second write --sample {1.0 / call.sample:.3g}."
         )
-    drive = one_tone(call.stated, "A loop is designed about")
+    drive = call.one_tone("A loop is designed about")
     with common.busy("The averaged motor settles and steps"):
         design = pr.control_loop(
             call.loaded, drive, over=common.axes_of(call.over) if call.over else None,

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import typer
 from rich.table import Table
@@ -21,57 +20,60 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
 from pyspice_runner.commands.numbers import number
+from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.result import Result
 from pyspice_runner.spice import Engine
 
 NONE = "none"
 _Write = Callable[[Path], object]
 _Texts = list[str] | None
+_VOLTAGE = 50.0  # V, for a kind of drive that the motor does not recommend
+_TWO_PHASE = ("voltage", "frequency", "ratio_b")
+_TWO_TONE = ("voltage_1", "frequency_1", "voltage_2", "frequency_2")
 
 
-@dataclass(frozen=True)
-class Option:
-    """An option of the command line, or with ``argument`` an argument."""
+class Option(NamedTuple):
+    """An option or an argument of the command line."""
 
     kind: Any  # the type of its value
     default: Any
-    help: str
-    flags: tuple[str, ...] = ()  # its names on the command line; by default made from its key
-    more: Mapping[str, Any] = field(default_factory=dict)  # further arguments of typer's option
-    argument: bool = False
+    described: Any  # for typer: its names, help and further settings
 
     def parameter(self, name: str) -> inspect.Parameter:
         """Return the parameter that typer reads."""
-        more = dict(self.more)
-        if self.kind in (float, float | None):
-            more |= {"parser": self._number, "metavar": "NUMBER"}
-        made = (typer.Argument if self.argument else typer.Option)(*self.flags, help=self.help, **more)
         default = inspect.Parameter.empty if self.default is ... else self.default
         return inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, made]
+            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, self.described]
         )
-
-    def _number(self, text: str | float) -> float:
-        """Return a number with its suffix, in a unit that the help names."""
-        try:
-            return number(text, units=self.help) if isinstance(text, str) else text
-        except pr.ParameterError as error:
-            raise typer.BadParameter(str(error)) from None
 
 
 def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Option:
-    """Return an option: type, default (``...`` for none), help, names, further arguments of ``typer.Option``."""
-    return Option(kind, default, text, flags, more)
+    """Return an option: type, default (``...`` for none), help, names, further arguments of ``typer.Option``.
+
+    A number may have a suffix, and a unit that the help names.
+    """
+
+    def parsed(given: str | float) -> float:
+        try:
+            return number(given, units=text) if isinstance(given, str) else given
+        except pr.ParameterError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    if kind in (float, float | None):
+        more |= {"parser": parsed, "metavar": "NUMBER"}
+    return Option(kind, default, typer.Option(*flags, help=text, **more))
 
 
 def argument(kind: Any, default: Any, text: str, metavar: str, **more: Any) -> Option:
     """Return an argument, as :func:`option`."""
-    return Option(kind, default, text, (), {"metavar": metavar, **more}, argument=True)
+    return Option(kind, default, typer.Argument(help=text, metavar=metavar, **more))
 
 
 def _panel(title: str, **options: Option) -> dict[str, Option]:
     """Return options with the title of their panel in the help."""
-    return {name: replace(one, more={**one.more, "rich_help_panel": title}) for name, one in options.items()}
+    for one in options.values():
+        one.described.rich_help_panel = title
+    return options
 
 
 def _laws(incomplete: str) -> list[str]:
@@ -305,10 +307,64 @@ class Call:
 
     @cached_property
     def stated(self) -> pr.TwoPhaseDrive | pr.TwoToneDrive:
-        """The drive for the motor: the recommended one, with the options of the call in place."""
-        from pyspice_runner.commands.driving import stated
+        """The drive for the motor: the recommended one, with the options of the call in place.
 
-        return stated(self.values, self.loaded)
+        Raise ParameterError for an option of the other kind of drive, or a missing or invalid value.
+        """
+        self._check_frequency()
+        recommended = pr.default_drive(self.loaded)
+        chosen: str = self.drive or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
+        for name in _TWO_TONE if chosen == "two-phase" else _TWO_PHASE:
+            if self.values[name] is not None:
+                other = next(one for one in DRIVES if one != chosen)
+                raise pr.ParameterError(
+                    f"--{name.replace('_', '-')} has no effect on a {chosen} drive. Add --drive {other}, or leave it "
+                    "out."
+                )
+        kind = DRIVES[chosen]
+        fields = {name: self.values[name] for name in kind.model_fields if name != "phase_deg"} | {
+            "phase_deg": self.phase
+        }
+        given = {name: value for name, value in fields.items() if value is not None}
+        if type(recommended) is kind:
+            return kind(**(recommended.model_dump() | given))
+        if chosen == "two-phase":
+            return pr.TwoPhaseDrive(**({"voltage": _VOLTAGE, "frequency": self.loaded.modes[-1].frequency_hz} | given))
+        if self.frequency_1 is None or self.frequency_2 is None:
+            raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
+        return pr.TwoToneDrive(**({"voltage_1": _VOLTAGE, "voltage_2": _VOLTAGE} | given))
+
+    def one_tone(self, what: str) -> pr.TwoPhaseDrive:
+        """Return the drive. Raise ParameterError, with what needs one frequency, for two tones."""
+        if not isinstance(self.stated, pr.TwoPhaseDrive):
+            raise pr.ParameterError(f"{what} a drive with one frequency. Add --drive two-phase.")
+        return self.stated
+
+    def recommended_phases(self) -> dict[str, float]:
+        """Return voltage, frequency and phase of two phases: those given, the others from the recommended drive.
+
+        Raise ParameterError if a value is missing and the motor recommends two tones.
+        """
+        self._check_frequency()
+        given = self.pick("voltage frequency", phase_deg="phase")
+        missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]
+        recommended = pr.default_drive(self.loaded)
+        if missing and not isinstance(recommended, pr.TwoPhaseDrive):
+            raise pr.ParameterError(
+                f"The recommended drive of {self.loaded.name} has two tones, and this command needs two phases of one "
+                f"tone. Give --{' and --'.join(missing)}."
+            )
+        return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
+
+    def _check_frequency(self) -> None:
+        """Raise ParameterError for a frequency in Hz that is meant in kHz: a thousandth of a resonance."""
+        resonances = [mode.frequency_hz for mode in self.loaded.modes]
+        low, high = min(resonances), max(resonances)
+        if self.frequency is not None and 0.5 * low < 1e3 * self.frequency < 2.0 * high:
+            raise pr.ParameterError(
+                f"--frequency {self.frequency:g} is in Hz, and the modes of {self.loaded.name} are at {low / 1e3:.4g} "
+                f"to {high / 1e3:.4g} kHz. Did you mean {self.frequency:g}k?"
+            )
 
     @cached_property
     def law(self) -> pr.Law | None:
@@ -352,7 +408,7 @@ def command(*names: str, **own: Any) -> Callable[[Callable[[Call], int | None]],
     keys = " ".join(names).split()
     table = {
         key: own[key] if isinstance(own.get(key), Option)
-        else replace(OPTIONS[key], default=own.get(key, OPTIONS[key].default))
+        else OPTIONS[key]._replace(default=own.get(key, OPTIONS[key].default))
         for key in dict.fromkeys([*keys, *own])
     }  # fmt: skip
 

@@ -8,7 +8,6 @@ from typing import get_args
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.driver import check_driver, spec_of
-from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import (
     CHANGES,
     DRIVER,
@@ -74,7 +73,7 @@ def track(call: Call) -> None:
     _refuse_idle(call)
     call.check(".json", ".csv", ".cir")
     motor = call.loaded
-    tone = recommended_phases(motor, call.voltage, call.frequency, call.phase) | {"ratio_b": call.ratio_b}
+    tone = call.recommended_phases() | {"ratio_b": call.ratio_b}
     offset = START_OFFSET if call.disturb == "start" else 0.0
     tracker = pr.Tracker(
         **tone, offset=offset if call.offset is None else call.offset, polarity=-1 if call.reverse else 1,
