@@ -13,10 +13,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+import xarray
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
@@ -33,9 +34,6 @@ from pyspice_runner.view import plot_calibration, plot_curves, plot_runs, plot_s
 from pyspice_runner.view.draw import DASHES, Panel, last_periods
 from pyspice_runner.view.outlines import axes_of, beam_outlines, outlines
 from pyspice_runner.view.style import CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, label_of, time_label
-
-if TYPE_CHECKING:
-    import xarray
 
 _DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}  # of Matplotlib → of Plotly
 _SYMBOLS = {"s": "square", "D": "diamond", "^": "triangle-up", "v": "triangle-down", "x": "x"}

@@ -18,9 +18,9 @@ from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
 from pyspice_runner.motor.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, dress
-from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION
+from pyspice_runner.view.outlines import COLOURS, axes_of
+from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS
 
-_COLORS = {"A": BLUE, "B": VERMILION}
 _SWING = 0.08  # of the largest dimension of a solid: how far a mode is drawn to move
 
 
@@ -54,7 +54,7 @@ def motor(motor: model.Motor) -> Sheet:
 def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     """Return boxes and electrodes, and the displacement of each mode, seen along the axis of the rotor."""
     stator, contact = stator_of(solid), solid.contact
-    plane = sorted("xyz".index(sense[1]) for sense in (contact.normal, contact.tangent))
+    plane = axes_of(solid)
     depth = 3 - sum(plane)
     nodes = 1e3 * stator.nodes_m
     swing = _SWING * np.ptp(nodes, axis=1).max()
@@ -97,7 +97,7 @@ def _draw_regions(ax: Axes, solid: Solid, plane: list[int], depth: int) -> Array
         _name(ax, box, faces.min(axis=(1, 2)))
     for electrode, cells in zip(solid.electrodes, regions.electrodes, strict=True):
         if electrode.group != "ground":
-            faces, color = points[plane][:, _around(points[plane], cells)], _COLORS[electrode.group]
+            faces, color = points[plane][:, _around(points[plane], cells)], COLOURS[electrode.group]
             ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor=color, alpha=0.35))
             _name(ax, electrode, faces.mean(axis=(1, 2)))
     return np.asarray(1e3 * regions.contact_m[plane])
