@@ -6,6 +6,7 @@ from __future__ import annotations
 import glob
 import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -17,23 +18,12 @@ from typing import Any
 
 import numpy as np
 import typer
+from rich import progress
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.numbers import number
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.load import changed_motor
@@ -45,6 +35,16 @@ Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be ask
 _WIDEST = 1000  # characters of a line of a table in a file or pipe
 
 _ELSEWHERE = " Choose another place."  # the end of the sentence about a file that cannot be written
+
+_SCALES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "meg": 1e6, "G": 1e9, "": 1.0}
+_UNITS = {  # as it is typed → as the help of an option names it
+    "Hz": "Hz", "s": "s", "V": "V", "N.m": "N.m", "Nm": "N.m", "N·m": "N.m", "N": "N", "rad/s": "rad/s", "m/s": "m/s",
+    "deg": "degrees", "°": "degrees", "ohm": "Ω", "Ω": "Ω", "A": "A",
+}  # fmt: skip
+_NUMBER = re.compile(
+    rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(meg|[pnuµμmkG]?)({'|'.join(map(re.escape, _UNITS))})?"
+)
+
 
 INTERRUPTED = 130  # the status of a command that delivers what it has done; another signal than SIGINT changes it
 
@@ -130,6 +130,32 @@ def _value(text: str) -> float | int | str | None:
     with suppress(pr.ParameterError):
         return number(text)
     return text
+
+
+def number(text: str, units: str = "") -> float:
+    """Return the number that a text states, with an SI prefix (p, n, u, m, k, meg, G) and a unit if it has them.
+
+    Args:
+        text: such as ``40.7k``, ``2ms`` or ``1e-3``.
+        units: a text that has the allowed units behind a comma or a colon, as the help of an option: "Speed, rad/s
+            (slider: m/s)". Without them a unit is refused.
+
+    Raises:
+        ParameterError: for another text, or for another unit.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        match = _NUMBER.fullmatch(text.strip().replace(" ", ""))
+    if match is None:
+        raise pr.ParameterError(
+            f"{text!r} is not a number. Write it as 2e-3 or 2m; p, n, u, m, k, meg and G are 1e-12 to 1e9."
+        )
+    value, prefix, unit = match.groups()
+    named = _UNITS.get(unit or "")
+    if named is not None and not re.search(rf"[,:] {re.escape(named)}(?![\w/])", units):
+        raise pr.ParameterError(f"{text!r} has the unit {unit}, which this value does not have. Leave it out.")
+    return float(value) * _SCALES[prefix]
 
 
 def grid(option: str, text: str) -> list[float]:
@@ -396,11 +422,11 @@ def caution(result: _Result) -> None:
 
 
 @contextmanager
-def _bar(what: str, *columns: ProgressColumn, total: float | None = None, **look: Any) -> Iterator[Callable[..., None]]:
+def _bar(what: str, *columns: Any, total: float | None = None, **look: Any) -> Iterator[Callable[..., None]]:
     """Show on a terminal that a task runs; the yielded function updates what the columns show."""
     console = Console(stderr=True)
-    parts = (TextColumn("{task.description}"), *columns)
-    with Progress(*parts, console=console, disable=not console.is_terminal, **look) as bar:
+    parts = (progress.TextColumn("{task.description}"), *columns)
+    with progress.Progress(*parts, console=console, disable=not console.is_terminal, **look) as bar:
         task = bar.add_task(what, total=total, left="")
         yield lambda **shown: bar.update(task, **shown)
 
@@ -408,14 +434,14 @@ def _bar(what: str, *columns: ProgressColumn, total: float | None = None, **look
 @contextmanager
 def busy(what: str, part: str = "") -> Iterator[Callable[..., None]]:
     """Show that a task runs, and for how long; the yielded function fills ``part``, as "{} of {}"."""
-    with _bar(what, SpinnerColumn(), TimeElapsedColumn(), transient=True) as update:
+    with _bar(what, progress.SpinnerColumn(), progress.TimeElapsedColumn(), transient=True) as update:
         yield lambda *numbers: update(description=f"{what}, {part.format(*numbers)}")
 
 
 @contextmanager
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
     """Show the progress of a run and the remaining time."""
-    columns = BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[left]}")
+    columns = progress.BarColumn(), progress.TaskProgressColumn(), progress.TextColumn("{task.fields[left]}")
     with _bar(what, *columns, total=1.0, transient=True) as update:
         yield lambda done, left: update(completed=done, left=f"{left:.0f} s left")
 
@@ -423,6 +449,7 @@ def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
 @contextmanager
 def points_progress() -> Iterator[Callable[[int, int], None]]:
     """Show the number of finished points and the remaining time."""
-    columns = BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
-    with _bar("points", *columns, speed_estimate_period=600.0) as update:
+    done = progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
+    left = progress.TextColumn("left"), progress.TimeRemainingColumn()
+    with _bar("points", *done, *left, speed_estimate_period=600.0) as update:
         yield lambda done, total: update(completed=done, total=total)

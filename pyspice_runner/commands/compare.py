@@ -61,8 +61,7 @@ def compare(call: Call) -> None:
     for entry, faults in zip(document["comparisons"], outside, strict=True):
         entry["outside_tolerance"] = list(faults)
     document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
-    call.deliver(trend, f"against {trend.comparisons[0].reference.source}", document)
-    measured.note(trend.cautions, call)
+    measured.deliver(call, trend, f"against {trend.comparisons[0].reference.source}", document)
     for item, faults in zip(trend.comparisons, outside, strict=True):
         for text in faults:
             common.complain(f"{item.measured.source}: {text}", style=None)

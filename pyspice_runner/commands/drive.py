@@ -66,7 +66,7 @@ def drive(call: Call) -> None:
     call.check(".json", ".csv", *([".cir"] if against is None else []))
     motor = call.loaded
     tone = pr.TwoPhaseDrive(**call.recommended_phases())
-    specs = [spec_of(call, driver, tone, rail=call.rail)]
+    specs = [spec_of(call, driver, tone)]
     if against is not None:
         specs.append(spec_of(call, against, tone, strict=False))
     reports: list[DriveReport] = []

@@ -3,19 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.numbers import number
 from pyspice_runner.commands.options import Call
 
-if TYPE_CHECKING:
-    from pyspice_runner.drivers.design import DriverSpec
-    from pyspice_runner.drivers.driver import NetworkKind
-
-    AnyDrive = pr.TwoPhaseDrive | pr.TwoToneDrive
+AnyDrive = pr.TwoPhaseDrive | pr.TwoToneDrive
 
 
 def refuse_idle_match(call: Call, *drivers: str) -> None:
@@ -32,25 +26,24 @@ def check_driver(call: Call) -> None:
         refuse_idle_match(call, call.driver)
 
 
-def in_front(call: Call) -> tuple[pr.Motor, Callable[[pr.Law | None], AnyDrive | pr.Driver]]:
-    """Return the motor, and the function that returns its drive for a law, or the driver in front of the motor."""
+def in_front(call: Call) -> AnyDrive | pr.Driver:
+    """Return what is in front of the motor: its drive, or the driver."""
     check_driver(call)
-    motor, drive = call.loaded, call.stated
     if call.driver is None:
-        return motor, lambda _: drive
-    return motor, lambda law: spec_of(call, call.driver, drive).built(motor, contact=law)
+        return call.stated
+    return spec_of(call, call.driver, call.stated).built(call.loaded, contact=call.law)
 
 
-def spec_of(call: Call, words: str, drive: AnyDrive, *, rail: float | None = None, strict: bool = True) -> DriverSpec:
+def spec_of(call: Call, words: str, drive: AnyDrive, *, strict: bool = True) -> pr.DriverSpec:
     """Return the specification of a stage, and behind a + its network. Raise ParameterError for a two-tone drive.
 
     Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
     """
-    from pyspice_runner.drivers.design import DriverSpec
     from pyspice_runner.drivers.driver import BRIDGES
 
     if not isinstance(drive, pr.TwoPhaseDrive):
         raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
+    network: Any  # which the driver checks
     stage, plus, network = words.rpartition("+")
     if not plus or ":" in network:  # a + in the name of a file
         stage, network = words, "none"
@@ -61,7 +54,7 @@ def spec_of(call: Call, words: str, drive: AnyDrive, *, rail: float | None = Non
         given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
     if call.mosfet is not None and (strict or stage in BRIDGES):
         given["mosfet"] = call.mosfet
-    return DriverSpec(drive, stage, cast("NetworkKind", network), rail, given, call.values.get("match", True))
+    return pr.DriverSpec(drive, stage, network, call.values.get("rail"), given, call.values.get("match", True))
 
 
 def _parts(changes: list[str] | None) -> dict[str, float]:
@@ -73,7 +66,7 @@ def _parts(changes: list[str] | None) -> dict[str, float]:
         if same in values:
             raise pr.ParameterError(f"--part {path} is given twice, with different capitalisation. Give it once.")
         try:
-            values[same] = number(text)
+            values[same] = common.number(text)
         except pr.ParameterError as error:
             raise pr.ParameterError(f"--part {path}: {error}") from None
     return values

@@ -24,7 +24,6 @@ def admittance(call: Call) -> None:
     call.check(".csv", ".nc", ".json")
     with common.busy("ngspice sweeps the frequency"):
         result = pr.admittance(call.loaded, **call.pick("start stop points state timeout audit"))
-    common.caution(result)
     call.deliver(result, f"{result.motor['name']}, {call.state}")
 
 
@@ -39,5 +38,4 @@ def state_space(call: Call) -> None:
     drive = call.one_tone("Small signals are those about")
     with common.busy("The averaged motor settles"):
         system = pr.state_space(call.loaded, drive, load_torque=call.load_torque)
-    common.caution(system)
     call.deliver(system, f"{call.loaded.name}: state space, {drive.label}")

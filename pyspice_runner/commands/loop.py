@@ -42,5 +42,4 @@ def loop(call: Call) -> None:
             call.loaded, drive, over=common.axes_of(call.over) if call.over else None,
             **call.pick("quantity crossover margin load_torque", sample_time="sample"),
         )  # fmt: skip
-    common.caution(design)
     call.deliver(design, f"{call.loaded.name}: loop of the {call.quantity}, {drive.label}")

@@ -19,7 +19,6 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
-from pyspice_runner.commands.numbers import number
 from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.result import Result
 from pyspice_runner.spice import Engine
@@ -55,7 +54,7 @@ def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Opti
 
     def parsed(given: str | float) -> float:
         try:
-            return number(given, units=text) if isinstance(given, str) else given
+            return common.number(given, units=text) if isinstance(given, str) else given
         except pr.ParameterError as error:
             raise typer.BadParameter(str(error)) from None
 
@@ -236,17 +235,6 @@ OPTIONS: dict[str, Option] = {
 }  # fmt: skip
 
 
-def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
-    """Return the law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders of another law."""
-    law = None if contact == NONE else pr.Law(contact)
-    if sliders is None:
-        return law
-    if law is None or not law.row:
-        rows = " or ".join(name for name in LAWS if pr.Law(name).row)
-        raise pr.ParameterError(f"--sliders has no effect without --contact {rows}. Leave it out.")
-    return pr.Law(contact, sliders)
-
-
 def at_temperature(motor: pr.Motor, celsius: float) -> pr.Motor:
     """Return a motor whose stator has a temperature in °C. Raise ParameterError beyond the Curie temperature."""
     limits = motor.limits
@@ -368,8 +356,18 @@ class Call:
 
     @cached_property
     def law(self) -> pr.Law | None:
-        """The law of the contact; ``None`` for a free tip."""
-        return law_named(self.contact, self.values.get("sliders"))
+        """The law of the contact; ``None`` for a free tip.
+
+        Raise ParameterError for an unknown law, or sliders of another law.
+        """
+        law = None if self.contact == NONE else pr.Law(self.contact)
+        sliders = self.values.get("sliders")
+        if sliders is None:
+            return law
+        if law is None or not law.row:
+            rows = " or ".join(name for name in LAWS if pr.Law(name).row)
+            raise pr.ParameterError(f"--sliders has no effect without --contact {rows}. Leave it out.")
+        return pr.Law(self.contact, sliders)
 
     def pick(self, names: str, **renamed: str) -> dict[str, Any]:
         """Return arguments for a function: options by their names, and others as ``argument="option"``."""
@@ -386,10 +384,10 @@ class Call:
         """Check the files to write before any work is done; see :func:`.common.check_targets`."""
         common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
-    def deliver(self, result: Result, title: str, document: dict[str, Any] | None = None) -> None:
-        """Write a result to its files and print its summary under a title, or with ``--json`` a document."""
-        document = result.to_dict() if document is None else document
-        self.write(document, common.summary_table(result.summary(), title), result.save, result.plot)
+    def deliver(self, result: Result, title: str) -> None:
+        """Print the cautions of a result, write its files, and print its summary, or with ``--json`` the whole."""
+        common.caution(result)
+        self.write(result.to_dict(), common.summary_table(result.summary(), title), result.save, result.plot)
 
     def write(
         self, document: Mapping[str, Any], table: Table | str, save: _Write, draw: _Write = lambda _: None

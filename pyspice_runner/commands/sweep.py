@@ -91,7 +91,7 @@ def sweep(call: Call) -> int:
     loaded = call.loaded
     behind: pr.Driver | None = None
     if call.driven:
-        behind = spec_of(call, call.driver or "linear", call.stated, rail=call.rail).built(
+        behind = spec_of(call, call.driver or "linear", call.stated).built(
             loaded, contact=contact, speed=call.speed, load_torque=call.load_torque or 0.0
         )
     excitation = behind or call.stated

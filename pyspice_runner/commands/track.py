@@ -13,13 +13,11 @@ from pyspice_runner.commands.options import (
     DRIVER,
     DRIVERS,
     LOAD,
-    NONE,
     PHASE,
     TARGETS,
     VOLTAGE,
     Call,
     command,
-    law_named,
     option,
 )
 from pyspice_runner.trackers.tracker import DisturbanceKind, TrackerKind
@@ -82,19 +80,17 @@ def track(call: Call) -> None:
                     step_hz="step_size"),
     )  # fmt: skip
     if call.frequency is None:
-        tracker = centred(motor, tracker, contact=call.contact != NONE)
-    law = law_named(call.contact)
+        tracker = centred(motor, tracker, contact=call.law is not None)
     with common.busy(f"The motor runs with the tracker {call.tracker}"):
         driver = None
         if call.driver:
             pins = pr.TwoPhaseDrive(**tone | {"frequency": tracker.frequency})
-            driver = spec_of(call, call.driver, pins).built(motor, contact=law)
+            driver = spec_of(call, call.driver, pins).built(motor, contact=call.law)
         result = pr.track(
-            motor, tracker, driver=driver, contact=law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
+            motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
             **call.pick("disturb begin duration load_torque preload_change drift drift_time target_step"),
             **call.pick("averaged engine timeout audit"),
         )  # fmt: skip
-    common.caution(result)
     call.deliver(result, motor.name)
 
 
