@@ -119,9 +119,9 @@ def _status_of(signals: list[int]) -> int:
 def _invoked(arguments: list[str]) -> Any:
     """Run the command and return its value; typer alone would hide an interrupt."""
     if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks for completions
-        return _app()(arguments, prog_name="piezomotor", standalone_mode=False)
+        return app()(arguments, prog_name="piezomotor", standalone_mode=False)
     arguments = _translated(arguments)
-    group = typer.main.get_command(_app(arguments[0]) if arguments and arguments[0] in MODULES else _app())
+    group = typer.main.get_command(app(arguments[0]) if arguments and arguments[0] in MODULES else app())
     try:
         with warnings.catch_warnings(), group.make_context("piezomotor", list(arguments)) as context:
             warnings.showwarning = lambda message, *_: complain(f"piezomotor: {message}", style="yellow")
@@ -139,7 +139,7 @@ def _translated(arguments: list[str]) -> list[str]:
 
 
 @cache
-def _app(*names: str) -> typer.Typer:
+def app(*names: str) -> typer.Typer:
     """Return the command line with some commands, or with all: each takes time to load."""
     line = typer.Typer(
         name="piezomotor",
@@ -154,13 +154,6 @@ def _app(*names: str) -> typer.Typer:
         group = next(group for group, commands in GROUPS.items() if name in commands)
         line.command(name=name, cls=OnceCommand, rich_help_panel=group)(command)
     return line
-
-
-def __getattr__(name: str) -> Any:
-    """Return ``app``, the command line with all commands."""
-    if name == "app":
-        return _app()
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 OUT_OF_MEMORY = (

@@ -10,7 +10,6 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import refuse_idle_match, spec_of
 from pyspice_runner.commands.options import CHANGES, DRIVERS, LAW, PHASE, TARGETS, VOLTAGE, Call, command, option
 from pyspice_runner.drivers.design import NoDriverError
 
@@ -54,7 +53,7 @@ def drive(call: Call) -> None:
     driver, against = call.driver, call.against
     if call.rail is None:
         call.refuse_idle("without --rail", "stage network")
-        refuse_idle_match(call, driver, against or "")
+        call.refuse_idle_match(driver, against or "")
     else:
         for name in common.stated_options(call.context, "driver"):
             raise pr.ParameterError(
@@ -66,9 +65,9 @@ def drive(call: Call) -> None:
     call.check(".json", ".csv", *([".cir"] if against is None else []))
     motor = call.loaded
     tone = pr.TwoPhaseDrive(**call.recommended_phases())
-    specs = [spec_of(call, driver, tone)]
+    specs = [call.spec_of(driver, tone)]
     if against is not None:
-        specs.append(spec_of(call, against, tone, strict=False))
+        specs.append(call.spec_of(against, tone, strict=False))
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for spec in specs:

@@ -284,11 +284,6 @@ class Call:
         return motor if celsius is None else at_temperature(motor, celsius)
 
     @property
-    def parts(self) -> list[str]:
-        """The changes of the driver's parts, by ``--part`` and by ``--set driver.…``."""
-        return [*(self.part or []), *self._of_driver]
-
-    @property
     def _of_driver(self) -> list[str]:
         changes = self.changes or [] if self.driven else []
         return [change for change in changes if change.strip().startswith("driver.")]
@@ -368,6 +363,63 @@ class Call:
             rows = " or ".join(name for name in LAWS if pr.Law(name).row)
             raise pr.ParameterError(f"--sliders has no effect without --contact {rows}. Leave it out.")
         return pr.Law(self.contact, sliders)
+
+    def refuse_idle_match(self, *drivers: str) -> None:
+        """Refuse ``--match`` and ``--no-match`` if no driver has a matching network."""
+        if all("+" not in words for words in drivers):
+            self.refuse_idle("without a matching network, such as --driver half-bridge+llcc", "match")
+
+    def check_driver(self) -> None:
+        """Refuse options that have no effect without a driver, or without a network."""
+        if self.driver is None:
+            self.refuse_idle("without --driver", "match part mosfet")
+        else:
+            self.refuse_idle_match(self.driver)
+
+    def in_front(self) -> pr.TwoPhaseDrive | pr.TwoToneDrive | pr.Driver:
+        """Return what is in front of the motor: its drive, or the driver."""
+        self.check_driver()
+        if self.driver is None:
+            return self.stated
+        return self.spec_of(self.driver, self.stated).built(self.loaded, contact=self.law)
+
+    def spec_of(self, words: str, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, *, strict: bool = True) -> pr.DriverSpec:
+        """Return the specification of a stage, and behind a + its network. Raise ParameterError for a two-tone drive.
+
+        Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
+        """
+        from pyspice_runner.drivers.driver import BRIDGES
+
+        if not isinstance(drive, pr.TwoPhaseDrive):
+            raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
+        network: Any  # which the driver checks
+        stage, plus, network = words.rpartition("+")
+        if not plus or ":" in network:  # a + in the name of a file
+            stage, network = words, "none"
+        given: dict[str, Any] = self._parts()
+        if not strict:
+            present = {
+                item.label for item in pr.Driver(kind=stage, network=network, voltage=1.0, frequency=1e4).parts("a")
+            }
+            labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
+            given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
+        if self.mosfet is not None and (strict or stage in BRIDGES):
+            given["mosfet"] = self.mosfet
+        return pr.DriverSpec(drive, stage, network, self.values.get("rail"), given, self.values.get("match", True))
+
+    def _parts(self) -> dict[str, Any]:
+        """Return the changes of the driver's parts, by ``--part`` and by ``--set driver.…``."""
+        values = {}
+        form = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
+        for path, text in common.pairs_of("--part", [*(self.part or []), *self._of_driver], form):
+            same = path.lower()  # SPICE does not distinguish case
+            if same in values:
+                raise pr.ParameterError(f"--part {path} is given twice, with different capitalisation. Give it once.")
+            try:
+                values[same] = common.number(text)
+            except pr.ParameterError as error:
+                raise pr.ParameterError(f"--part {path}: {error}") from None
+        return values
 
     def pick(self, names: str, **renamed: str) -> dict[str, Any]:
         """Return arguments for a function: options by their names, and others as ``argument="option"``."""

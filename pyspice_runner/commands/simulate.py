@@ -10,7 +10,6 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.circuit.waveforms import Waveform, read_waveform
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import check_driver, in_front
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, LAW, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 
@@ -44,13 +43,13 @@ def simulate(call: Call) -> None:
     call.check(".csv", ".nc", ".json", ".cir")
     if not call.averaged:
         call.refuse_idle("without --averaged; piezomotor drive runs every cycle behind a driver", "driver engine")
-    check_driver(call)
+    call.check_driver()
     motor, shaped = call.loaded, _shaped(call)
     if call.averaged:
         call.refuse_idle("with --averaged", _OF_CYCLES)
         with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
-                motor, in_front(call), contact=contact, progress=progress,
+                motor, call.in_front(), contact=contact, progress=progress,
                 **call.pick("duration speed load_torque engine timeout"),
             )  # fmt: skip
         call.deliver(mean, f"{motor.name}, averaged, {call.stated.label}, {call.duration:.6g} s")

@@ -10,7 +10,6 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import in_front
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.paths import LOADS, canonical
@@ -32,7 +31,7 @@ def steady(call: Call) -> int:
     motor = call.loaded
     with common.busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
-            motor, in_front(call), contact=call.law, **call.pick("speed load_torque accuracy step timeout audit"),
+            motor, call.in_front(), contact=call.law, **call.pick("speed load_torque accuracy step timeout audit"),
         )  # fmt: skip
     call.deliver(result, f"{motor.name}: {result.drive.label}")
     return 0 if result.converged else 3

@@ -7,7 +7,6 @@ from typing import get_args
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import check_driver, spec_of
 from pyspice_runner.commands.options import (
     CHANGES,
     DRIVER,
@@ -85,7 +84,7 @@ def track(call: Call) -> None:
         driver = None
         if call.driver:
             pins = pr.TwoPhaseDrive(**tone | {"frequency": tracker.frequency})
-            driver = spec_of(call, call.driver, pins).built(motor, contact=call.law)
+            driver = call.spec_of(call.driver, pins).built(motor, contact=call.law)
         result = pr.track(
             motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
             **call.pick("disturb begin duration load_torque preload_change drift drift_time target_step"),
@@ -119,7 +118,7 @@ _OF_DISTURBANCES: dict[str, set[str]] = {
 
 def _refuse_idle(call: Call) -> None:
     """Refuse options of another tracker, of another disturbance, or of a driver without ``--driver``."""
-    check_driver(call)
+    call.check_driver()
     for name, table in (("tracker", _OF_TRACKERS), ("disturb", _OF_DISTURBANCES)):
         kind = call.values[name]
         for names, kinds in table.items():
