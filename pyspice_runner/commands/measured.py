@@ -36,11 +36,6 @@ def read_one_port(call: Call, path: Path) -> pr.Spectrum:
     return spectrum
 
 
-def fit_settings(call: Call) -> dict[str, Any]:
-    """Return the arguments of a fit."""
-    return {"noise": noise_of(call.noise), **call.pick("modes timeout")}
-
-
 def reader(columns: str | None, through: Literal["series", "shunt"] | None, trace: str | None = None) -> Reader:
     """Return the function that reads a spectrum with the options of a command."""
     names = [name.strip() for name in columns.split(",")] if columns is not None else None
@@ -70,18 +65,17 @@ def leads(call: Call) -> bool | tuple[float, float]:
     return found["ohm"], found["H"]
 
 
-def noise_of(text: str | None) -> dict[str, float] | None:
-    """Read --noise: kind → σ."""
-    if text is None:
-        return None
-    form = "is not valid: write proportional=0.1%, s11=1e-4 or z=0.1, or proportional and one other."
-    found = {}
-    for kind, value in common.pairs_of("--noise", text.split(","), form):
-        try:
-            found[kind] = float(value.removesuffix("%")) * (0.01 if value.endswith("%") else 1.0)
-        except ValueError:
-            raise pr.ParameterError(f"--noise {text!r} {form}") from None
-    return found
+def fit_settings(call: Call) -> dict[str, Any]:
+    """Return the arguments of a fit; of --noise, kind → σ."""
+    noise = None
+    if call.noise is not None:
+        noise, form = {}, "is not valid: write proportional=0.1%, s11=1e-4 or z=0.1, or proportional and one other."
+        for kind, value in common.pairs_of("--noise", call.noise.split(","), form):
+            try:
+                noise[kind] = float(value.removesuffix("%")) * (0.01 if value.endswith("%") else 1.0)
+            except ValueError:
+                raise pr.ParameterError(f"--noise {call.noise!r} {form}") from None
+    return {"noise": noise, **call.pick("modes timeout")}
 
 
 def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:

@@ -35,15 +35,8 @@ class Option(NamedTuple):
     """An option or an argument of the command line."""
 
     kind: Any  # the type of its value
-    default: Any
+    default: Any  # ``...`` for none
     described: Any  # for typer: its names, help and further settings
-
-    def parameter(self, name: str) -> inspect.Parameter:
-        """Return the parameter that typer reads."""
-        default = inspect.Parameter.empty if self.default is ... else self.default
-        return inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, self.described]
-        )
 
 
 def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Option:
@@ -467,8 +460,11 @@ def command(*names: str, **own: Any) -> Callable[[Callable[[Call], int | None]],
         def whole(context: typer.Context, **values: Any) -> int | None:
             return function(Call(context, values))
 
-        context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
-        parameters = [context, *(one.parameter(key) for key, one in table.items())]
+        by_name, none = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
+        parameters = [inspect.Parameter("context", by_name, annotation=typer.Context)]
+        for key, (kind, default, described) in table.items():
+            default = none if default is ... else default
+            parameters.append(inspect.Parameter(key, by_name, default=default, annotation=Annotated[kind, described]))
         vars(whole)["__signature__"] = inspect.Signature(parameters)
         vars(whole)["__annotations__"] = {one.name: one.annotation for one in parameters}
         return whole

@@ -39,7 +39,6 @@ def simulate(call: Call) -> None:
 
     Example: piezomotor simulate bimodal40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
-    contact = call.law
     call.check(".csv", ".nc", ".json", ".cir")
     if not call.averaged:
         call.refuse_idle("without --averaged; piezomotor drive runs every cycle behind a driver", "driver engine")
@@ -49,7 +48,7 @@ def simulate(call: Call) -> None:
         call.refuse_idle("with --averaged", _OF_CYCLES)
         with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
-                motor, call.in_front(), contact=contact, progress=progress,
+                motor, call.in_front(), contact=call.law, progress=progress,
                 **call.pick("duration speed load_torque engine timeout"),
             )  # fmt: skip
         call.deliver(mean, f"{motor.name}, averaged, {call.stated.label}, {call.duration:.6g} s")
@@ -61,7 +60,7 @@ def simulate(call: Call) -> None:
     with common.run_progress("ngspice runs the motor") as progress:
         try:
             run = pr.simulate(
-                motor, shaped, contact=contact, signals=signals, progress=progress,
+                motor, shaped, contact=call.law, signals=signals, progress=progress,
                 **call.pick("duration speed load_torque step accuracy record_from record_every timeout audit"),
             )  # fmt: skip
         except Interrupted as interrupt:

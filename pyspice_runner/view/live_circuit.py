@@ -52,11 +52,9 @@ def laws(motor: Motor) -> list[str]:
     """Return the built-in contact laws that a motor can have."""
     found = []
     for law in LAWS:
-        try:
+        with suppress(ParameterError):
             MotorSubCircuit(motor, law=Law(law))
-        except ParameterError:
-            continue
-        found.append(law)
+            found.append(law)
     return found
 
 
@@ -68,12 +66,9 @@ def fastest(motor: Motor) -> float:
 
 def mounts(motor: Motor) -> dict[str, Motor]:
     """Return the motor with its stator held and on springs; a motor without springs gets those of ``bimodal40``."""
-    held = motor.updated({"mount": None})
-    if motor.mount:
-        return {"held": held, "sprung": motor}
-    lent = load_motor(_SPRUNG).mount
-    assert lent is not None
-    return {"held": held, "sprung": motor.updated({"mount": lent.model_dump()})}
+    mount = motor.mount or load_motor(_SPRUNG).mount
+    assert mount is not None
+    return {"held": motor.updated({"mount": None}), "sprung": motor.updated({"mount": mount.model_dump()})}
 
 
 def live_decks(motor: Motor) -> dict[str, str]:
@@ -305,9 +300,8 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     if driver:
         body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
     body.append(" ".join([_instance(circuit, nodes, values), *(f"{name}={value}" for name, value in starts.items())]))
-    options = dict(transient_options(motor, Law(law)))
-    if driver:
-        options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
+    of_driver = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
+    options = of_driver if driver else transient_options(motor, Law(law))
     means = {
         "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
         "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",
