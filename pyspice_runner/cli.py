@@ -29,10 +29,10 @@ GROUPS = {
         "speed-torque": "steady_states", "map": "steady_states", "sweep": "sweep", "report": "pages", "live": "pages",
     },
     "Electronics and control": {
-        "drive": "drive", "track": "track", "loop": "loop", "small-signals": "steady_states", "state-space": "linear",
+        "drive": "drive", "track": "track", "loop": "loop", "small-signals": "steady_states", "state-space": "loop",
     },
     "Measurements": {
-        "admittance": "linear", "fit": "fit", "compare": "compare", "motor-from": "motor_from",
+        "admittance": "compare", "fit": "fit", "compare": "compare", "motor-from": "motor_from",
         "calibrate": "calibrate",
     },
     "Files": {"export": "motors", "new": "motors"},
@@ -87,7 +87,8 @@ def run(arguments: list[str]) -> int:
         complain(f"piezomotor: {error}")
         return 3 if isinstance(error, pr.SimulationError) else 2
     except MemoryError:
-        complain(f"piezomotor: {OUT_OF_MEMORY}")
+        advice = "Free some memory, shorten the run, or record less by --record-from, --record-every, --signals."
+        complain(f"piezomotor: Out of memory. {advice}")
         return 3
     except (BrokenPipeError, SystemExit):  # the reader of the pipe has ended; for --help rich raises SystemExit then
         silence()
@@ -154,11 +155,6 @@ def app(*names: str) -> typer.Typer:
         group = next(group for group, commands in GROUPS.items() if name in commands)
         line.command(name=name, cls=OnceCommand, rich_help_panel=group)(command)
     return line
-
-
-OUT_OF_MEMORY = (
-    "Out of memory. Free some memory, shorten the run, or record less by --record-from, --record-every, --signals."
-)
 
 
 def _told(error: OSError) -> str:

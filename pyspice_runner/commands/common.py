@@ -372,7 +372,7 @@ def say(what: Table | str) -> None:
         console = Console(markup=False, emoji=False)  # file names may contain either
         if not console.is_terminal:
             console.width = Measurement.get(console, console.options.update(max_width=_WIDEST), what).maximum
-        with console.capture() as shown:  # rich's own print would end the program at a closed pipe
+        with console.capture() as shown:  # as in complain
             console.print(what)
         what = shown.get()
     sys.stdout.write(what)
@@ -382,13 +382,10 @@ def say(what: Table | str) -> None:
 def complain(text: str, style: str | None = "red") -> None:
     """Print a message to standard error; a closed standard error is not an error."""
     with suppress(OSError):
-        console = _Complaints(stderr=True, highlight=False, emoji=False)
-        console.print(text, style=style, markup=False, soft_wrap=not console.is_terminal)
-
-
-class _Complaints(Console):
-    def on_broken_pipe(self) -> None:
-        self.quiet = True
+        console = Console(stderr=True, highlight=False, emoji=False)
+        with console.capture() as shown:  # rich's own print would end the program at a closed pipe
+            console.print(text, style=style, markup=False, soft_wrap=not console.is_terminal)
+        console.file.write(shown.get())
 
 
 def silence() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor loop``: a control loop of speed, position or phase."""
+"""``piezomotor loop`` and ``state-space``: a control loop, and the averaged motor as a linear system."""
 
 from __future__ import annotations
 
@@ -43,3 +43,17 @@ def loop(call: Call) -> None:
             **call.pick("quantity crossover margin load_torque", sample_time="sample"),
         )  # fmt: skip
     call.deliver(design, f"{call.loaded.name}: loop of the {call.quantity}, {drive.label}")
+
+
+@command("motor", DRIVE, "load_torque", CHANGES, TARGETS)
+def state_space(call: Call) -> None:
+    """Write the averaged motor about a steady state as A, B, C, D: .mat or .json.
+
+    Example: piezomotor state-space bimodal40 --voltage 80 --output plant.mat
+    """
+    call.refuse_idle(NO_START, "soft_start")
+    call.check(".json", ".mat")
+    drive = call.one_tone("Small signals are those about")
+    with common.busy("The averaged motor settles"):
+        system = pr.state_space(call.loaded, drive, load_torque=call.load_torque)
+    call.deliver(system, f"{call.loaded.name}: state space, {drive.label}")
