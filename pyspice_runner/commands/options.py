@@ -27,8 +27,6 @@ NONE = "none"
 _Write = Callable[[Path], object]
 _Texts = list[str] | None
 _VOLTAGE = 50.0  # V, for a kind of drive that the motor does not recommend
-_TWO_PHASE = ("voltage", "frequency", "ratio_b")
-_TWO_TONE = ("voltage_1", "frequency_1", "voltage_2", "frequency_2")
 
 
 class Option(NamedTuple):
@@ -290,25 +288,25 @@ class Call:
         self._check_frequency()
         recommended = pr.default_drive(self.loaded)
         chosen: str = self.drive or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
-        for name in _TWO_TONE if chosen == "two-phase" else _TWO_PHASE:
-            if self.values[name] is not None:
-                other = next(one for one in DRIVES if one != chosen)
+        other = next(one for one in DRIVES if one != chosen)
+        kind = DRIVES[chosen]
+        for name in DRIVES[other].model_fields:
+            if name not in kind.model_fields and self.values[name] is not None:
                 raise pr.ParameterError(
                     f"--{name.replace('_', '-')} has no effect on a {chosen} drive. Add --drive {other}, or leave it "
                     "out."
                 )
-        kind = DRIVES[chosen]
-        fields = {name: self.values[name] for name in kind.model_fields if name != "phase_deg"} | {
-            "phase_deg": self.phase
-        }
-        given = {name: value for name, value in fields.items() if value is not None}
+        base: dict[str, Any]
         if type(recommended) is kind:
-            return kind(**(recommended.model_dump() | given))
-        if chosen == "two-phase":
-            return pr.TwoPhaseDrive(**({"voltage": _VOLTAGE, "frequency": self.loaded.modes[-1].frequency_hz} | given))
-        if self.frequency_1 is None or self.frequency_2 is None:
+            base = recommended.model_dump()
+        elif chosen == "two-phase":
+            base = {"voltage": _VOLTAGE, "frequency": self.loaded.modes[-1].frequency_hz}
+        elif self.frequency_1 is None or self.frequency_2 is None:
             raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
-        return pr.TwoToneDrive(**({"voltage_1": _VOLTAGE, "voltage_2": _VOLTAGE} | given))
+        else:
+            base = {"voltage_1": _VOLTAGE, "voltage_2": _VOLTAGE}
+        given = {**self.values, "phase_deg": self.phase}
+        return kind(**base | {name: given[name] for name in kind.model_fields if given[name] is not None})
 
     def one_tone(self, what: str) -> pr.TwoPhaseDrive:
         """Return the drive. Raise ParameterError, with what needs one frequency, for two tones."""
