@@ -45,7 +45,6 @@ _NUMBER = re.compile(
     rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(meg|[pnuµμmkG]?)({'|'.join(map(re.escape, _UNITS))})?"
 )
 
-
 INTERRUPTED = 130  # the status of a command that delivers what it has done; another signal than SIGINT changes it
 
 written: list[str] = []  # the files that this command has completed
@@ -372,7 +371,7 @@ def say(what: Table | str) -> None:
         console = Console(markup=False, emoji=False)  # file names may contain either
         if not console.is_terminal:
             console.width = Measurement.get(console, console.options.update(max_width=_WIDEST), what).maximum
-        with console.capture() as shown:  # as in complain
+        with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
         what = shown.get()
     sys.stdout.write(what)
@@ -383,7 +382,7 @@ def complain(text: str, style: str | None = "red") -> None:
     """Print a message to standard error; a closed standard error is not an error."""
     with suppress(OSError):
         console = Console(stderr=True, highlight=False, emoji=False)
-        with console.capture() as shown:  # rich's own print would end the program at a closed pipe
+        with console.capture() as shown:  # as in say
             console.print(text, style=style, markup=False, soft_wrap=not console.is_terminal)
         console.file.write(shown.get())
 

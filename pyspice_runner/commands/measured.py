@@ -47,9 +47,10 @@ _LEAD = re.compile(r"((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?) ?([pnuµmk]
 
 
 def leads(call: Call) -> bool | tuple[float, float]:
-    """Return the argument ``leads`` of a fit: True to look for them, False for none, or resistance and inductance.
+    """Return the argument ``leads`` of a fit.
 
-    Raise ParameterError for --leads beside --no-leads, or another text.
+    It is True to look for them, False for none, or resistance in Ω and inductance in H. Raise ParameterError for
+    --leads beside --no-leads, or another text.
     """
     if call.no_leads:
         call.refuse_idle("beside --no-leads", "leads")
