@@ -110,7 +110,7 @@ def _readme() -> str:
 
 def commands_page() -> str:
     """Return the page of all commands, from the command line itself."""
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(app())
     parts = ["# Commands\n\nMade from the command line itself; `piezomotor COMMAND --help` says the same.\n"]
     context = group.make_context("piezomotor", [], resilient_parsing=True)
     parts += [_command(name, group.get_command(context, name)) for name in group.list_commands(context)]

@@ -29,10 +29,10 @@ GROUPS = {
         "speed-torque": "steady_states", "map": "steady_states", "sweep": "sweep", "report": "pages", "live": "pages",
     },
     "Electronics and control": {
-        "drive": "drive", "track": "track", "loop": "loop", "small-signals": "steady_states", "state-space": "linear",
+        "drive": "drive", "track": "track", "loop": "loop", "small-signals": "steady_states", "state-space": "loop",
     },
     "Measurements": {
-        "admittance": "linear", "fit": "fit", "compare": "compare", "motor-from": "motor_from",
+        "admittance": "compare", "fit": "fit", "compare": "compare", "motor-from": "motor_from",
         "calibrate": "calibrate",
     },
     "Files": {"export": "motors", "new": "motors"},
@@ -87,10 +87,11 @@ def run(arguments: list[str]) -> int:
         complain(f"piezomotor: {error}")
         return 3 if isinstance(error, pr.SimulationError) else 2
     except MemoryError:
-        complain(f"piezomotor: {OUT_OF_MEMORY}")
+        advice = "Free some memory, shorten the run, or record less by --record-from, --record-every, --signals."
+        complain(f"piezomotor: Out of memory. {advice}")
         return 3
     except (BrokenPipeError, SystemExit):  # the reader of the pipe has ended; for --help rich raises SystemExit then
-        silence(sys.stdout)
+        silence()
         return 0
     except (KeyboardInterrupt, typer.Abort):
         done = f"{' and '.join(written)} {'are' if len(written) > 1 else 'is'} complete" if written else ""
@@ -98,7 +99,7 @@ def run(arguments: list[str]) -> int:
         return _status_of(came)
     except OSError as error:
         complain(f"piezomotor: {_told(error)}")
-        silence(sys.stdout)
+        silence()
         return 2
     except _usage_error() as error:
         message = error.message.replace("Value error, ", "")
@@ -119,9 +120,9 @@ def _status_of(signals: list[int]) -> int:
 def _invoked(arguments: list[str]) -> Any:
     """Run the command and return its value; typer alone would hide an interrupt."""
     if "_PIEZOMOTOR_COMPLETE" in os.environ:  # the shell asks for completions
-        return _app()(arguments, prog_name="piezomotor", standalone_mode=False)
+        return app()(arguments, prog_name="piezomotor", standalone_mode=False)
     arguments = _translated(arguments)
-    group = typer.main.get_command(_app(arguments[0]) if arguments and arguments[0] in MODULES else _app())
+    group = typer.main.get_command(app(arguments[0]) if arguments and arguments[0] in MODULES else app())
     try:
         with warnings.catch_warnings(), group.make_context("piezomotor", list(arguments)) as context:
             warnings.showwarning = lambda message, *_: complain(f"piezomotor: {message}", style="yellow")
@@ -139,7 +140,7 @@ def _translated(arguments: list[str]) -> list[str]:
 
 
 @cache
-def _app(*names: str) -> typer.Typer:
+def app(*names: str) -> typer.Typer:
     """Return the command line with some commands, or with all: each takes time to load."""
     line = typer.Typer(
         name="piezomotor",
@@ -154,18 +155,6 @@ def _app(*names: str) -> typer.Typer:
         group = next(group for group, commands in GROUPS.items() if name in commands)
         line.command(name=name, cls=OnceCommand, rich_help_panel=group)(command)
     return line
-
-
-def __getattr__(name: str) -> Any:
-    """Return ``app``, the command line with all commands."""
-    if name == "app":
-        return _app()
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-OUT_OF_MEMORY = (
-    "Out of memory. Free some memory, shorten the run, or record less by --record-from, --record-every, --signals."
-)
 
 
 def _told(error: OSError) -> str:

@@ -17,7 +17,7 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.cli import FIRST_STEPS, app, run
 
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = typer.main.get_command(app()).commands
 SHORT = ["simulate", "andersen2002", "--duration", "2e-4"]
 
 
@@ -132,7 +132,7 @@ def test_the_versions_are_those_of_the_package_and_of_ngspice(capsys: pytest.Cap
 
 def parsed(words: list[str]) -> None:
     """Parse a command line as the program does, without running it."""
-    group = typer.main.get_command(app)
+    group = typer.main.get_command(app())
     name, group_command, rest = group.resolve_command(group.make_context("piezomotor", list(words)), list(words))
     group_command.make_context(name, rest)
 

@@ -31,7 +31,7 @@ COMMANDS = commands(README + STARTED)
 
 def parse(words: str) -> None:
     """Parse a command without running it."""
-    group = typer.main.get_command(app)
+    group = typer.main.get_command(app())
     with group.make_context("piezomotor", []) as context:
         name, *arguments = shlex.split(words)[1:]
         group.get_command(context, name).make_context(name, arguments, parent=context).close()

@@ -41,8 +41,8 @@ from pyspice_runner.run.audit import SLACK, audit_contact
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.units import engineering
+from pyspice_runner.view import plots
 from pyspice_runner.view.draw import Panel, Sheet, draw_lines, dress
-from pyspice_runner.view.plots import SHEETS
 from pyspice_runner.view.style import BLUE, LABELS, VERMILION, Label
 
 STEPS = 1000  # of an impact without loss; the error of ψ₂ from the steps is then some 1e-5
@@ -389,7 +389,7 @@ def sheet(result: Impact) -> Sheet:
     return Sheet(panels, 1, (8.0, 2.7), title)
 
 
-SHEETS[Impact] = sheet
+plots.sheet.register(sheet)
 _OPTIONS = {  # of the command → field of the throw
     "psi": "psi", "velocity": "velocity_m_s", "spin": "spin_rad_s", "friction": "friction",
     "restitution": "restitution", "radius": "radius_m", "density": "density_kg_m3",

@@ -93,7 +93,6 @@ def calibrate(call: Call) -> int:
     finally:
         if own is not None:
             shutil.rmtree(own, ignore_errors=True)
-    common.caution(result)
     call.deliver(result, f"{loaded.name}, calibrated with {result.sources}")
     return 0
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import glob
 import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -17,23 +18,12 @@ from typing import Any
 
 import numpy as np
 import typer
+from rich import progress
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 import pyspice_runner as pr
-from pyspice_runner.commands.numbers import number
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.load import changed_motor
@@ -45,6 +35,15 @@ Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be ask
 _WIDEST = 1000  # characters of a line of a table in a file or pipe
 
 _ELSEWHERE = " Choose another place."  # the end of the sentence about a file that cannot be written
+
+_SCALES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "meg": 1e6, "G": 1e9, "": 1.0}
+_UNITS = {  # as it is typed → as the help of an option names it
+    "Hz": "Hz", "s": "s", "V": "V", "N.m": "N.m", "Nm": "N.m", "N·m": "N.m", "N": "N", "rad/s": "rad/s", "m/s": "m/s",
+    "deg": "degrees", "°": "degrees", "ohm": "Ω", "Ω": "Ω", "A": "A",
+}  # fmt: skip
+_NUMBER = re.compile(
+    rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(meg|[pnuµμmkG]?)({'|'.join(map(re.escape, _UNITS))})?"
+)
 
 INTERRUPTED = 130  # the status of a command that delivers what it has done; another signal than SIGINT changes it
 
@@ -132,6 +131,32 @@ def _value(text: str) -> float | int | str | None:
     return text
 
 
+def number(text: str, units: str = "") -> float:
+    """Return the number that a text states, with an SI prefix (p, n, u, m, k, meg, G) and a unit if it has them.
+
+    Args:
+        text: such as ``40.7k``, ``2ms`` or ``1e-3``.
+        units: a text that has the allowed units behind a comma or a colon, as the help of an option: "Speed, rad/s
+            (slider: m/s)". Without them a unit is refused.
+
+    Raises:
+        ParameterError: for another text, or for another unit.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        match = _NUMBER.fullmatch(text.strip().replace(" ", ""))
+    if match is None:
+        raise pr.ParameterError(
+            f"{text!r} is not a number. Write it as 2e-3 or 2m; p, n, u, m, k, meg and G are 1e-12 to 1e9."
+        )
+    value, prefix, unit = match.groups()
+    named = _UNITS.get(unit or "")
+    if named is not None and not re.search(rf"[,:] {re.escape(named)}(?![\w/])", units):
+        raise pr.ParameterError(f"{text!r} has the unit {unit}, which this value does not have. Leave it out.")
+    return float(value) * _SCALES[prefix]
+
+
 def grid(option: str, text: str) -> list[float]:
     """Read the values of an axis: ``2,5,9``, or ``20:80:7`` for seven from 20 to 80."""
     try:
@@ -153,9 +178,9 @@ def grid_or_none(option: str, text: str | None) -> list[float] | None:
     return None if text is None else grid(option, text)
 
 
-def axes_of(texts: list[str] | None, option: str = "--over") -> dict[str, list[float]]:
-    """Return the values of axes that are written as PATH=VALUES. Raise ParameterError for an axis without values."""
-    return {path: grid(f"{option} {path}", values) for path, values in pairs_of(option, texts)}
+def axes_of(texts: list[str] | None) -> dict[str, list[float]]:
+    """Return the values of the axes of ``--over PATH=VALUES``. Raise ParameterError for an axis without values."""
+    return {path: grid(f"--over {path}", values) for path, values in pairs_of("--over", texts)}
 
 
 def pairs_of(
@@ -305,14 +330,11 @@ def _noted(path: Path) -> Iterator[None]:
 def _print(document: Mapping[str, Any], table: Table | str, as_json: bool) -> None:
     """Print a result. Raise ParameterError if the standard output cannot be written."""
     try:
-        if as_json or isinstance(table, str):
-            _write(json.dumps(document, allow_nan=False) + "\n" if as_json else str(table))
-        else:
-            say(table)
+        say(json.dumps(document, allow_nan=False) + "\n" if as_json else table)
     except BrokenPipeError:  # the reader of the pipe has ended, as with `| head`
-        silence(sys.stdout)
+        silence()
     except OSError as error:
-        silence(sys.stdout)
+        silence()
         raise pr.ParameterError(f"Cannot write the standard output: {error.strerror}.{_ELSEWHERE}") from error
 
 
@@ -351,32 +373,23 @@ def say(what: Table | str) -> None:
             console.width = Measurement.get(console, console.options.update(max_width=_WIDEST), what).maximum
         with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
-        _write(shown.get())
-    else:
-        _write(what)
-
-
-def _write(text: str) -> None:
-    """Print a text as it is to standard output."""
-    sys.stdout.write(text)
+        what = shown.get()
+    sys.stdout.write(what)
     sys.stdout.flush()
 
 
 def complain(text: str, style: str | None = "red") -> None:
     """Print a message to standard error; a closed standard error is not an error."""
     with suppress(OSError):
-        console = _Complaints(stderr=True, highlight=False, emoji=False)
-        console.print(text, style=style, markup=False, soft_wrap=not console.is_terminal)
+        console = Console(stderr=True, highlight=False, emoji=False)
+        with console.capture() as shown:  # as in say
+            console.print(text, style=style, markup=False, soft_wrap=not console.is_terminal)
+        console.file.write(shown.get())
 
 
-class _Complaints(Console):
-    def on_broken_pipe(self) -> None:
-        self.quiet = True
-
-
-def silence(stream: Any) -> None:
-    """Discard what a stream still holds, so that Python does not try to write it again at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+def silence() -> None:
+    """Discard what standard output still holds, so that Python does not try to write it again at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -388,13 +401,6 @@ def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from leaves(value, path)
         else:
             yield path, value
-
-
-def view() -> Any:
-    """Return the module that draws; Matplotlib takes a second to load, so only a command that draws loads it."""
-    from pyspice_runner.view import plots
-
-    return plots
 
 
 def warn_of(findings: Iterable[str]) -> None:
@@ -412,11 +418,11 @@ def caution(result: _Result) -> None:
 
 
 @contextmanager
-def _bar(what: str, *columns: ProgressColumn, total: float | None = None, **look: Any) -> Iterator[Callable[..., None]]:
+def _bar(what: str, *columns: Any, total: float | None = None, **look: Any) -> Iterator[Callable[..., None]]:
     """Show on a terminal that a task runs; the yielded function updates what the columns show."""
     console = Console(stderr=True)
-    parts = (TextColumn("{task.description}"), *columns)
-    with Progress(*parts, console=console, disable=not console.is_terminal, **look) as bar:
+    parts = (progress.TextColumn("{task.description}"), *columns)
+    with progress.Progress(*parts, console=console, disable=not console.is_terminal, **look) as bar:
         task = bar.add_task(what, total=total, left="")
         yield lambda **shown: bar.update(task, **shown)
 
@@ -424,14 +430,14 @@ def _bar(what: str, *columns: ProgressColumn, total: float | None = None, **look
 @contextmanager
 def busy(what: str, part: str = "") -> Iterator[Callable[..., None]]:
     """Show that a task runs, and for how long; the yielded function fills ``part``, as "{} of {}"."""
-    with _bar(what, SpinnerColumn(), TimeElapsedColumn(), transient=True) as update:
+    with _bar(what, progress.SpinnerColumn(), progress.TimeElapsedColumn(), transient=True) as update:
         yield lambda *numbers: update(description=f"{what}, {part.format(*numbers)}")
 
 
 @contextmanager
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
     """Show the progress of a run and the remaining time."""
-    columns = BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[left]}")
+    columns = progress.BarColumn(), progress.TaskProgressColumn(), progress.TextColumn("{task.fields[left]}")
     with _bar(what, *columns, total=1.0, transient=True) as update:
         yield lambda done, left: update(completed=done, left=f"{left:.0f} s left")
 
@@ -439,6 +445,7 @@ def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
 @contextmanager
 def points_progress() -> Iterator[Callable[[int, int], None]]:
     """Show the number of finished points and the remaining time."""
-    columns = BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
-    with _bar("points", *columns, speed_estimate_period=600.0) as update:
+    done = progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
+    left = progress.TextColumn("left"), progress.TimeRemainingColumn()
+    with _bar("points", *done, *left, speed_estimate_period=600.0) as update:
         yield lambda done, total: update(completed=done, total=total)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor compare``: spectra against a motor or another spectrum."""
+"""``piezomotor admittance`` and ``compare``: spectra of a motor, and spectra against a motor or another spectrum."""
 
 from __future__ import annotations
 
@@ -11,8 +11,26 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.measured import FIT
-from pyspice_runner.commands.options import TARGETS, Call, argument, command, option
+from pyspice_runner.commands.options import CHANGES, TARGETS, Call, argument, command, option
 from pyspice_runner.impedance.spectrum import Connection, State
+
+
+@command(
+    "motor", TARGETS, "state start stop points timeout audit", CHANGES,
+    state=option(State, "free", "Free tip, or pressed on the rotor."),
+    start=option(float | None, None, "First frequency, Hz; default: that of the solid, else 5 kHz."),
+    stop=option(float | None, None, "Last frequency, Hz; default: that of the solid, else 100 kHz."),
+    points=option(int, 2000, "Number of frequencies."),
+)  # fmt: skip
+def admittance(call: Call) -> None:
+    """Compute the stator's two-port admittance and the equivalent circuit of each mode. Writes .csv, .nc or .json.
+
+    Example: piezomotor admittance bimodal40 --state preloaded --plot admittance.png
+    """
+    call.check(".csv", ".nc", ".json")
+    with common.busy("ngspice sweeps the frequency"):
+        result = pr.admittance(call.loaded, **call.pick("start stop points state timeout audit"))
+    call.deliver(result, f"{result.motor['name']}, {call.state}")
 
 
 @command(
@@ -61,8 +79,7 @@ def compare(call: Call) -> None:
     for entry, faults in zip(document["comparisons"], outside, strict=True):
         entry["outside_tolerance"] = list(faults)
     document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
-    call.deliver(trend, f"against {trend.comparisons[0].reference.source}", document)
-    measured.note(trend.cautions, call)
+    measured.deliver(call, trend, f"against {trend.comparisons[0].reference.source}", document)
     for item, faults in zip(trend.comparisons, outside, strict=True):
         for text in faults:
             common.complain(f"{item.measured.source}: {text}", style=None)

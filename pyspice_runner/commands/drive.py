@@ -10,13 +10,10 @@ from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import refuse_idle_match, spec_of
-from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import CHANGES, DRIVERS, LAW, PHASE, TARGETS, VOLTAGE, Call, command, option
 from pyspice_runner.drivers.design import NoDriverError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from pyspice_runner.drivers.report import DriveReport
@@ -56,7 +53,7 @@ def drive(call: Call) -> None:
     driver, against = call.driver, call.against
     if call.rail is None:
         call.refuse_idle("without --rail", "stage network")
-        refuse_idle_match(call, driver, against or "")
+        call.refuse_idle_match(driver, against or "")
     else:
         for name in common.stated_options(call.context, "driver"):
             raise pr.ParameterError(
@@ -67,10 +64,10 @@ def drive(call: Call) -> None:
         driver = f"{call.stage or 'full-bridge'}+{call.network}"
     call.check(".json", ".csv", *([".cir"] if against is None else []))
     motor = call.loaded
-    tone = pr.TwoPhaseDrive(**recommended_phases(motor, call.voltage, call.frequency, call.phase))
-    specs = [spec_of(call, driver, tone, rail=call.rail)]
+    tone = pr.TwoPhaseDrive(**call.recommended_phases())
+    specs = [call.spec_of(driver, tone)]
     if against is not None:
-        specs.append(spec_of(call, against, tone, strict=False))
+        specs.append(call.spec_of(against, tone, strict=False))
     reports: list[DriveReport] = []
     fault: pr.SimulationError | None = None
     for spec in specs:
@@ -85,7 +82,9 @@ def drive(call: Call) -> None:
             if against is not None:
                 raise pr.ParameterError(f"{spec.name}: {error.design.reason}") from None
             refused = {"motor": motor.to_dict(), "design": error.design.to_dict(), "maxima": {}}
-            call.write(refused, f"{motor.name}: {error.design.reason}\n", partial(_save, refused), _no_plot)
+            rows = [["reason"], [error.design.reason]]
+            reason = f"{motor.name}: {error.design.reason}\n"
+            call.write(refused, reason, partial(common.write_table, document=refused, rows=rows), _no_plot)
             return
         except pr.SimulationError as error:
             if not reports:
@@ -95,14 +94,16 @@ def drive(call: Call) -> None:
         reports[0].to_dict() if against is None else {"drivers": [report.to_dict() for report in reports]}
     )
     save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
-    call.write(document, _table(motor, reports), save, lambda path: common.view().draw_beside(reports, path))
+
+    call.write(document, _table(motor, reports), save, partial(_draw, reports))
     if fault is not None:
         raise fault
 
 
-def _save(document: Mapping[str, Any], path: Path) -> None:
-    """Write a design without a driver."""
-    common.write_table(path, document, [["reason"], [document["design"]["reason"]]])
+def _draw(reports: list[DriveReport], path: Path) -> None:
+    from pyspice_runner.view import plots  # with Matplotlib, which takes a second to load
+
+    plots.draw_beside(reports, path)
 
 
 def _no_plot(_: Path) -> None:

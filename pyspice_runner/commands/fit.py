@@ -73,8 +73,7 @@ def _fit_one_port(call: Call) -> None:
     with common.busy("fitting", _ARMS_TRIED) as progress:
         result = fit_one_port(spectrum, **settings, progress=progress)
     count = len(result.arms)
-    call.deliver(result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
-    measured.note(result.cautions, call)
+    measured.deliver(call, result, f"{result.source}: {count} arm{'s' if count > 1 else ''}; ± one standard error")
 
 
 def _fit_jointly(call: Call) -> None:
@@ -88,8 +87,7 @@ def _fit_jointly(call: Call) -> None:
             voltages=common.grid_or_none("--voltages", call.voltages),
             temperatures=common.grid_or_none("--temperatures", call.temperatures),
         )
-    call.deliver(result, f"{len(files)} spectra together")
-    measured.note(result.cautions, call)
+    measured.deliver(call, result, f"{len(files)} spectra together")
 
 
 def _fit_groups(call: Call) -> None:

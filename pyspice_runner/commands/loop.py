@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor loop``: a control loop of speed, position or phase."""
+"""``piezomotor loop`` and ``state-space``: a control loop, and the averaged motor as a linear system."""
 
 from __future__ import annotations
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driving import one_tone
 from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
 from pyspice_runner.control.loop import Quantity
 
@@ -37,11 +36,24 @@ def loop(call: Call) -> None:
             f"--sample {call.sample:g} is out of range: it is the time between two samples, at most {LONGEST_SAMPLE:g} "
             f"s. For {call.sample:g} samples per second write --sample {1.0 / call.sample:.3g}."
         )
-    drive = one_tone(call.stated, "A loop is designed about")
+    drive = call.one_tone("A loop is designed about")
     with common.busy("The averaged motor settles and steps"):
         design = pr.control_loop(
             call.loaded, drive, over=common.axes_of(call.over) if call.over else None,
             **call.pick("quantity crossover margin load_torque", sample_time="sample"),
         )  # fmt: skip
-    common.caution(design)
     call.deliver(design, f"{call.loaded.name}: loop of the {call.quantity}, {drive.label}")
+
+
+@command("motor", DRIVE, "load_torque", CHANGES, TARGETS)
+def state_space(call: Call) -> None:
+    """Write the averaged motor about a steady state as A, B, C, D: .mat or .json.
+
+    Example: piezomotor state-space bimodal40 --voltage 80 --output plant.mat
+    """
+    call.refuse_idle(NO_START, "soft_start")
+    call.check(".json", ".mat")
+    drive = call.one_tone("Small signals are those about")
+    with common.busy("The averaged motor settles"):
+        system = pr.state_space(call.loaded, drive, load_torque=call.load_torque)
+    call.deliver(system, f"{call.loaded.name}: state space, {drive.label}")

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import Call
+from pyspice_runner.result import Result
 
 Reader = Callable[[str | Path], pr.Spectrum]
 
@@ -35,18 +36,6 @@ def read_one_port(call: Call, path: Path) -> pr.Spectrum:
     return spectrum
 
 
-def fit_settings(call: Call) -> dict[str, Any]:
-    """Return the arguments of a fit."""
-    return {"noise": noise_of(call.noise), **call.pick("modes timeout")}
-
-
-def leads(call: Call) -> bool | tuple[float, float]:
-    """Return the argument ``leads`` of a fit. Raise ParameterError for --leads beside --no-leads."""
-    if call.no_leads:
-        call.refuse_idle("beside --no-leads", "leads")
-    return leads_of("none" if call.no_leads else call.leads)
-
-
 def reader(columns: str | None, through: Literal["series", "shunt"] | None, trace: str | None = None) -> Reader:
     """Return the function that reads a spectrum with the options of a command."""
     names = [name.strip() for name in columns.split(",")] if columns is not None else None
@@ -57,36 +46,37 @@ _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "
 _LEAD = re.compile(r"((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?) ?([pnuµmk]?)(H|ohm|Ω)")
 
 
-def leads_of(text: str) -> bool | tuple[float, float]:
-    """Read --leads: True to look for them, False for none, or resistance in Ω and inductance in H."""
-    if text in ("auto", "none"):
-        return text == "auto"
+def leads(call: Call) -> bool | tuple[float, float]:
+    """Return the argument ``leads`` of a fit.
+
+    It is True to look for them, False for none, or resistance in Ω and inductance in H. Raise ParameterError for
+    --leads beside --no-leads, or another text.
+    """
+    if call.no_leads:
+        call.refuse_idle("beside --no-leads", "leads")
+        return False
+    if call.leads in ("auto", "none"):
+        return bool(call.leads == "auto")
     found = {"H": 0.0, "ohm": 0.0}
-    for part in text.split(","):
+    for part in call.leads.split(","):
         match = _LEAD.fullmatch(part.strip())
         if match is None:
-            raise pr.ParameterError(f"--leads {text!r} is not valid: write auto, none, or values as 20nH,0.1ohm.")
+            raise pr.ParameterError(f"--leads {call.leads!r} is not valid: write auto, none, or values as 20nH,0.1ohm.")
         found["H" if match[3] == "H" else "ohm"] = float(match[1]) * _PREFIXES[match[2]]
     return found["ohm"], found["H"]
 
 
-def noise_of(text: str | None) -> dict[str, float] | None:
-    """Read --noise: kind → σ."""
-    if text is None:
-        return None
-    found = {}
-    for part in text.split(","):
-        kind, _, value = part.partition("=")
-        if kind.strip() in found:
-            raise pr.ParameterError(f"--noise {text!r} gives {kind.strip()} twice. Give it once.")
-        try:
-            found[kind.strip()] = float(value.removesuffix("%")) * (0.01 if value.endswith("%") else 1.0)
-        except ValueError:
-            raise pr.ParameterError(
-                f"--noise {text!r} is not valid: write proportional=0.1%, s11=1e-4 or z=0.1, or proportional "
-                f"and one other."
-            ) from None
-    return found
+def fit_settings(call: Call) -> dict[str, Any]:
+    """Return the arguments of a fit; of --noise, kind → σ."""
+    noise = None
+    if call.noise is not None:
+        noise, form = {}, "is not valid: write proportional=0.1%, s11=1e-4 or z=0.1, or proportional and one other."
+        for kind, value in common.pairs_of("--noise", call.noise.split(","), form):
+            try:
+                noise[kind] = float(value.removesuffix("%")) * (0.01 if value.endswith("%") else 1.0)
+            except ValueError:
+                raise pr.ParameterError(f"--noise {call.noise!r} {form}") from None
+    return {"noise": noise, **call.pick("modes timeout")}
 
 
 def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
@@ -97,6 +87,13 @@ def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
     if any(len(pair) != 2 for pair in pairs):
         raise pr.ParameterError(f"--tip {tips[0]!r} is not valid; write X,Y as 0,1, once for each mode.")
     return [(pair[0], pair[1]) for pair in pairs]
+
+
+def deliver(call: Call, result: Result, title: str, document: dict[str, Any] | None = None) -> None:
+    """Write a fit to its files, print its summary, or with ``--json`` a document, and note its cautions."""
+    table = common.summary_table(result.summary(), title)
+    call.write(result.to_dict() if document is None else document, table, result.save, result.plot)
+    note(result.cautions, call)
 
 
 def note(cautions: Iterable[str], call: Call) -> None:

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import typer
 from rich.table import Table
@@ -20,58 +19,51 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
-from pyspice_runner.commands.numbers import number
+from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.result import Result
 from pyspice_runner.spice import Engine
 
 NONE = "none"
 _Write = Callable[[Path], object]
 _Texts = list[str] | None
+_VOLTAGE = 50.0  # V, for a kind of drive that the motor does not recommend
 
 
-@dataclass(frozen=True)
-class Option:
-    """An option of the command line, or with ``argument`` an argument."""
+class Option(NamedTuple):
+    """An option or an argument of the command line."""
 
     kind: Any  # the type of its value
-    default: Any
-    help: str
-    flags: tuple[str, ...] = ()  # its names on the command line; by default made from its key
-    more: Mapping[str, Any] = field(default_factory=dict)  # further arguments of typer's option
-    argument: bool = False
-
-    def parameter(self, name: str) -> inspect.Parameter:
-        """Return the parameter that typer reads."""
-        more = dict(self.more)
-        if self.kind in (float, float | None):
-            more |= {"parser": self._number, "metavar": "NUMBER"}
-        made = (typer.Argument if self.argument else typer.Option)(*self.flags, help=self.help, **more)
-        default = inspect.Parameter.empty if self.default is ... else self.default
-        return inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[self.kind, made]
-        )
-
-    def _number(self, text: str | float) -> float:
-        """Return a number with its suffix, in a unit that the help names."""
-        try:
-            return number(text, units=self.help) if isinstance(text, str) else text
-        except pr.ParameterError as error:
-            raise typer.BadParameter(str(error)) from None
+    default: Any  # ``...`` for none
+    described: Any  # for typer: its names, help and further settings
 
 
 def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Option:
-    """Return an option: type, default (``...`` for none), help, names, further arguments of ``typer.Option``."""
-    return Option(kind, default, text, flags, more)
+    """Return an option: type, default (``...`` for none), help, names, further arguments of ``typer.Option``.
+
+    A number may have a suffix, and a unit that the help names.
+    """
+
+    def parsed(given: str | float) -> float:
+        try:
+            return common.number(given, units=text) if isinstance(given, str) else given
+        except pr.ParameterError as error:
+            raise typer.BadParameter(str(error)) from None
+
+    if kind in (float, float | None):
+        more |= {"parser": parsed, "metavar": "NUMBER"}
+    return Option(kind, default, typer.Option(*flags, help=text, **more))
 
 
 def argument(kind: Any, default: Any, text: str, metavar: str, **more: Any) -> Option:
     """Return an argument, as :func:`option`."""
-    return Option(kind, default, text, (), {"metavar": metavar, **more}, argument=True)
+    return Option(kind, default, typer.Argument(help=text, metavar=metavar, **more))
 
 
 def _panel(title: str, **options: Option) -> dict[str, Option]:
     """Return options with the title of their panel in the help."""
-    return {name: replace(one, more={**one.more, "rich_help_panel": title}) for name, one in options.items()}
+    for one in options.values():
+        one.described.rich_help_panel = title
+    return options
 
 
 def _laws(incomplete: str) -> list[str]:
@@ -234,17 +226,6 @@ OPTIONS: dict[str, Option] = {
 }  # fmt: skip
 
 
-def law_named(contact: str, sliders: int | None = None) -> pr.Law | None:
-    """Return the law; ``None`` for a free tip. Raise ParameterError for an unknown law, or sliders of another law."""
-    law = None if contact == NONE else pr.Law(contact)
-    if sliders is None:
-        return law
-    if law is None or not law.row:
-        rows = " or ".join(name for name in LAWS if pr.Law(name).row)
-        raise pr.ParameterError(f"--sliders has no effect without --contact {rows}. Leave it out.")
-    return pr.Law(contact, sliders)
-
-
 def at_temperature(motor: pr.Motor, celsius: float) -> pr.Motor:
     """Return a motor whose stator has a temperature in °C. Raise ParameterError beyond the Curie temperature."""
     limits = motor.limits
@@ -294,26 +275,142 @@ class Call:
         return motor if celsius is None else at_temperature(motor, celsius)
 
     @property
-    def parts(self) -> list[str]:
-        """The changes of the driver's parts, by ``--part`` and by ``--set driver.…``."""
-        return [*(self.part or []), *self._of_driver]
-
-    @property
     def _of_driver(self) -> list[str]:
         changes = self.changes or [] if self.driven else []
         return [change for change in changes if change.strip().startswith("driver.")]
 
     @cached_property
     def stated(self) -> pr.TwoPhaseDrive | pr.TwoToneDrive:
-        """The drive for the motor: the recommended one, with the options of the call in place."""
-        from pyspice_runner.commands.driving import stated
+        """The drive for the motor: the recommended one, with the options of the call in place.
 
-        return stated(self.values, self.loaded)
+        Raise ParameterError for an option of the other kind of drive, or a missing or invalid value.
+        """
+        self._check_frequency()
+        recommended = pr.default_drive(self.loaded)
+        chosen: str = self.drive or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
+        other = next(one for one in DRIVES if one != chosen)
+        kind = DRIVES[chosen]
+        for name in DRIVES[other].model_fields:
+            if name not in kind.model_fields and self.values[name] is not None:
+                raise pr.ParameterError(
+                    f"--{name.replace('_', '-')} has no effect on a {chosen} drive. Add --drive {other}, or leave it "
+                    "out."
+                )
+        base: dict[str, Any]
+        if type(recommended) is kind:
+            base = recommended.model_dump()
+        elif chosen == "two-phase":
+            base = {"voltage": _VOLTAGE, "frequency": self.loaded.modes[-1].frequency_hz}
+        elif self.frequency_1 is None or self.frequency_2 is None:
+            raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
+        else:
+            base = {"voltage_1": _VOLTAGE, "voltage_2": _VOLTAGE}
+        given = {**self.values, "phase_deg": self.phase}
+        return kind(**base | {name: given[name] for name in kind.model_fields if given[name] is not None})
+
+    def one_tone(self, what: str) -> pr.TwoPhaseDrive:
+        """Return the drive. Raise ParameterError, with what needs one frequency, for two tones."""
+        if not isinstance(self.stated, pr.TwoPhaseDrive):
+            raise pr.ParameterError(f"{what} a drive with one frequency. Add --drive two-phase.")
+        return self.stated
+
+    def recommended_phases(self) -> dict[str, float]:
+        """Return voltage, frequency and phase of two phases: those given, the others from the recommended drive.
+
+        Raise ParameterError if a value is missing and the motor recommends two tones.
+        """
+        self._check_frequency()
+        given = self.pick("voltage frequency", phase_deg="phase")
+        missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]
+        recommended = pr.default_drive(self.loaded)
+        if missing and not isinstance(recommended, pr.TwoPhaseDrive):
+            raise pr.ParameterError(
+                f"The recommended drive of {self.loaded.name} has two tones, and this command needs two phases of one "
+                f"tone. Give --{' and --'.join(missing)}."
+            )
+        return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
+
+    def _check_frequency(self) -> None:
+        """Raise ParameterError for a frequency in Hz that is meant in kHz: a thousandth of a resonance."""
+        resonances = [mode.frequency_hz for mode in self.loaded.modes]
+        low, high = min(resonances), max(resonances)
+        if self.frequency is not None and 0.5 * low < 1e3 * self.frequency < 2.0 * high:
+            raise pr.ParameterError(
+                f"--frequency {self.frequency:g} is in Hz, and the modes of {self.loaded.name} are at {low / 1e3:.4g} "
+                f"to {high / 1e3:.4g} kHz. Did you mean {self.frequency:g}k?"
+            )
 
     @cached_property
     def law(self) -> pr.Law | None:
-        """The law of the contact; ``None`` for a free tip."""
-        return law_named(self.contact, self.values.get("sliders"))
+        """The law of the contact; ``None`` for a free tip.
+
+        Raise ParameterError for an unknown law, or sliders of another law.
+        """
+        law = None if self.contact == NONE else pr.Law(self.contact)
+        sliders = self.values.get("sliders")
+        if sliders is None:
+            return law
+        if law is None or not law.row:
+            rows = " or ".join(name for name in LAWS if pr.Law(name).row)
+            raise pr.ParameterError(f"--sliders has no effect without --contact {rows}. Leave it out.")
+        return pr.Law(self.contact, sliders)
+
+    def refuse_idle_match(self, *drivers: str) -> None:
+        """Refuse ``--match`` and ``--no-match`` if no driver has a matching network."""
+        if all("+" not in words for words in drivers):
+            self.refuse_idle("without a matching network, such as --driver half-bridge+llcc", "match")
+
+    def check_driver(self) -> None:
+        """Refuse options that have no effect without a driver, or without a network."""
+        if self.driver is None:
+            self.refuse_idle("without --driver", "match part mosfet")
+        else:
+            self.refuse_idle_match(self.driver)
+
+    def in_front(self) -> pr.TwoPhaseDrive | pr.TwoToneDrive | pr.Driver:
+        """Return what is in front of the motor: its drive, or the driver."""
+        self.check_driver()
+        if self.driver is None:
+            return self.stated
+        return self.spec_of(self.driver, self.stated).built(self.loaded, contact=self.law)
+
+    def spec_of(self, words: str, drive: pr.TwoPhaseDrive | pr.TwoToneDrive, *, strict: bool = True) -> pr.DriverSpec:
+        """Return the specification of a stage, and behind a + its network. Raise ParameterError for a two-tone drive.
+
+        Unless ``strict``, changes and a MOSFET that do not suit the driver are left out.
+        """
+        from pyspice_runner.drivers.driver import BRIDGES
+
+        if not isinstance(drive, pr.TwoPhaseDrive):
+            raise pr.ParameterError("A driver makes two phases of one tone. Add --drive two-phase.")
+        network: Any  # which the driver checks
+        stage, plus, network = words.rpartition("+")
+        if not plus or ":" in network:  # a + in the name of a file
+            stage, network = words, "none"
+        given: dict[str, Any] = self._parts()
+        if not strict:
+            present = {
+                item.label for item in pr.Driver(kind=stage, network=network, voltage=1.0, frequency=1e4).parts("a")
+            }
+            labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
+            given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
+        if self.mosfet is not None and (strict or stage in BRIDGES):
+            given["mosfet"] = self.mosfet
+        return pr.DriverSpec(drive, stage, network, self.values.get("rail"), given, self.values.get("match", True))
+
+    def _parts(self) -> dict[str, Any]:
+        """Return the changes of the driver's parts, by ``--part`` and by ``--set driver.…``."""
+        values = {}
+        form = "is not PART.PARAMETER=VALUE; write it as bridge.dead_time=3e-7."
+        for path, text in common.pairs_of("--part", [*(self.part or []), *self._of_driver], form):
+            same = path.lower()  # SPICE does not distinguish case
+            if same in values:
+                raise pr.ParameterError(f"--part {path} is given twice, with different capitalisation. Give it once.")
+            try:
+                values[same] = common.number(text)
+            except pr.ParameterError as error:
+                raise pr.ParameterError(f"--part {path}: {error}") from None
+        return values
 
     def pick(self, names: str, **renamed: str) -> dict[str, Any]:
         """Return arguments for a function: options by their names, and others as ``argument="option"``."""
@@ -330,10 +427,10 @@ class Call:
         """Check the files to write before any work is done; see :func:`.common.check_targets`."""
         common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
-    def deliver(self, result: Result, title: str, document: dict[str, Any] | None = None) -> None:
-        """Write a result to its files and print its summary under a title, or with ``--json`` a document."""
-        document = result.to_dict() if document is None else document
-        self.write(document, common.summary_table(result.summary(), title), result.save, result.plot)
+    def deliver(self, result: Result, title: str) -> None:
+        """Print the cautions of a result, write its files, and print its summary, or with ``--json`` the whole."""
+        common.caution(result)
+        self.write(result.to_dict(), common.summary_table(result.summary(), title), result.save, result.plot)
 
     def write(
         self, document: Mapping[str, Any], table: Table | str, save: _Write, draw: _Write = lambda _: None
@@ -352,7 +449,7 @@ def command(*names: str, **own: Any) -> Callable[[Callable[[Call], int | None]],
     keys = " ".join(names).split()
     table = {
         key: own[key] if isinstance(own.get(key), Option)
-        else replace(OPTIONS[key], default=own.get(key, OPTIONS[key].default))
+        else OPTIONS[key]._replace(default=own.get(key, OPTIONS[key].default))
         for key in dict.fromkeys([*keys, *own])
     }  # fmt: skip
 
@@ -361,8 +458,11 @@ def command(*names: str, **own: Any) -> Callable[[Callable[[Call], int | None]],
         def whole(context: typer.Context, **values: Any) -> int | None:
             return function(Call(context, values))
 
-        context = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
-        parameters = [context, *(one.parameter(key) for key, one in table.items())]
+        by_name, none = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.empty
+        parameters = [inspect.Parameter("context", by_name, annotation=typer.Context)]
+        for key, (kind, default, described) in table.items():
+            default = none if default is ... else default
+            parameters.append(inspect.Parameter(key, by_name, default=default, annotation=Annotated[kind, described]))
         vars(whole)["__signature__"] = inspect.Signature(parameters)
         vars(whole)["__annotations__"] = {one.name: one.annotation for one in parameters}
         return whole

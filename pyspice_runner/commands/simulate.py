@@ -10,7 +10,6 @@ import typer
 import pyspice_runner as pr
 from pyspice_runner.circuit.source import Waveform, read_waveform
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import in_front
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, LAW, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 
@@ -40,20 +39,18 @@ def simulate(call: Call) -> None:
 
     Example: piezomotor simulate bimodal40 --voltage 100 --duration 20e-3 --output run.csv --plot run.png
     """
-    contact = call.law
     call.check(".csv", ".nc", ".json", ".cir")
     if not call.averaged:
         call.refuse_idle("without --averaged; piezomotor drive runs every cycle behind a driver", "driver engine")
-    motor, source = in_front(call)
-    shaped = _shaped(call)
+    call.check_driver()
+    motor, shaped = call.loaded, _shaped(call)
     if call.averaged:
         call.refuse_idle("with --averaged", _OF_CYCLES)
         with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
-                motor, source(contact), contact=contact, progress=progress,
+                motor, call.in_front(), contact=call.law, progress=progress,
                 **call.pick("duration speed load_torque engine timeout"),
             )  # fmt: skip
-        common.caution(mean)
         call.deliver(mean, f"{motor.name}, averaged, {call.stated.label}, {call.duration:.6g} s")
         return
     if call.plot is not None and call.signals is not None:
@@ -63,13 +60,12 @@ def simulate(call: Call) -> None:
     with common.run_progress("ngspice runs the motor") as progress:
         try:
             run = pr.simulate(
-                motor, shaped, contact=contact, signals=signals, progress=progress,
+                motor, shaped, contact=call.law, signals=signals, progress=progress,
                 **call.pick("duration speed load_torque step accuracy record_from record_every timeout audit"),
             )  # fmt: skip
         except Interrupted as interrupt:
             run, status = interrupt.partial, common.INTERRUPTED
             common.warn_of([str(interrupt)])
-    common.caution(run)
     partial = "" if run.complete else ", partial"
     call.deliver(run, f"{motor.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
     raise typer.Exit(status)

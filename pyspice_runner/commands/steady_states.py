@@ -10,7 +10,6 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import in_front
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted
 from pyspice_runner.run.paths import LOADS, canonical
@@ -29,13 +28,11 @@ def steady(call: Call) -> int:
     """
     call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".csv", ".nc", ".cir")
-    motor, source = in_front(call)
+    motor = call.loaded
     with common.busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
-            motor, source(call.law), contact=call.law,
-            **call.pick("speed load_torque accuracy step timeout audit"),
+            motor, call.in_front(), contact=call.law, **call.pick("speed load_torque accuracy step timeout audit"),
         )  # fmt: skip
-    common.caution(result)
     call.deliver(result, f"{motor.name}: {result.drive.label}")
     return 0 if result.converged else 3
 
@@ -58,7 +55,6 @@ def small_signals(call: Call) -> None:
             call.loaded, call.stated, frequencies=common.grid("--frequencies", call.frequencies), contact=call.law,
             **call.pick("speed load_torque step timeout"),
         )  # fmt: skip
-    common.caution(result)
     call.deliver(result, f"{call.loaded.name}: {result.state.drive.label}")
 
 
@@ -101,7 +97,6 @@ def map_points(call: Call) -> int:
             dataset, status = interrupt.partial, common.INTERRUPTED
             common.complain(f"piezomotor: {interrupt}")
     result = dataset.piezomotor
-    common.caution(result)
     call.deliver(result, dataset.attrs["title"])
     return status
 
@@ -185,4 +180,6 @@ def _follow(call: Call, axes: dict[str, list[float]], speeds: list[float] | None
         call.loaded, call.stated, follow=call.follow, start=along[0], stop=along[-1],
         speed=None if of_speed else speeds[0], contact=call.law, **call.pick("step timeout"),
     )  # fmt: skip
-    call.deliver(branch.piezomotor, branch.attrs["title"])
+    result = branch.piezomotor
+    table = common.summary_table(result.summary(), branch.attrs["title"])
+    call.write(result.to_dict(), table, result.save, result.plot)

@@ -15,7 +15,6 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import PAPER_LAW
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import spec_of
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVERS, LAW, LOAD, TARGETS, Call, command, option
 from pyspice_runner.errors import did_you_mean
 from pyspice_runner.sweeps.plan import Distribution, Sampling
@@ -90,7 +89,7 @@ def sweep(call: Call) -> int:
     loaded = call.loaded
     behind: pr.Driver | None = None
     if call.driven:
-        behind = spec_of(call, call.driver or "linear", call.stated, rail=call.rail).built(
+        behind = call.spec_of(call.driver or "linear", call.stated).built(
             loaded, contact=contact, speed=call.speed, load_torque=call.load_torque or 0.0
         )
     excitation = behind or call.stated

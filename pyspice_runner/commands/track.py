@@ -7,20 +7,16 @@ from typing import get_args
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.driver import check_driver, spec_of
-from pyspice_runner.commands.driving import recommended_phases
 from pyspice_runner.commands.options import (
     CHANGES,
     DRIVER,
     DRIVERS,
     LOAD,
-    NONE,
     PHASE,
     TARGETS,
     VOLTAGE,
     Call,
     command,
-    law_named,
     option,
 )
 from pyspice_runner.trackers.tracker import DisturbanceKind, TrackerKind
@@ -74,7 +70,7 @@ def track(call: Call) -> None:
     _refuse_idle(call)
     call.check(".json", ".csv", ".cir")
     motor = call.loaded
-    tone = recommended_phases(motor, call.voltage, call.frequency, call.phase) | {"ratio_b": call.ratio_b}
+    tone = call.recommended_phases() | {"ratio_b": call.ratio_b}
     offset = START_OFFSET if call.disturb == "start" else 0.0
     tracker = pr.Tracker(
         **tone, offset=offset if call.offset is None else call.offset, polarity=-1 if call.reverse else 1,
@@ -83,19 +79,17 @@ def track(call: Call) -> None:
                     step_hz="step_size"),
     )  # fmt: skip
     if call.frequency is None:
-        tracker = centred(motor, tracker, contact=call.contact != NONE)
-    law = law_named(call.contact)
+        tracker = centred(motor, tracker, contact=call.law is not None)
     with common.busy(f"The motor runs with the tracker {call.tracker}"):
         driver = None
         if call.driver:
             pins = pr.TwoPhaseDrive(**tone | {"frequency": tracker.frequency})
-            driver = spec_of(call, call.driver, pins).built(motor, contact=law)
+            driver = call.spec_of(call.driver, pins).built(motor, contact=call.law)
         result = pr.track(
-            motor, tracker, driver=driver, contact=law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
+            motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
             **call.pick("disturb begin duration load_torque preload_change drift drift_time target_step"),
             **call.pick("averaged engine timeout audit"),
         )  # fmt: skip
-    common.caution(result)
     call.deliver(result, motor.name)
 
 
@@ -124,7 +118,7 @@ _OF_DISTURBANCES: dict[str, set[str]] = {
 
 def _refuse_idle(call: Call) -> None:
     """Refuse options of another tracker, of another disturbance, or of a driver without ``--driver``."""
-    check_driver(call)
+    call.check_driver()
     for name, table in (("tracker", _OF_TRACKERS), ("disturb", _OF_DISTURBANCES)):
         kind = call.values[name]
         for names, kinds in table.items():

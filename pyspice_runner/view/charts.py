@@ -10,13 +10,14 @@ checked, which takes longer than the rest of the page.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from math import pi
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+import xarray
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
@@ -26,29 +27,13 @@ from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
 from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
-from pyspice_runner.motor.beam import solve_resonator
-from pyspice_runner.motor.motor import Motor, Structure
-from pyspice_runner.motor.solid.parameters import Solid
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.trackers.loop import LoopDesign
 from pyspice_runner.view import plot_calibration, plot_curves, plot_runs, plot_spectra
 from pyspice_runner.view.draw import DASHES, Panel, last_periods
-from pyspice_runner.view.outlines import axes_of, outlines
-from pyspice_runner.view.style import (
-    BLUE,
-    CYCLE,
-    GREEN,
-    GREY,
-    LABELS,
-    PURPLE,
-    STATES,
-    VERMILION,
-    label_of,
-    time_label,
-)
-
-if TYPE_CHECKING:
-    import xarray
+from pyspice_runner.view.outlines import axes_of, beam_outlines, outlines
+from pyspice_runner.view.style import CYCLE, GREEN, GREY, LABELS, PURPLE, STATES, label_of, time_label
 
 _DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}  # of Matplotlib → of Plotly
 _SYMBOLS = {"s": "square", "D": "diamond", "^": "triangle-up", "v": "triangle-down", "x": "x"}
@@ -81,95 +66,47 @@ def theme(ink: str, grid: str) -> go.layout.Template:
     )
 
 
-Lines = list[tuple[Array, Array]]  # positions in m along the two axes of a chart, of each part that it draws
-
-
-class _Shapes(NamedTuple):
-    """The parts of a stator, at rest and moved by a mode."""
-
-    parts: list[tuple[str, str]]  # name and colour
-    moved: Callable[[int, float], Lines]  # by a mode at a share of its largest deflection
-    along: str  # the axis to the right
-
-
 def mode_shapes(motor: Motor) -> go.Figure | None:
     """Return the animated modes of a beam or a solid, with its electrodes; ``None`` for a motor with neither."""
-    if motor.solid is None and motor.structure is None:
+    if motor.solid is not None:
+        parts, along = outlines(motor.solid), "xyz"[axes_of(motor.solid)[0]]
+    elif motor.structure is not None:
+        parts, along = beam_outlines(motor.structure, len(motor.modes)), "position along the beam"
+    else:
         return None
-    shapes = _solid_shapes(motor.solid) if motor.solid else _beam_shapes(cast("Structure", motor.structure), motor)
+    whole = parts[0].line_m
+    swing = _SWING * float((np.nanmax(whole, axis=1) - np.nanmin(whole, axis=1)).max())
     modes = motor.modes[:_MOST_SHAPES]
+
+    def moved(share: float) -> list[Array]:
+        """Return the places of the parts in mm in each mode, at a share of its largest deflection."""
+        numbers = range(len(modes))
+        return [1e3 * (part.line_m + share * swing * part.shapes[..., mode]) for mode in numbers for part in parts]
+
     titles = [f"{mode.name}, {mode.frequency_hz / 1e3:.4g} kHz" for mode in modes]
     figure = make_subplots(rows=len(modes), cols=1, subplot_titles=titles, shared_xaxes=True, vertical_spacing=0.12)
-    for row in range(len(modes)):
-        for (x, y), (name, colour) in zip(shapes.moved(row, 0.0), shapes.parts, strict=True):
-            figure.add_scatter(
-                x=_short(1e3 * x), y=_short(1e3 * y), name=name, legendgroup=name, showlegend=row == 0, mode="lines",
-                line={"color": colour, "width": 3}, hoverinfo="skip", row=row + 1, col=1,
-            )  # fmt: skip
+    for number, (x, y) in enumerate(moved(0.0)):
+        row, part = number // len(parts), parts[number % len(parts)]
+        figure.add_scatter(
+            x=_short(x), y=_short(y), name=part.name, legendgroup=part.name, showlegend=row == 0, mode="lines",
+            line={"color": part.colour, "width": 3}, hoverinfo="skip", row=row + 1, col=1,
+        )  # fmt: skip
     frames = []
     for step in range(-MODE_STEPS, MODE_STEPS + 1):
-        deflection = np.sin(0.5 * pi * step / MODE_STEPS)
-        moved = [line for row in range(len(modes)) for line in shapes.moved(row, deflection)]
-        data = [{"x": _short(1e3 * x), "y": _short(1e3 * y)} for x, y in moved]
+        data = [{"x": _short(x), "y": _short(y)} for x, y in moved(np.sin(0.5 * pi * step / MODE_STEPS))]
         frames.append({"name": str(step), "data": data, "traces": list(range(len(data)))})
     order = [*range(MODE_STEPS), *range(MODE_STEPS, -MODE_STEPS, -1), *range(-MODE_STEPS, 0)]
-    furthest = [line for row in range(len(modes)) for share in (-1.0, 1.0) for line in shapes.moved(row, share)]
-    for axis, update in enumerate((figure.update_xaxes, figure.update_yaxes)):
-        values = 1e3 * np.concatenate([line[axis] for line in furthest])
-        room = 0.05 * (np.nanmax(values) - np.nanmin(values))
-        update(range=[float(np.nanmin(values) - room), float(np.nanmax(values) + room)])
+    furthest = np.concatenate(moved(-1.0) + moved(1.0), axis=1)
+    for update, values in zip((figure.update_xaxes, figure.update_yaxes), furthest, strict=True):
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        room = 0.05 * (high - low)
+        update(range=[low - room, high + room])
     figure.update_yaxes(title_text="mm")
-    figure.update_xaxes(title_text=f"{shapes.along} in mm", row=len(modes), col=1)
+    figure.update_xaxes(title_text=f"{along} in mm", row=len(modes), col=1)
     figure.update_layout(
         height=110 + TOOL_BAR + 160 * len(modes), meta={"frames": frames, "order": [str(step) for step in order]}
     )
     return figure
-
-
-def _beam_shapes(structure: Structure, motor: Motor) -> _Shapes:
-    """Return a beam with patches and tip, moved by the deflection and, away from the neutral axis, by its slope."""
-    resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))
-    parts = _parts(structure)
-
-    def moved(mode: int, deflection: float) -> Lines:
-        swing = deflection * _SWING * structure.beam.length_m
-        return [
-            (x - z * swing * resonator.slope(x)[:, mode], z + swing * resonator.deflection(x)[:, mode])
-            for x, z, *_ in parts
-        ]
-
-    return _Shapes([(name, colour) for *_, name, colour in parts], moved, "position along the beam")
-
-
-def _solid_shapes(solid: Solid) -> _Shapes:
-    """Return the outlines of boxes and electrodes, moved as the face towards the viewer."""
-    drawn = outlines(solid)
-    line = drawn[0].line_m
-    swing = _SWING * float((np.nanmax(line, axis=1) - np.nanmin(line, axis=1)).max())
-
-    def moved(mode: int, deflection: float) -> Lines:
-        places = [part.line_m + deflection * swing * part.shapes[..., mode] for part in drawn]
-        return [(place[0], place[1]) for place in places]
-
-    return _Shapes([(part.name, part.colour) for part in drawn], moved, "xyz"[axes_of(solid)[0]])
-
-
-def _parts(structure: Structure) -> list[tuple[Array, Array, str, str]]:
-    """Return the parts to draw: positions along the beam, heights above its middle, name and colour."""
-    beam, tip = structure.beam, structure.tip
-    along = np.linspace(0.0, beam.length_m, 81)
-    parts = [(along, np.zeros(81), "beam", GREY)]
-    for group, colour in (("A", BLUE), ("B", VERMILION)):
-        lines = []
-        for patch in (patch for patch in structure.patches if patch.group == group):
-            height = 0.5 * (beam.thickness_m + patch.thickness_m)
-            for side in {"top": (1.0,), "bottom": (-1.0,)}.get(patch.faces, (1.0, -1.0)):
-                line = np.linspace(patch.start_m, patch.end_m, 21)
-                lines += [(line, np.full(21, side * height)), (np.full(1, np.nan), np.full(1, np.nan))]
-        if lines:
-            x, z = (np.concatenate(arrays) for arrays in zip(*lines, strict=True))
-            parts.append((x, z, f"patches of group {group}", colour))
-    return [*parts, (np.full(2, tip.position_m), np.array([0.0, tip.length_m]), "tip", GREEN)]
 
 
 def tip_path(run: Waveforms) -> go.Figure:

@@ -16,9 +16,10 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from math import sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray
 
 from pyspice_runner.calibration.record import Record
 from pyspice_runner.datasets import Curves
@@ -36,15 +37,15 @@ from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
 
-if TYPE_CHECKING:
-    import xarray
-
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
 _TABULATED = ("speed_rad_s", "torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled")
 LEAST_COUPLING = 0.02  # resonance and antiresonance are less than 0.02 % apart below it: the table folds such an arm
 _PERIODS = 3  # of the waveforms to download
 _SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "slider", "mount", "limits")
+
+
+Arm = tuple[State, str, Resonance]  # of the equivalent circuit of the groups that a name connects
 
 
 class Row(NamedTuple):
@@ -56,14 +57,6 @@ class Row(NamedTuple):
     meaning: str
     kind: str
     note: str
-
-
-class Arm(NamedTuple):
-    """A resonance as an arm of the equivalent circuit of some groups."""
-
-    state: State
-    connection: str
-    item: Resonance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -274,10 +267,10 @@ def _circuits(spectra: Mapping[State, Admittance]) -> dict[bool, list[Arm]]:
         for connection, items in spectrum.resonances.items():
             for item in items:
                 key = (state, item.mode, f"{item.fs:.5g} {item.coupling_factor:.2g} {item.resistance_ohm:.3g}")
-                rows.setdefault(key, Arm(state, connection, item))
-    ranked = sorted(rows.values(), key=lambda row: -row.item.coupling_factor)
+                rows.setdefault(key, (state, connection, item))
+    ranked = sorted(rows.values(), key=lambda row: -row[2].coupling_factor)
     return {
-        coupled: [row for row in ranked if (row.item.coupling_factor >= LEAST_COUPLING) is coupled]
+        coupled: [row for row in ranked if (row[2].coupling_factor >= LEAST_COUPLING) is coupled]
         for coupled in (True, False)
     }
 

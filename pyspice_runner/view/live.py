@@ -192,30 +192,28 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
     torque, load = friction * preload * motor.rotor.radius_m, half_load(motor)
     turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s
     slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
-    defaults = {
-        "voltage": voltage, "frequency": frequency, "phase": 90.0 if two else drive.phase_deg,
-        "voltage_2": second[0], "frequency_2": second[1],
-        "phase_2": drive.phase_deg if two else 0.0, "preload": preload, "friction": friction, "torque": load,
-        "speed": 0.0, "stiffness": stiffness, "kind": "two-tone" if two else "two-phase", "shaft": "free",
-        "mount": "sprung" if motor.mount else "held", "law": PAPER_LAW.name,
-    }  # fmt: skip
-    limits = {
-        "voltage": (0.0, 8 * voltage), "frequency": (0.3 * slow, 1.5 * fast), "phase": (-360.0, 360.0),
-        "voltage_2": (0.0, 8 * voltage), "frequency_2": (0.3 * slow, 3 * fast), "phase_2": (-360.0, 360.0),
-        "preload": (0.02 * preload, 20 * preload), "friction": (0.01, 1.5), "torque": (-4 * torque, 4 * torque),
-        "speed": (-1000.0 * turn, 1000.0 * turn), "stiffness": (0.01 * stiffness, 100 * stiffness),
-    }  # fmt: skip
-    sliders = {
-        "voltage": (0.0, 2.5 * voltage, _round(voltage / 100)),
-        "frequency": (_round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 10.0),
-        "phase": (-180.0, 180.0, 1.0), "voltage_2": (0.0, 2.5 * voltage, _round(voltage / 100)),
-        "frequency_2": (_round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0), "phase_2": (-180.0, 180.0, 1.0),
-        "preload": (_round(0.1 * preload), _round(4 * preload), _round(preload / 100)), "friction": (0.05, 0.8, 0.01),
-        "torque": (-_round(torque), _round(torque), _round(torque / 200)),
-        "speed": (-100.0 * turn, 100.0 * turn, 0.1 * turn),
-        "stiffness": (_round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)),
-    }  # fmt: skip
-    return defaults, limits, sliders
+    volts, degrees = (0.0, 2.5 * voltage, _round(voltage / 100)), (-180.0, 180.0, 1.0)
+    hertz = _round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 10.0
+    hertz_2 = _round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0
+    newton = _round(0.1 * preload), _round(4 * preload), _round(preload / 100)
+    loads = -_round(torque), _round(torque), _round(torque / 200)
+    springs = _round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)
+    numbers = {  # default, limits, slider
+        "voltage": (voltage, (0.0, 8 * voltage), volts),
+        "frequency": (frequency, (0.3 * slow, 1.5 * fast), hertz),
+        "phase": (90.0 if two else drive.phase_deg, (-360.0, 360.0), degrees),
+        "voltage_2": (second[0], (0.0, 8 * voltage), volts),
+        "frequency_2": (second[1], (0.3 * slow, 3 * fast), hertz_2),
+        "phase_2": (drive.phase_deg if two else 0.0, (-360.0, 360.0), degrees),
+        "preload": (preload, (0.02 * preload, 20 * preload), newton),
+        "friction": (friction, (0.01, 1.5), (0.05, 0.8, 0.01)),
+        "torque": (load, (-4 * torque, 4 * torque), loads),
+        "speed": (0.0, (-1000.0 * turn, 1000.0 * turn), (-100.0 * turn, 100.0 * turn, 0.1 * turn)),
+        "stiffness": (stiffness, (0.01 * stiffness, 100 * stiffness), springs),
+    }
+    defaults, limits, sliders = ({name: row[column] for name, row in numbers.items()} for column in range(3))
+    words = {"kind": "two-tone" if two else "two-phase", "shaft": "free", "mount": "sprung" if motor.mount else "held"}
+    return {**defaults, **words, "law": PAPER_LAW.name}, limits, sliders
 
 
 def _round(value: float, digits: int = 1) -> float:

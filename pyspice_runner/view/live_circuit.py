@@ -51,11 +51,9 @@ def laws(motor: Motor) -> list[str]:
     """Return the built-in contact laws that a motor can have."""
     found = []
     for law in LAWS:
-        try:
+        with suppress(ParameterError):
             MotorSubCircuit(motor, law=Law(law))
-        except ParameterError:
-            continue
-        found.append(law)
+            found.append(law)
     return found
 
 
@@ -67,12 +65,9 @@ def fastest(motor: Motor) -> float:
 
 def mounts(motor: Motor) -> dict[str, Motor]:
     """Return the motor with its stator held and on springs; a motor without springs gets those of ``bimodal40``."""
-    held = motor.updated({"mount": None})
-    if motor.mount:
-        return {"held": held, "sprung": motor}
-    lent = load_motor(_SPRUNG).mount
-    assert lent is not None
-    return {"held": held, "sprung": motor.updated({"mount": lent.model_dump()})}
+    mount = motor.mount or load_motor(_SPRUNG).mount
+    assert mount is not None
+    return {"held": motor.updated({"mount": None}), "sprung": motor.updated({"mount": mount.model_dump()})}
 
 
 def live_decks(motor: Motor) -> dict[str, str]:
@@ -188,8 +183,8 @@ def _text(circuit: Assembly) -> str:
     return f"{circuit.parts}\n{str(circuit).strip()}"
 
 
-def _instance(circuit: Assembly, nodes: str, names: Iterable[str]) -> str:
-    passed = [f"{name}={{{name}}}" for name in names if name in circuit.parameters]
+def _instance(circuit: Assembly, nodes: str, values: Values) -> str:
+    passed = [f"{name}={{{name}}}" for name in values if name in circuit.parameters]
     return f"Xmotor {nodes} {circuit.name} {' '.join(passed)}"
 
 
@@ -201,10 +196,12 @@ def _averaged(motor: Motor, kind: str) -> str:
     phases = PHASES if kind == "run" else CURVE_PHASES
     circuit = _opened(AveragedSubCircuit(motor, phases=phases, harmonics=HARMONICS), motor)
     values = _settings(motor)
-    what = {"run": "spin-up of the averaged motor to its steady state", "curve": "torque over speed, averaged motor",
-            "response": "speed and currents over frequency, averaged motor"}[kind]  # fmt: skip
-    drive = "DC {frequency}"
-    load, analysis, extra = LOAD, ".tran {stop/2000} {stop} 0 {stop/20} uic", Values()
+    what, steps, longest = {  # number of values to print, and of the longest steps, in a run
+        "run": ("spin-up of the averaged motor to its steady state", 2000, 20),
+        "curve": ("torque over speed, averaged motor", 1000, 60),
+        "response": ("speed and currents over frequency, averaged motor", 1000, 240),
+    }[kind]
+    drive, load = "DC {frequency}", LOAD
     sources = [
         f".param radians={{phase*{_RADIANS!r}}}",
         "Va_re a_re 0 DC {voltage}",
@@ -212,9 +209,7 @@ def _averaged(motor: Motor, kind: str) -> str:
         "Vb_re b_re 0 DC {voltage*cos(radians)}",
         "Vb_im b_im 0 DC {voltage*sin(radians)}",
     ]
-    start = [
-        ".ic v(a_re)={voltage} v(b_re)={voltage*cos(radians)} v(b_im)={voltage*sin(radians)}",
-    ]
+    start = ".ic v(a_re)={voltage} v(b_re)={voltage*cos(radians)} v(b_im)={voltage*sin(radians)}"
     measures: list[str] = []
     if kind == "run":
         extra = {"stop": ("0.05", "s, end of the run")}
@@ -224,8 +219,7 @@ def _averaged(motor: Motor, kind: str) -> str:
         extra = {"slowest": ("-5", "rad/s, first speed"), "fastest": ("50", "rad/s, last speed"),
                  "stop": (_number(RAMP), "s, end of the ramp")}  # fmt: skip
         load = "Vshaft shaft 0 PWL(0 {slowest} {0.2*stop} {slowest} {stop} {fastest})"
-        analysis = ".tran {stop/1000} {stop} 0 {stop/60} uic"
-        start[0] += " v(shaft)={slowest}"
+        start += " v(shaft)={slowest}"
     else:
         frequency = default_drive(motor).frequencies[-1]
         extra = {
@@ -234,7 +228,6 @@ def _averaged(motor: Motor, kind: str) -> str:
             "stop": ("1", "s, end of the ramp"),
         }
         drive = "PWL(0 {first_frequency} {0.1*stop} {first_frequency} {stop} {last_frequency})"
-        analysis = ".tran {stop/1000} {stop} 0 {stop/240} uic"
     vectors = [
         *(f"v({node})" for node in ("a_re", "a_im", "b_re", "b_im", "f", "shaft", "heat")),
         *(f"i(v{node})" for node in ("a_re", "a_im", "b_re", "b_im")),
@@ -250,16 +243,15 @@ def _averaged(motor: Motor, kind: str) -> str:
         ]  # fmt: skip
         vectors += [f"v({SLIDER_AT_START})", *(f"v(xmotor.{axis}_{part}1)" for axis in "xy" for part in ("re", "im"))]
         vectors += ["v(xmotor.xmount.elastic)"] if motor.mount else []
-    passed = ("preload", "friction", "inertia", "mount_stiffness")
     return _deck(
         f"{motor.name}: {what}",
         ["Complex amplitudes instead of waveforms; v(shaft) is the speed in rad/s."],
         values | extra,
         [
             *sources, f"Vfrequency f 0 {drive}", load, _text(circuit),
-            _instance(circuit, "a_re a_im b_re b_im f shaft 0 heat", passed),
-            _options(AVERAGED_OPTIONS), *start, f".save {' '.join(vectors)}",
-            *measures, analysis,
+            _instance(circuit, "a_re a_im b_re b_im f shaft 0 heat", values),
+            _options(AVERAGED_OPTIONS), start, f".save {' '.join(vectors)}",
+            *measures, f".tran {{stop/{steps}}} {{stop}} 0 {{stop/{longest}}} uic",
         ],
     )  # fmt: skip
 
@@ -306,11 +298,9 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     nodes = "pin_a pin_b 0 shaft" if driver else "a b 0 shaft"
     if driver:
         body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
-    passed = ("preload", "friction", "inertia", "mount_stiffness", "damping")
-    body.append(" ".join([_instance(circuit, nodes, passed), *(f"{name}={value}" for name, value in starts.items())]))
-    options = dict(transient_options(motor, Law(law)))
-    if driver:
-        options = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
+    body.append(" ".join([_instance(circuit, nodes, values), *(f"{name}={value}" for name, value in starts.items())]))
+    of_driver = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
+    options = of_driver if driver else transient_options(motor, Law(law))
     means = {
         "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
         "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The outlines of a solid stator and its electrodes, and how its modes move them, for the pages that draw it."""
+"""The outlines of a stator and its electrodes, and how its modes move them, for the pages that draw it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
+from pyspice_runner.motor.beam import solve_resonator
+from pyspice_runner.motor.motor import Structure
 from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
 from pyspice_runner.motor.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.view.style import BLUE, GREY, VERMILION
+from pyspice_runner.view.style import BLUE, GREEN, GREY, VERMILION
 
 COLOURS = {"A": BLUE, "B": VERMILION}  # of the groups
 POINTS = 20  # on each side of a box
@@ -28,13 +30,39 @@ class Outline:
         name: what it is.
         colour: as #RRGGBB.
         line_m: positions along the two axes of the plane, (2, points); NaN between parts.
-        shapes: displacement per modal coordinate, (2, points, modes), of the face towards the viewer.
+        shapes: displacement per modal coordinate, (2, points, modes), of a solid that of the face towards the viewer.
     """
 
     name: str
     colour: str
     line_m: Array
     shapes: Array
+
+
+def beam_outlines(structure: Structure, count: int) -> list[Outline]:
+    """Return the middle of a beam, its patches and its tip.
+
+    The first ``count`` modes move them by the deflection and, away from the middle, by its slope.
+    """
+    beam, tip = structure.beam, structure.tip
+    kinds = {("beam", GREY): [np.array([np.linspace(0.0, beam.length_m, 81), np.zeros(81)])]}
+    for group, colour in COLOURS.items():
+        sides = []
+        for patch in (patch for patch in structure.patches if patch.group == group):
+            height = 0.5 * (beam.thickness_m + patch.thickness_m)
+            for side in {"top": (1.0,), "bottom": (-1.0,)}.get(patch.faces, (1.0, -1.0)):
+                line = np.linspace(patch.start_m, patch.end_m, 21)
+                sides += [np.array([line, np.full(21, side * height)]), np.full((2, 1), np.nan)]
+        if sides:
+            kinds[f"patches of group {group}", colour] = sides
+    kinds["tip", GREEN] = [np.array([np.full(2, tip.position_m), [0.0, tip.length_m]])]
+    resonator = solve_resonator(beam, structure.patches, tip, count=count)
+    found = []
+    for (name, colour), sides in kinds.items():
+        along, height = line = np.concatenate(sides, axis=1)
+        shapes = np.array([-height[:, None] * resonator.slope(along), resonator.deflection(along)])
+        found.append(Outline(name, colour, line, shapes))
+    return found
 
 
 def axes_of(solid: Solid) -> list[int]:

@@ -14,13 +14,13 @@ from pyspice_runner.motor import motor as model
 from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.solid.elements import Indices
 from pyspice_runner.motor.solid.geometry import regions_of
-from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
+from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.solid.store import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, dress
-from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS, VERMILION
+from pyspice_runner.view.outlines import COLOURS, axes_of
+from pyspice_runner.view.style import BLUE, CYCLE, GREY, LABELS
 
-_COLORS = {"A": BLUE, "B": VERMILION}
 _SWING = 0.08  # of the largest dimension of a solid: how far a mode is drawn to move
 
 
@@ -54,15 +54,13 @@ def motor(motor: model.Motor) -> Sheet:
 def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     """Return boxes and electrodes, and the displacement of each mode, seen along the axis of the rotor."""
     stator, contact = stator_of(solid), solid.contact
-    plane = sorted("xyz".index(sense[1]) for sense in (contact.normal, contact.tangent))
-    depth = 3 - sum(plane)
+    plane = axes_of(solid)
     nodes = 1e3 * stator.nodes_m
     swing = _SWING * np.ptp(nodes, axis=1).max()
-
-    cells = _towards_viewer(nodes, stator.cells, plane, depth)
+    cells = _towards_viewer(nodes, stator.cells, plane)
 
     def draw_geometry(ax: Axes) -> None:
-        x, y = _draw_regions(ax, solid, plane, depth)
+        x, y = _draw_regions(ax, solid, plane)
         for sense, name in ((contact.normal, "normal"), (contact.tangent, "tangent")):
             dx, dy = np.eye(3)["xyz".index(sense[1])][plane] * (swing if sense[0] == "+" else -swing)
             ax.annotate("", (x + dx, y + dy), (x, y), arrowprops={"arrowstyle": "->"})
@@ -87,37 +85,31 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
     return Sheet(panels, 2, (5.5, 2.8))
 
 
-def _draw_regions(ax: Axes, solid: Solid, plane: list[int], depth: int) -> Array:
+def _draw_regions(ax: Axes, solid: Solid, plane: list[int]) -> Array:
     """Draw the cells of the boxes and the faces of the electrodes, and return the middle of the contact in mm."""
     regions = regions_of(solid)
     points = 1e3 * regions.points_m
     for box, cells in zip(solid.boxes, regions.boxes, strict=True):
-        faces = points[plane][:, _towards_viewer(points, cells, plane, depth)]
+        faces = points[plane][:, _towards_viewer(points, cells, plane)]
         ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor="0.9", edgecolor="0.6", lw=0.2))
-        _name(ax, box, faces.min(axis=(1, 2)))
+        x, y = faces.min(axis=(1, 2))
+        ax.annotate(box.material, (x, y), (2, -2), textcoords="offset points", fontsize=7, color="0.3", va="top")
     for electrode, cells in zip(solid.electrodes, regions.electrodes, strict=True):
         if electrode.group != "ground":
-            faces, color = points[plane][:, _around(points[plane], cells)], _COLORS[electrode.group]
+            faces, color = points[plane][:, _around(points[plane], cells)], COLOURS[electrode.group]
             ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor=color, alpha=0.35))
-            _name(ax, electrode, faces.mean(axis=(1, 2)))
+            x, y = faces.mean(axis=(1, 2))
+            ax.text(x, y, electrode.group, ha="center", va="center")
     return np.asarray(1e3 * regions.contact_m[plane])
 
 
-def _name(ax: Axes, item: Box | Electrode, place: Array) -> None:
-    """Write the material below the corner of a box, or the group in the middle of an electrode."""
-    x, y = place.tolist()
-    if isinstance(item, Electrode):
-        ax.text(x, y, item.group, ha="center", va="center")
-    else:
-        ax.annotate(item.material, (x, y), (2, -2), textcoords="offset points", fontsize=7, color="0.3", va="top")
-
-
-def _towards_viewer(nodes: Array, cells: Indices, plane: list[int], depth: int) -> Indices:
+def _towards_viewer(nodes: Array, cells: Indices, plane: list[int]) -> Indices:
     """Return of each cell the corners towards the viewer, in order around it, the nearest cells last."""
     if len(nodes) == 3:
-        order = np.argsort(nodes[depth][cells], axis=0)[-4 if len(cells) == 8 else -3 :]
+        depth = nodes[3 - sum(plane)]
+        order = np.argsort(depth[cells], axis=0)[-4 if len(cells) == 8 else -3 :]
         cells = np.take_along_axis(cells, order, axis=0)
-        cells = cells[:, np.argsort(nodes[depth][cells].mean(axis=0))]
+        cells = cells[:, np.argsort(depth[cells].mean(axis=0))]
     return _around(nodes[plane], cells)
 
 

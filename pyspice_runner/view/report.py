@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 import numpy as np
+import xarray
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
@@ -28,9 +29,6 @@ from pyspice_runner.steady.speed_torque import axis, check_distinct, no_load_sta
 from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.view.datasheet import Report
-
-if TYPE_CHECKING:
-    import xarray
 
 LEVELS = (0.5, 1.0)
 SPEEDS = 11  # of a curve, by default: ten up to no load, and one beyond

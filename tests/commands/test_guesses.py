@@ -11,7 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.commands.numbers import number
+from pyspice_runner.commands.common import number
 
 
 @pytest.fixture(autouse=True)

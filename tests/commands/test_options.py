@@ -126,7 +126,7 @@ def test_an_option_that_an_axis_replaces_is_an_error(
             "--part driver.x is given twice",
         ),
         (["fit", "A.csv", "--no-leads", "--leads", "auto"], "--leads has no effect beside --no-leads"),
-        (["fit", "A.csv", "--noise", "z=1,z=2"], "--noise 'z=1,z=2' gives z twice"),
+        (["fit", "A.csv", "--noise", "z=1,z=2"], "--noise z is given twice"),
         (["compare", "A.csv", "B.csv", "--tolerance", "5%", "--tolerance", "9%"], "--tolerance of all quantities is"),
         (["map", "bimodal40", *VOLTS, "--speed", "3", "--over", "speed=4"], "load.speed is given twice"),
         (

@@ -426,7 +426,7 @@ def nothing_runs() -> Iterator[None]:
         yield
 
 
-_GROUP: Any = typer.main.get_command(app)
+_GROUP: Any = typer.main.get_command(app())
 COMMANDS: dict[str, Any] = _GROUP.commands
 _resonator_modes = cache(resonator_modes)
 _SPECTRA = ["measured.csv", "two_port.s2p"]
