@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -52,27 +52,42 @@ class DataSheet:
                 "One value does not make a rated point: give rated_speed and rated_load, or one of them with "
                 "rated_current or rated_power."
             )
-        for own, name, most, limit in (
-            ("rated_speed", "rated_speed", "no_load_speed", self.no_load_speed),
-            ("rated_load", "rated_load", self.words("stall"), self.stall),
+        for name, value, most, limit in (
+            ("rated_speed", self.rated_speed, "no_load_speed", self.no_load_speed),
+            ("rated_load", self.rated_load, f"stall_{'force' if self.linear else 'torque'}", self.stall),
         ):
-            value = getattr(self, own)
             if value is not None and limit is not None and value >= limit:
                 raise ParameterError(
-                    f"{name} = {value:g} {self.unit(own)} contradicts {most} = {limit:g} {self.unit(own)}: a motor "
+                    f"{name} = {value:g} {self.unit(name)} contradicts {most} = {limit:g} {self.unit(name)}: a motor "
                     "turns slower under load, and stands at stall. Check both, and their units."
                 )
 
-    def check_power(self, drive: TwoPhaseDrive) -> None:
-        """Raise ParameterError where the powers at the rated point contradict each other at this voltage."""
-        voltage = drive.voltage * sqrt(0.5 * (1.0 + drive.ratio_b**2))  # amplitude, root mean square of the groups
-        most, source = float("inf"), ""
+    def drive(self, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
+        """Return the drive at which the numbers hold; ``None`` without numbers.
+
+        Args:
+            at: ``voltage``, ``frequency`` and ``phase_deg``.
+            phase_deg: by default.
+
+        Raises:
+            ParameterError: without voltage or frequency, or if the powers at the rated point contradict each other at
+                the voltage.
+        """
+        if not self.measured:
+            return None
+        voltage, frequency, phase = at["voltage"], at["frequency"], at["phase_deg"]
+        if voltage is None or frequency is None:
+            raise ParameterError(
+                "A speed or a torque is measured at one drive; give its voltage and its frequency too."
+            )
+        drive = TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg if phase is None else phase)
+        most, source = inf, ""
         if self.rated_current is not None:
             most = GROUPS * voltage / sqrt(2.0) * self.rated_current
             source = (
-                f"the apparent power of {most:.4g} VA, that of {GROUPS} groups at {drive.voltage:g} V amplitude and "
+                f"the apparent power of {most:.4g} VA, that of {GROUPS} groups at {voltage:g} V amplitude and "
+                f"{self.rated_current:g} A rms"
             )
-            source += f"{self.rated_current:g} A rms"
         if self.rated_power is not None:
             if self.rated_power > most:
                 raise ParameterError(
@@ -87,16 +102,13 @@ class DataSheet:
                 f"{self.rated_speed:g} {self.unit('rated_speed')}), but takes at most {source}. Check the numbers and "
                 "their units."
             )
+        return drive
 
     def unit(self, key: str) -> str:
         """Return the unit of a number."""
         if "speed" in key:
             return "m/s" if self.linear else "rad/s"
         return "N" if self.linear else "N·m"
-
-    def words(self, key: str) -> str:
-        """Return the name of a load as an argument of the entry."""
-        return f"{key}_{'force' if self.linear else 'torque'}"
 
     @property
     def measured(self) -> dict[str, float]:
@@ -109,32 +121,31 @@ class DataSheet:
         }  # fmt: skip
         return {key: value for key, value in found.items() if value is not None}
 
-    @property
-    def errors(self) -> dict[str, float]:
-        """The relative standard deviation of each of :attr:`measured`."""
-        own = {"speed": self.speed_error, "current": self.current_error, "power": self.current_error}
-        return {
-            key: next((error for word, error in own.items() if word in key), self.load_error) for key in self.measured
-        }
+    def points(self, *, logarithmic: bool = True) -> Points | None:
+        """Return the numbers as measured points: without a load, held at stall, and rated; ``None`` without numbers.
 
-    def points(self, keys: Sequence[str]) -> Points:
-        """Return numbers of :attr:`measured` as measured points: without a load, held at stall, and rated.
-
-        They are logarithmic, since a motor that is to be found may be a factor off.
+        A motor that is to be found may be a factor off: therefore ``logarithmic``.
         """
-        held = self.rated_speed is not None
+        every, held = self.measured, self.rated_speed is not None
+        if not every:
+            return None
         loads: dict[str, dict[str, float | None]] = {
             "no_load": {"load.torque": 0.0, "load.speed": None}, "stall": {"load.torque": 0.0, "load.speed": 0.0},
             "rated": {"load.torque": 0.0 if held else self.rated_load, "load.speed": self.rated_speed},
         }  # fmt: skip
-        used = [name for name in loads if any(key.startswith(name) for key in keys)]
-        quantities = {"speed": SPEED, "stall": "torque_n_m", "current": CURRENT, "power": POWER}
-        every = self.measured
+        kinds = {  # word in a name, the first that is there → quantity and error
+            "speed": (SPEED, self.speed_error), "current": (CURRENT, self.current_error),
+            "power": (POWER, self.current_error), "stall": ("torque_n_m", self.load_error),
+            "rated": (LOAD, self.load_error),
+        }  # fmt: skip
+        used = [name for name in loads if any(key.startswith(name) for key in every)]
+        found = [next(kind for word, kind in kinds.items() if word in key) for key in every]
+        quantities, errors = zip(*found, strict=True)
+        values = np.array(list(every.values()))
         return Points(
             source="the data sheet",
             conditions=tuple(loads[name] for name in used),
-            rows=tuple(next(row for row, name in enumerate(used) if key.startswith(name)) for key in keys),
-            quantities=tuple(next((own for word, own in quantities.items() if word in key), LOAD) for key in keys),
-            values=np.log([every[key] for key in keys]), errors=np.array([self.errors[key] for key in keys]),
-            errors_given=True, logarithmic=True,
+            rows=tuple(next(row for row, name in enumerate(used) if key.startswith(name)) for key in every),
+            quantities=quantities, values=np.log(values) if logarithmic else values, errors=np.array(errors),
+            errors_given=True, logarithmic=logarithmic,
         )  # fmt: skip

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.motor import Motor, Provenance, assemble
+from pyspice_runner.motor.motor import Motor, assemble
 
 _MASS, _STIFFNESS, _DAMPING = (1.0, -1.0, -2.0, 0.0), (1.0, -1.0, 0.0, 0.0), (1.0, -1.0, -1.0, 0.0)
 _FORCE, _LENGTH, _SPEED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 1.0, 1.0, 0.0)
@@ -80,7 +80,7 @@ class Factors:
         return float(self.force**force * displacement**length * self.frequency**frequency * self.voltage**voltage)
 
 
-def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, Provenance]) -> Motor:
+def scaled(motor: Motor, factors: Factors, name: str) -> Motor:
     """Return a similar motor. What is not scaled is not known of it: strength, worn flat, recommended drive.
 
     Raises:
@@ -94,7 +94,7 @@ def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, P
     for section in ("piezo", "contact", motor.moved, "mount"):
         if document[section] is not None:
             document[section] = _grown(document[section], factors)
-    return assemble(document, None, dict(provenance), where=f"a motor similar to {motor.name}")
+    return assemble(document, None, {}, where=f"a motor similar to {motor.name}")
 
 
 def _grown(table: Mapping[str, Any], factors: Factors) -> dict[str, Any]:
