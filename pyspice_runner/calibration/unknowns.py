@@ -9,14 +9,8 @@ from math import exp, hypot, inf, log
 
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.errors import ParameterError, did_you_mean, require
-from pyspice_runner.motor.motor import (
-    HIGHEST_FREQUENCY,
-    HIGHEST_QUALITY,
-    LOWEST_FREQUENCY,
-    LOWEST_QUALITY,
-    Motor,
-)
-from pyspice_runner.motor.parameters import Parameters
+from pyspice_runner.motor.motor import Motor, Ringing
+from pyspice_runner.motor.parameters import Mode, Parameters
 from pyspice_runner.motor.refusal import Stated, quoted, schema_of
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.paths import law_parameter, parameter
@@ -24,9 +18,6 @@ from pyspice_runner.run.paths import law_parameter, parameter
 MOST = 40  # free parameters
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
 DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k")
-_DERIVED = {
-    "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
-}  # fmt: skip
 THERMAL = "thermal."  # drift of the motor, of spectra at several temperatures
 _SECTIONS = ("modes", "piezo", "contact", "law", "rotor", "slider", "mount")
 
@@ -117,10 +108,9 @@ def unknowns_of(
 
 
 def _expanded(motor: Motor, path: str) -> list[str]:
-    start, star, end = path.partition("modes.*.")
-    if not star or start:
+    if not path.startswith("modes.*."):
         return [path]
-    return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
+    return [path.replace("*", str(number), 1) for number in range(len(motor.modes))]
 
 
 def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: float, law: Law) -> Unknown:
@@ -146,19 +136,20 @@ def _drift(motor: Motor, path: str, width: float | None) -> Unknown:
         raise ParameterError(
             f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
         )
-    schema = schema_of(Thermal, key)
-    return Unknown(path, getattr(thermal, key), float(schema["minimum"]), float(schema["maximum"]), "1/K", width)
+    return Unknown(path, getattr(thermal, key), *_limits(Thermal, key), "1/K", width)
 
 
 def _range(motor: Motor, path: str) -> tuple[float, float]:
     section, _, key = path.partition(".")
-    owner: Parameters = motor.modes[0] if section == "modes" else getattr(motor, section)
-    key = key.rpartition(".")[2]
-    if section == "modes" and key in _DERIVED:
-        return _DERIVED[key]
-    schema = schema_of(type(owner), key)
+    if section != "modes":
+        return _limits(type(getattr(motor, section)), key)
+    key = key.partition(".")[2]
+    return _limits(Ringing if key in Ringing.model_fields else Mode, key)
+
+
+def _limits(kind: type[Parameters], key: str) -> tuple[float, float]:
+    """Return the minimum and the maximum of a field."""
+    schema = schema_of(kind, key)
     schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
-    low, high = (schema.get(f"{name}imum", schema.get(f"exclusive{name.title()}imum")) for name in ("min", "max"))
-    assert low is not None
-    assert high is not None
-    return float(low), float(high)
+    ends = {name.removeprefix("exclusive").lower(): end for name, end in schema.items()}
+    return float(ends["minimum"]), float(ends["maximum"])
