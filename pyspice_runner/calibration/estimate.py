@@ -18,14 +18,13 @@ from numpy import zeros
 from pydantic import SkipValidation
 
 from pyspice_runner.calibration.checkpoint import Checkpoint
-from pyspice_runner.calibration.misfit import misfits
 from pyspice_runner.calibration.points import read_points
 from pyspice_runner.calibration.prediction import STEP, Counter, Predictor
 from pyspice_runner.calibration.result import Calibration, Rival
 from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.search import Search
 from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, scales, temperatures_of
-from pyspice_runner.calibration.statistics import Judgement
+from pyspice_runner.calibration.statistics import Judgement, misfits
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, touching_law
 from pyspice_runner.errors import ParameterError, SimulationError, require

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, model_validator
 
-from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.points import MEASURED
+from pyspice_runner.calibration.result import SetFit
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.document import read_document

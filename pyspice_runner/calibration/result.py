@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.points import TEMPERATURE, Curve, Points, read_points
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.spectra import temperatures_of
@@ -39,6 +38,17 @@ class Estimate:
     identifiable: bool  # whether the data decide it: to 25 % and better, without what was known before
     start: float
     unit: str
+
+
+@dataclass(frozen=True)
+class SetFit:
+    """How the calibrated motor fits one set of data."""
+
+    data: str  # name of the file, and the state of a spectrum
+    values: int
+    squares: float  # sum of squares, with Huber's loss
+    expected: float  # its mean if the model holds
+    probability: float  # of a sum that is as large, if the model holds
 
 
 @dataclass(frozen=True)
@@ -331,7 +341,7 @@ class Calibration(Result):
     def _table(self) -> list[list[str]]:
         """Return the rows of the columns with the names of data and quantity."""
         columns = dict(self.columns())
-        names = [name for name, places in self.predictor.sets for _ in range(places.stop - places.start)]
+        names = [one.source for one, _ in self.predictor.sets for _ in one.errors]
         quantities = list(self.points.quantities) if self.points else []
         quantities += [name for curve, _ in self.curves for name in curve.quantities for _ in curve.at]
         del columns["set"]

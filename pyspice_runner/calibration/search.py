@@ -15,11 +15,11 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from pyspice_runner.calibration.misfit import huber, weights_of
 from pyspice_runner.calibration.prediction import Prediction, Predictor
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.waveforms import Array
 
+OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 START_REACH = log(2.0)  # of further starts about the first
 _INSIDE = 0.05  # of a start at its bound: scipy's first step is as long as the start is from 0, which is in the middle
 _NORMAL = 1.4826  # standard deviation over the median of the magnitudes
@@ -177,3 +177,14 @@ def broyden(slope: Array, change: Array, step: Array) -> Array:
     """Return a Jacobian that is right along a step, by the change of the residuals there."""
     square = float(step @ step)
     return slope + np.outer(change - slope @ step, step) / square if square > 0.0 else slope
+
+
+def weights_of(residuals: Array, scale: float = 1.0) -> Array:
+    """Return the weights that Huber's loss gives to residuals."""
+    return np.minimum(1.0, OUTLIER * scale / np.maximum(np.abs(residuals), 1e-12))
+
+
+def huber(residuals: Array) -> Array:
+    """Return the squares of residuals, linear beyond :data:`OUTLIER`."""
+    size = np.abs(residuals)
+    return np.where(size <= OUTLIER, size**2, OUTLIER * (2.0 * size - OUTLIER))

@@ -8,6 +8,12 @@ The intervals follow from the profile likelihood. One parameter is moved until t
 respect to all other parameters, has grown by 3.84 s². The other parameters follow by the Gauss-Newton method, with a
 Jacobian that Broyden's rule updates. All parameters and both sides share the calls of the model. D. M. Bates, D. G.
 Watts, "Nonlinear Regression Analysis and Its Applications", Wiley 1988, ch. 6.
+
+The residuals of a fit that is linear near its solution have the covariance :math:`M = I - J (J^T J)^{-1} J^T`. So the
+sum of squares of one set of data, with the block :math:`M_s`, has the mean :math:`m = \mathrm{tr}\,M_s` and the
+variance :math:`v = 2\,\mathrm{tr}\,M_s^2`; it is a multiple of a chi-squared variable with :math:`2 m^2/v` degrees of
+freedom (F. E. Satterthwaite, Biometrics Bulletin 2, 110, 1946). Each set is judged alone, since a few points that the
+model does not explain have no weight in the sum of hundreds of values of a spectrum.
 """
 
 from __future__ import annotations
@@ -17,14 +23,16 @@ from math import sqrt
 
 import numpy as np
 
-from pyspice_runner.calibration.misfit import WRONG_READING, fits_of, huber, misfits, weights_of
 from pyspice_runner.calibration.points import DEFAULT_ERROR
-from pyspice_runner.calibration.result import Calibration, Estimate
+from pyspice_runner.calibration.result import Calibration, Estimate, SetFit
 from pyspice_runner.calibration.run_up import RunUp
-from pyspice_runner.calibration.search import Search, broyden
+from pyspice_runner.calibration.search import Search, broyden, huber, weights_of
 from pyspice_runner.calibration.unknowns import WIDE, Unknown
 from pyspice_runner.run.waveforms import Array
 
+SIGNIFICANCE = 1e-3  # probability of the least probable set, below which the model does not explain the data
+WRONG_READING = 4.0  # standard errors: one normal residual in 16,000 is beyond
+FEW = 10  # values, of which one may be a wrong reading
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
 _RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
 _ROUNDS = 6  # computations of the sum of squares at each end of a profile, most of them for curved valleys
@@ -66,7 +74,7 @@ class Judgement:
         data = weighted[:count].T @ weighted[:count] / self.scale**2
         self.by_data = np.linalg.inv(data + np.eye(len(x)) / WIDE**2)
         self.covariance = np.linalg.inv(data + np.diag(search.prior**2))
-        sets = [(name, np.arange(count)[places]) for name, places in predictor.sets]
+        sets = [(one.source, np.arange(count)[places]) for one, places in predictor.sets]
         sets += [("the priors", priors)] if len(priors) else []
         names, places = [name for name, _ in sets], [own[self.known[own]] for _, own in sets]
         self.fits = fits_of(names, places, self.residuals, weighted) if self.errors_given and self.freedom > 0 else ()
@@ -220,3 +228,36 @@ def _undecided(estimates: Sequence[Estimate], place: int, correlations: Array) -
         text += f" It goes together with {estimates[other].path} (correlation {correlations[other]:+.3f})."
     experiment = next((words for path, words in _EXPERIMENTS.items() if one.path.startswith(path)), "measure more")
     return f"{text} To identify it, {experiment}, or leave it out of free."
+
+
+def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope: Array) -> tuple[SetFit, ...]:
+    """Return the fit of each set.
+
+    A set of :data:`FEW` values and more with one residual beyond :data:`WRONG_READING` is judged without it.
+
+    Args:
+        names: of the sets.
+        sets: places of their values, without those that are not known.
+        residuals: of all values and priors.
+        slope: their Jacobian, with the roots of the weights of the loss.
+    """
+    from scipy.special import gammaincc  # takes long to load
+
+    hat = slope @ np.linalg.solve(slope.T @ slope, slope.T)
+    found = []
+    for name, own in zip(names, sets, strict=True):
+        far = np.abs(residuals[own]) > WRONG_READING
+        used = own[~far] if far.sum() == 1 and len(own) >= FEW else own
+        left = np.eye(len(used)) - hat[np.ix_(used, used)]
+        mean, variance = float(np.trace(left)), 2.0 * float(np.sum(left**2))
+        squares = float(huber(residuals[used]).sum())
+        ratio = 2.0 * mean / variance if variance > 0.0 else 0.0
+        # parameters that take up all values of a set leave nothing to judge
+        probability = float(gammaincc(0.5 * mean * ratio, 0.5 * squares * ratio)) if mean > 0.5 else 1.0
+        found.append(SetFit(name, len(own), squares, mean, probability))
+    return tuple(found)
+
+
+def misfits(fits: Sequence[SetFit]) -> list[SetFit]:
+    """Return the sets that the model does not explain: in all, one calibration in 1,000 has one by chance."""
+    return [fit for fit in fits if fit.probability < SIGNIFICANCE / len(fits)]
