@@ -18,28 +18,18 @@ GROUPS = 2
 
 @dataclass(frozen=True)
 class DataSheet:
-    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N.
+    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N; all at one drive."""
 
-    Attributes:
-        linear: whether the motor pushes a slider.
-        no_load_speed, stall: at the drive.
-        rated_speed, rated_load: of the rated point at the same drive.
-        rated_current: RMS current of a group there, A; where the groups differ, the root mean square of both.
-        rated_power: electrical power of both groups there, W.
-        speed_error, load_error, current_error: relative standard deviations of speeds, of torques and forces, and of
-            current and power.
-    """
-
-    linear: bool
+    linear: bool  # whether the motor pushes a slider
     no_load_speed: float | None = None
     stall: float | None = None
-    rated_speed: float | None = None
+    rated_speed: float | None = None  # of the rated point
     rated_load: float | None = None
-    rated_current: float | None = None
-    rated_power: float | None = None
-    speed_error: float = 0.02
-    load_error: float = 0.02
-    current_error: float = 0.05
+    rated_current: float | None = None  # RMS, of a group there, A; where the groups differ, the root mean square
+    rated_power: float | None = None  # electrical, of both groups there, W
+    speed_error: float = 0.02  # relative standard deviation of speeds
+    load_error: float = 0.02  # likewise of torques and forces
+    current_error: float = 0.05  # likewise of current and power
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -113,39 +103,39 @@ class DataSheet:
     @property
     def measured(self) -> dict[str, float]:
         """The numbers that a motor has to show: name with its unit → value."""
+        return {name: value for name, value, *_ in self._numbers if value is not None}
+
+    @property
+    def _numbers(self) -> list[tuple[str, float | None, str, str, float]]:
+        """Name, value, load, quantity and error of each number that a motor may have to show."""
         speed, load = ("m_s", "force_n") if self.linear else ("rad_s", "torque_n_m")
-        found = {
-            f"no_load_speed_{speed}": self.no_load_speed, f"stall_{load}": self.stall,
-            f"rated_{load}": self.rated_load if self.rated_speed is not None else None,
-            "rated_current_rms_a": self.rated_current, "rated_power_w": self.rated_power,
-        }  # fmt: skip
-        return {key: value for key, value in found.items() if value is not None}
+        rated_load = self.rated_load if self.rated_speed is not None else None
+        return [
+            (f"no_load_speed_{speed}", self.no_load_speed, "no load", SPEED, self.speed_error),
+            (f"stall_{load}", self.stall, "stall", "torque_n_m", self.load_error),
+            (f"rated_{load}", rated_load, "rated", LOAD, self.load_error),
+            ("rated_current_rms_a", self.rated_current, "rated", CURRENT, self.current_error),
+            ("rated_power_w", self.rated_power, "rated", POWER, self.current_error),
+        ]
 
     def points(self, *, logarithmic: bool = True) -> Points | None:
         """Return the numbers as measured points: without a load, held at stall, and rated; ``None`` without numbers.
 
         A motor that is to be found may be a factor off: therefore ``logarithmic``.
         """
-        every, held = self.measured, self.rated_speed is not None
-        if not every:
+        if not self.measured:
             return None
-        loads: dict[str, dict[str, float | None]] = {
-            "no_load": {"load.torque": 0.0, "load.speed": None}, "stall": {"load.torque": 0.0, "load.speed": 0.0},
-            "rated": {"load.torque": 0.0 if held else self.rated_load, "load.speed": self.rated_speed},
-        }  # fmt: skip
-        kinds = {  # word in a name, the first that is there → quantity and error
-            "speed": (SPEED, self.speed_error), "current": (CURRENT, self.current_error),
-            "power": (POWER, self.current_error), "stall": ("torque_n_m", self.load_error),
-            "rated": (LOAD, self.load_error),
-        }  # fmt: skip
-        used = [name for name in loads if any(key.startswith(name) for key in every)]
-        found = [next(kind for word, kind in kinds.items() if word in key) for key in every]
-        quantities, errors = zip(*found, strict=True)
-        values = np.array(list(every.values()))
+        _, values, loads, quantities, errors = zip(*(one for one in self._numbers if one[1] is not None), strict=True)
+        conditions: dict[str, dict[str, float | None]] = {
+            "no load": {"load.torque": 0.0, "load.speed": None},
+            "stall": {"load.torque": 0.0, "load.speed": 0.0},
+            "rated": {"load.torque": self.rated_load, "load.speed": None},
+        }
+        if self.rated_speed is not None:
+            conditions["rated"] = {"load.torque": 0.0, "load.speed": self.rated_speed}
+        used = list(dict.fromkeys(loads))
         return Points(
-            source="the data sheet",
-            conditions=tuple(loads[name] for name in used),
-            rows=tuple(next(row for row, name in enumerate(used) if key.startswith(name)) for key in every),
-            quantities=quantities, values=np.log(values) if logarithmic else values, errors=np.array(errors),
-            errors_given=True, logarithmic=logarithmic,
+            "the data sheet", tuple(conditions[load] for load in used), tuple(map(used.index, loads)), quantities,
+            np.log(values) if logarithmic else np.array(values), np.array(errors), errors_given=True,
+            logarithmic=logarithmic,
         )  # fmt: skip

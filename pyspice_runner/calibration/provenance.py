@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, hypot, inf, log, sqrt
@@ -85,13 +86,9 @@ def value_of(document: Any, path: str) -> float | None:
 
 
 def of_spectra(motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], targets: Sequence[str]) -> _Annotated:
-    """Return a motor with the stator of its spectra: with provenance, errors and origins of its values.
+    """Return a motor with the stator of its spectra with provenance, errors and origins of its values.
 
-    Args:
-        motor: the motor.
-        fit: of the spectra.
-        relative: fitted value → its relative standard error.
-        targets: names of the measurements to which they were fitted.
+    ``relative`` has the relative standard errors of the values that were fitted to the measurements ``targets``.
     """
     document, provenance = motor.model_dump(), dict(motor.provenance)
     errors = _errors_of_modes(motor, fit, relative.get("mass_kg", 0.0))
@@ -141,30 +138,27 @@ def _errors_of_modes(motor: Motor, fit: TwoPortFit, mass_error: float) -> dict[s
 
 
 def of_class(motor: Motor, base: Motor, relative: Mapping[str, float], measured: Sequence[str]) -> _Annotated:
-    """Return a motor of a class: with provenance, errors and origins of its values.
+    """Return a motor of the class of ``base`` with provenance, errors and origins of its values.
 
-    Args:
-        motor: the motor.
-        base: that represents the class.
-        relative: fitted value → its relative standard error.
-        measured: names of the numbers of the data sheet.
+    ``relative`` has the relative standard errors of the fitted values, ``measured`` the names of the numbers of the
+    data sheet.
     """
     factors = {
-        "contact.friction": FRICTION,
-        **{f"modes.{number}.damping_n_s_per_m": QUALITY for number in range(len(motor.modes))},
-        **{f"modes.{number}.tip_y": NORMAL for number in range(len(motor.modes))},
+        "contact.friction": FRICTION, "modes.damping_n_s_per_m": QUALITY, "modes.tip_y": NORMAL,
         **{groups.column("piezo.capacitance", group, "f"): CAPACITANCE for group in ("a", "b", "ab")},
-    }
+    }  # fmt: skip
     document = motor.model_dump()
-    paths = [f"modes.{number}.{key}" for number, mode in enumerate(document["modes"]) for key in mode if key != "name"]
-    paths += [f"{section}.{key}" for section in ("piezo", "contact", motor.moved, "mount")
-              for key in document[section] or {}]  # fmt: skip
+    tables = {f"modes.{number}": mode for number, mode in enumerate(document["modes"])}
+    tables |= {section: document[section] or {} for section in ("piezo", "contact", motor.moved, "mount")}
     origins, errors, provenance = dict[str, Origin](), dict[str, float](), dict[str, Provenance]()
     words = words_of(measured)
-    for path in paths:
-        value, factor = value_of(document, path), factors.get(path, "")
+    values = {
+        f"{table}.{key}": value for table, every in tables.items() for key, value in every.items() if key != "name"
+    }
+    for path, value in values.items():
         if not value:  # an effect that is off
             continue
+        factor = factors.get(re.sub(r"\.\d+\.", ".", path), "")
         share = relative.get(factor, inf)
         if share < _IMPROVED * PRIORS.get(factor, 0.0):
             errors[path] = share * abs(value)

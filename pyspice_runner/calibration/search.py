@@ -144,17 +144,16 @@ class Search:
 
     def _jacobian(self, x: Array) -> Array:
         """Return the weighted Jacobian: new after a long step, otherwise the last one, by Broyden's rule."""
-        residuals = self.residuals(x)
-        slope = self._slope(x) if self.way is None else self._followed(x, residuals, *self.way)
-        self.way = x.copy(), residuals, slope
-        return np.asarray(self.roots[:, None] * slope)
-
-    def _followed(self, x: Array, residuals: Array, before: Array, known: Array, slope: Array) -> Array:
-        step, rough = x - before, self.predictor.rough
+        residuals, rough = self.residuals(x), self.predictor.rough
+        before, known, slope = self.way or (x, residuals, self._slope(x))
+        step = x - before
         length = float(np.linalg.norm(step))
         if length > (self.tolerances.long if rough else self.tolerances.short):
-            return self._slope(x)
-        return slope if rough and length < self.tolerances.short else broyden(slope, residuals - known, step)
+            slope = self._slope(x)
+        elif not rough or length >= self.tolerances.short:
+            slope = broyden(slope, residuals - known, step)
+        self.way = x.copy(), residuals, slope
+        return np.asarray(self.roots[:, None] * slope)
 
     def _end(self, _: object) -> None:
         """End the search of the optimiser where a further step would gain too little."""

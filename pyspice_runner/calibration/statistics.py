@@ -130,9 +130,8 @@ class Judgement:
     # --- warnings ---
 
     def _warnings(self, estimates: Sequence[Estimate], correlations: Array) -> list[str]:
-        count = len(self.predictor.measured)
+        count, found = len(self.predictor.measured), list[str]()
         known = int(self.known[:count].sum())
-        found: list[str] = []
         if known < count:
             found.append(
                 f"{count - known} of {count} measured values were left out: the calibrated motor has no stable steady "
@@ -157,23 +156,18 @@ class Judgement:
                 f"{100.0 * DEFAULT_ERROR:g} % of the greatest value of each column, and their size is that of the "
                 "scatter about the fit."
             )
-        found += self._outliers()
+        if points := self.predictor.points:
+            far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > WRONG_READING * self.scale)
+            found += [
+                f"Point {points.rows[place] + 1}: {points.quantities[place]} = {points.values[place]:.4g} is "
+                f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
+                for place in far[:_MOST_NAMED]
+            ]
         for curve in self.predictor.curves:
             if isinstance(curve, RunUp):
                 found += curve.cautions(self.predictor.of_curve(curve, self.x))
         weak = [place for place, one in enumerate(estimates) if not one.identifiable]
         return [*found, *(_undecided(estimates, place, correlations[place]) for place in weak)]
-
-    def _outliers(self) -> list[str]:
-        points = self.predictor.points
-        if points is None:
-            return []
-        far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > WRONG_READING * self.scale)
-        return [
-            f"Point {points.rows[place] + 1}: {points.quantities[place]} = {points.values[place]:.4g} is "
-            f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
-            for place in far[:_MOST_NAMED]
-        ]
 
 
 class _Side:
