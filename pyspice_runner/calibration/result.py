@@ -323,15 +323,13 @@ class Calibration(Result):
         frequency in Hz of a spectrum, whose real parts come before its imaginary ones, and NaN of a point. ``point``
         is the number of the point in its set.
         """
-        points = np.array(self.points.rows, float) + 1.0 if self.points else np.zeros(0)
-        found = {"point": [points], "set": [np.ones(len(points))], "at": [np.full(len(points), np.nan)]}
-        for number, (curve, _) in enumerate(self.curves, start=2 if self.points else 1):
-            several, at = len(curve.quantities), curve.at
-            found["point"].append(np.tile(np.arange(1.0, len(at) + 1.0), several))
-            found["set"].append(np.full(several * len(at), float(number)))
-            found["at"].append(np.tile(at, several))
+        rows = np.array(self.points.rows if self.points else (), dtype=float)
+        curves = [(curve.at, len(curve.quantities)) for curve, _ in self.curves]
+        lengths = [len(one.errors) for one, _ in self.predictor.sets]
         return {
-            **{name: np.concatenate(parts) for name, parts in found.items()},
+            "point": np.concatenate([rows + 1.0, *(np.tile(np.arange(len(at)) + 1.0, many) for at, many in curves)]),
+            "set": np.repeat(np.arange(len(lengths)) + 1.0, lengths),
+            "at": np.concatenate([np.full(len(rows), np.nan), *(np.tile(at, many) for at, many in curves)]),
             "measured": self.measured,
             "predicted": self.predicted,
             "error": self.errors,

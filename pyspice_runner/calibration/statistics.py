@@ -102,20 +102,14 @@ class Judgement:
     def _profiles(self) -> list[tuple[_Side, _Side]]:
         """Return both sides of the profile of each coordinate, at the ends of the interval."""
         predictor, prior = self.predictor, self.search.prior
-
-        def residuals_at(places: list[Array]) -> list[Array]:
-            found = predictor.at(places, self.here)
-            every = [np.append((one.values - predictor.measured) / predictor.errors, prior * x)
-                     for one, x in zip(found, places, strict=True)]  # fmt: skip
-            return [np.where(self.known & np.isfinite(one), one, 0.0) for one in every]
-
         pairs = [(_Side(self, place, -1.0), _Side(self, place, 1.0)) for place in range(len(self.x))]
         for _ in range(_ROUNDS):
             pending = [side for pair in pairs for side in pair if not side.done]
             if not pending:
                 break
-            for side, residuals in zip(pending, residuals_at([side.x for side in pending]), strict=True):
-                side.take(residuals)
+            for side, one in zip(pending, predictor.at([side.x for side in pending], self.here), strict=True):
+                residuals = np.append((one.values - predictor.measured) / predictor.errors, prior * side.x)
+                side.take(np.where(self.known & np.isfinite(residuals), residuals, 0.0))
         return pairs
 
     def _estimate(self, place: int, unknown: Unknown, sides: tuple[_Side, _Side]) -> Estimate:

@@ -54,15 +54,15 @@ class Unknown:
         value = self.start * exp(x) if self.logarithmic else self.start + x * self._scale
         return min(max(value, self.low), self.high)
 
-    def coordinate(self, value: float) -> float:
-        """Return the coordinate of a value."""
-        return log(value / self.start) if self.logarithmic else (value - self.start) / self._scale
-
     @property
     def bounds(self) -> tuple[float, float]:
         """Minimum and maximum coordinate."""
-        found = sorted(self.coordinate(value) for value in (self.low, self.high))
-        return found[0], found[1]
+        ends = self.low, self.high
+        if self.logarithmic:
+            low, high = sorted(log(value / self.start) for value in ends)
+        else:
+            low, high = ((value - self.start) / self._scale for value in ends)
+        return low, high
 
     def spread(self, x: float, deviation: float) -> float:
         """Return the standard error of the value for that of its coordinate."""
