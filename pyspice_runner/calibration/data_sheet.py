@@ -53,15 +53,9 @@ class DataSheet:
                 )
 
     def drive(self, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
-        """Return the drive at which the numbers hold; ``None`` without numbers.
+        """Return the drive ``at`` which the numbers hold, by default with ``phase_deg``; ``None`` without numbers.
 
-        Args:
-            at: ``voltage``, ``frequency`` and ``phase_deg``.
-            phase_deg: by default.
-
-        Raises:
-            ParameterError: without voltage or frequency, or if the powers at the rated point contradict each other at
-                the voltage.
+        Raise ParameterError without voltage or frequency, or if the powers at the rated point contradict each other.
         """
         if not self.measured:
             return None

@@ -207,15 +207,8 @@ def read_columns(
 ) -> tuple[str, dict[str, list[float]]]:  # fmt: skip
     """Return the name of a table and its columns in SI units under the names of a rotor, NaN for an empty cell.
 
-    Args:
-        data: as of :func:`read_points`.
-        linear: whether the columns may be those of a slider.
-        name: of a table that is not a file.
-        further: columns that it may have beside those of points.
-        most: maximum number of rows.
-
-    Raises:
-        ParameterError: as :func:`read_points`.
+    The columns may be those of a slider with ``linear``, and ``further`` ones beside those of points, with ``most``
+    rows; ``name`` is that of a table that is not a file. Raise ParameterError as :func:`read_points`.
     """
     if isinstance(data, str | Path):
         source, columns = Path(data).name, _columns(Path(data))

@@ -68,11 +68,7 @@ class Search:
         self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
 
     def solved(self, starts: int = 1) -> Array:
-        """Return the coordinates of the smallest sum of squares.
-
-        Raises:
-            SimulationError: if there is no steady state at the start.
-        """
+        """Return the coordinates of the smallest sum of squares. Raise SimulationError without a start that runs."""
         x = np.clip(np.zeros(len(self.prior)), self.bounds[0] + _INSIDE, self.bounds[1] - _INSIDE)
         if self.resumed is not None:
             x = np.clip(self.resumed, *self.bounds)

@@ -70,8 +70,7 @@ class Factors:
     def of(self, key: str) -> float:
         """Return the factor of a field of a motor; 1 for one without a dimension, and for the radius of a rotor.
 
-        Raises:
-            ParameterError: for a field whose dimension is not known.
+        Raise ParameterError for a field whose dimension is not known.
         """
         if key not in _EXPONENTS:
             raise ParameterError(f"A similar motor cannot be made: it is not known how {key} scales.")
@@ -83,8 +82,7 @@ class Factors:
 def scaled(motor: Motor, factors: Factors, name: str) -> Motor:
     """Return a similar motor. What is not scaled is not known of it: strength, worn flat, recommended drive.
 
-    Raises:
-        ParameterError: if a value leaves its range.
+    Raise ParameterError if a value leaves its range.
     """
     document = motor.model_dump() | {"name": name, "limits": None}
     for parameter in motor.law:  # refused: the dimension of a law's own parameter is not known here
