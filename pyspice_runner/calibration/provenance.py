@@ -103,7 +103,7 @@ def of_spectra(motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], tar
     for path, error in errors.items():
         if path.endswith("mass_kg"):
             provenance[path] = Provenance("derived", f"{note}, one for all modes")
-        origin = provenance.get(path, Provenance("derived", f"fitted to {fit.source}"))
+        origin = provenance[path]
         provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
     origins = {}
     for path, own in provenance.items():

@@ -76,8 +76,8 @@ class Judgement:
         self.covariance = np.linalg.inv(data + np.diag(search.prior**2))
         sets = [(one.source, np.arange(count)[places]) for one, places in predictor.sets]
         sets += [("the priors", priors)] if len(priors) else []
-        names, places = [name for name, _ in sets], [own[self.known[own]] for _, own in sets]
-        self.fits = fits_of(names, places, self.residuals, weighted) if self.errors_given and self.freedom > 0 else ()
+        used = [(name, own[self.known[own]]) for name, own in sets]
+        self.fits = fits_of(used, self.residuals, weighted) if self.errors_given and self.freedom > 0 else ()
 
     def calibration(self) -> Calibration:
         """Return the result."""
@@ -218,22 +218,17 @@ def _undecided(estimates: Sequence[Estimate], place: int, correlations: Array) -
     return f"{text} To identify it, {experiment}, or leave it out of free."
 
 
-def fits_of(names: Sequence[str], sets: Sequence[Array], residuals: Array, slope: Array) -> tuple[SetFit, ...]:
-    """Return the fit of each set.
+def fits_of(sets: Sequence[tuple[str, Array]], residuals: Array, slope: Array) -> tuple[SetFit, ...]:
+    """Return the fit of each set, by its name and the places of its values, without those that are not known.
 
+    ``slope`` is the Jacobian of the ``residuals`` of all values and priors, with the roots of the weights of the loss.
     A set of :data:`FEW` values and more with one residual beyond :data:`WRONG_READING` is judged without it.
-
-    Args:
-        names: of the sets.
-        sets: places of their values, without those that are not known.
-        residuals: of all values and priors.
-        slope: their Jacobian, with the roots of the weights of the loss.
     """
     from scipy.special import gammaincc  # takes long to load
 
     hat = slope @ np.linalg.solve(slope.T @ slope, slope.T)
     found = []
-    for name, own in zip(names, sets, strict=True):
+    for name, own in sets:
         far = np.abs(residuals[own]) > WRONG_READING
         used = own[~far] if far.sum() == 1 and len(own) >= FEW else own
         left = np.eye(len(used)) - hat[np.ix_(used, used)]

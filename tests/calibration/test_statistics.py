@@ -15,7 +15,7 @@ def fits_of_noise(rng: np.random.Generator, wrong: float = 0.0) -> tuple[SetFit,
     data = rng.standard_normal(224)
     data[:24] += wrong * np.cos(np.arange(24.0))
     residuals = data - slope @ np.linalg.lstsq(slope, data, rcond=None)[0]
-    return fits_of(("points", "spectrum"), [np.arange(24), np.arange(24, 224)], residuals, slope)
+    return fits_of([("points", np.arange(24)), ("spectrum", np.arange(24, 224))], residuals, slope)
 
 
 def test_the_probability_of_a_set_is_uniform_where_the_model_holds() -> None:
@@ -35,8 +35,8 @@ def test_points_that_the_model_does_not_explain_are_not_lost_among_those_of_a_sp
 def test_one_wrong_reading_is_not_a_misfit() -> None:
     residuals = np.zeros(24)
     residuals[3] = 30.0
-    (fit,) = fits_of(["points"], [np.arange(24)], residuals, np.eye(24)[:, :2])
+    (fit,) = fits_of([("points", np.arange(24))], residuals, np.eye(24)[:, :2])
     assert not misfits([fit])
     residuals[4] = 30.0
-    (fit,) = fits_of(["points"], [np.arange(24)], residuals, np.eye(24)[:, :2])
+    (fit,) = fits_of([("points", np.arange(24))], residuals, np.eye(24)[:, :2])
     assert misfits([fit])
