@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The origin of each value of a motor that was made of measurements: which are measured, which are a class average."""
+"""The origin of each value of a motor that was made of measurements: which are measured, which are a class average.
+
+Of the values that no measurement shows it is known how far the motors of a class differ, :data:`WIDTHS`.
+"""
 
 from __future__ import annotations
 

@@ -114,8 +114,13 @@ def _expanded(motor: Motor, path: str) -> list[str]:
 
 
 def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: float, law: Law) -> Unknown:
-    if path.startswith(THERMAL):
-        return _drift(motor, path, width)
+    if path.startswith(THERMAL):  # a linear coordinate, since the sign of a drift is not known
+        thermal, key = Thermal.of(motor), path.removeprefix(THERMAL)
+        if key not in DRIFTS:
+            raise ParameterError(
+                f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
+            )
+        return Unknown(path, getattr(thermal, key), *_limits(Thermal, key), "1/K", width)
     found = parameter(path, motor, drive, {"contact": law})
     if found.nominal is None:
         raise ParameterError(f"free: {path} has no value in {motor.name}. Set it to one to start from.")
@@ -127,16 +132,6 @@ def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: 
     elif low == 0.0 and start > 0.0:
         low = 1e-6 * start
     return Unknown(path, start, low, high, found.unit, width, size)
-
-
-def _drift(motor: Motor, path: str, width: float | None) -> Unknown:
-    """Return a drift: a linear coordinate, since its sign is not known."""
-    thermal, key = Thermal.of(motor), path.removeprefix(THERMAL)
-    if key not in DRIFTS:
-        raise ParameterError(
-            f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
-        )
-    return Unknown(path, getattr(thermal, key), *_limits(Thermal, key), "1/K", width)
 
 
 def _range(motor: Motor, path: str) -> tuple[float, float]:
