@@ -120,16 +120,14 @@ def calibrate(
     with Checkpoint(checkpoint, predictors) as file:
         searches = [Search(one, file.place(law), partial(file.keep, law)) for law, one in enumerate(predictors)]
         found = Judgement(searches[0], searches[0].solved(starts)).calibration()
-        return replace(found, rivals=tuple(_rival(search, starts) for search in searches[1:]))
+        others = zip(searches[1:], laws[1:], strict=True)
+        return replace(found, rivals=tuple(_rival(search, law.name, starts) for search, law in others))
 
 
-def _rival(search: Search, starts: int) -> Rival:
+def _rival(search: Search, law: str, starts: int) -> Rival:
     """Return the fit with another law of the contact."""
-    law = search.predictor.base.law
-    assert law is not None
-    name = str(law.to_dict()["contact"])
     try:
         found = Judgement(search, search.solved(starts)).calibration()
     except SimulationError as error:
-        return Rival(name, float("nan"), 0, (), str(error))
-    return Rival(name, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))
+        return Rival(law, float("nan"), 0, (), str(error))
+    return Rival(law, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))

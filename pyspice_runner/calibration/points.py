@@ -152,8 +152,8 @@ class Curve(ABC):
         """Name of the data."""
         return self.file
 
-    def errors_at(self, predicted: Array | None) -> Array:  # noqa: ARG002 # spectra follow it
-        """Return the standard errors of the measured values, by predicted ones if there are any."""
+    def errors_at(self, predicted: Array) -> Array:  # noqa: ARG002 # spectra follow it
+        """Return the standard errors of the measured values, by predicted ones as far as these are known."""
         return self.errors
 
     @abstractmethod

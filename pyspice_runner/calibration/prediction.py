@@ -119,17 +119,13 @@ class Predictor:
         ends = np.cumsum([0, *(len(one.errors) for one in every)]).tolist()
         return list(zip(every, map(slice, ends, ends[1:]), strict=True))
 
-    @property
-    def of_curves(self) -> list[tuple[Curve, slice]]:
-        """Each curve with its places."""
-        return [(one, own) for one, own in self.sets if isinstance(one, Curve)]
-
     @cached_property
     def errors(self) -> Array:
         """Standard errors of the measured values; of spectra, once refined, by the magnitudes predicted there."""
-        parts = [self.points.errors] if self.points else []
-        parts += [one.errors_at(self.reference.values[own] if self.reference else None) for one, own in self.of_curves]
-        return np.concatenate(parts)
+        predicted = self.reference.values if self.reference else np.full(len(self.measured), np.nan)
+        return np.concatenate([
+            one.errors_at(predicted[own]) if isinstance(one, Curve) else one.errors for one, own in self.sets
+        ])  # fmt: skip
 
     @cached_property
     def balanced(self) -> bool:

@@ -144,7 +144,7 @@ class Calibration(Result):
     def law(self) -> str:
         """Law of the contact."""
         assert self.predictor.base.law is not None
-        return str(self.predictor.base.law.to_dict()["contact"])
+        return self.predictor.base.law.name
 
     @property
     def points(self) -> Points | None:
@@ -154,7 +154,7 @@ class Calibration(Result):
     @property
     def curves(self) -> list[tuple[Curve, slice]]:
         """The measured spectra, then the run-ups, each with the places of its values."""
-        return self.predictor.of_curves
+        return [(one, own) for one, own in self.predictor.sets if isinstance(one, Curve)]
 
     @property
     def measured(self) -> Array:

@@ -58,13 +58,13 @@ class Band(Curve):
         """Name of the data."""
         return f"{self.spectrum.source or 'the spectrum'} ({self.state})"
 
-    def errors_at(self, predicted: Array | None) -> Array:
+    def errors_at(self, predicted: Array) -> Array:
         """Return the standard errors of the measured parts: a share of the predicted magnitude, or of the measured one.
 
         Shares of measured magnitudes would make values that are low by chance count more. A prediction that is more
         than :data:`_LARGEST_RATIO` off is given the nearest magnitude within it.
         """
-        if predicted is None or not np.isfinite(predicted).all():
+        if not np.isfinite(predicted).all():
             return self.errors
         magnitude, own = (np.hypot(*np.split(values, 2)) for values in (self.measured, predicted))
         ratio = np.clip(own / magnitude, 1.0 / _LARGEST_RATIO, _LARGEST_RATIO)
