@@ -59,8 +59,7 @@ class RunUp(Curve):
             ParameterError: for a table without time or speed, with fewer than :data:`FEWEST` points, times that do not
                 rise or are before 0, a condition that changes, or an error that is not above zero.
         """
-        name = f"run-up {number}"
-        source, columns = read_columns(data, linear, name=name, further=(TIME,), most=MOST)
+        source, columns = read_columns(data, linear, name=f"run-up {number}", further=(TIME,), most=MOST)
         wanted = "speed_m_s" if linear else SPEED
         for column, own in ((TIME, TIME), (SPEED, wanted)):
             if column not in columns:

@@ -21,6 +21,12 @@ from pyspice_runner.run.waveforms import Array
 
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 START_REACH = log(2.0)  # of further starts about the first
+_ROUGH_GAIN = 0.1  # at the end of a search by ngspice: 0.3 standard errors, as its values vary from event to event
+_STEPS = 40  # of each search
+_CLOSE = 1e-4  # relative gain, and step of a coordinate, that are noise
+# Steps in coordinates: beyond the long one, with a smooth model the short one, there is a new Jacobian; below the short
+# one differences of ngspice are noise.
+_LONG, _SHORT = 0.1, 0.025
 _INSIDE = 0.05  # of a start at its bound: scipy's first step is as long as the start is from 0, which is in the middle
 _NORMAL = 1.4826  # standard deviation over the median of the magnitudes
 
@@ -30,15 +36,8 @@ class Tolerances:
     """Where a search ends. A gain is that of the sum of squares by a further step."""
 
     gain: float = 0.01  # by a smooth model: 0.1 standard errors
-    rough_gain: float = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
     settled: float = 0.1  # where the difference to ngspice was taken anew, by whose accuracy it varies that much
     refinements: int = 5  # searches by the fast model, each with its difference to ngspice where the last one ended
-    steps: int = 40  # of each search
-    close: float = 1e-4  # relative gain, and step of a coordinate, that are noise
-    # Steps in coordinates: beyond the long one, with a smooth model the short one, there is a new Jacobian; below the
-    # short one differences of ngspice are noise.
-    long: float = 0.1
-    short: float = 0.025
 
 
 TOLERANCES = Tolerances()
@@ -87,12 +86,11 @@ class Search:
             size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
             self.roots = np.sqrt(weights_of(residuals, size))
             self._jacobian(x)
-            if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.settled):
+            if self._gain() < (_ROUGH_GAIN if self.predictor.rough else self.tolerances.settled):
                 break
-            close = self.tolerances.close
             x = np.asarray(least_squares(
                 lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
-                xtol=close, ftol=close, gtol=1e-12, max_nfev=self.tolerances.steps, callback=self._end,
+                xtol=_CLOSE, ftol=_CLOSE, gtol=1e-12, max_nfev=_STEPS, callback=self._end,
             ).x)  # fmt: skip
         return x
 
@@ -144,16 +142,16 @@ class Search:
         before, known, slope = self.way or (x, residuals, self._slope(x))
         step = x - before
         length = float(np.linalg.norm(step))
-        if length > (self.tolerances.long if rough else self.tolerances.short):
+        if length > (_LONG if rough else _SHORT):
             slope = self._slope(x)
-        elif not rough or length >= self.tolerances.short:
+        elif not rough or length >= _SHORT:
             slope = broyden(slope, residuals - known, step)
         self.way = x.copy(), residuals, slope
         return np.asarray(self.roots[:, None] * slope)
 
     def _end(self, _: object) -> None:
         """End the search of the optimiser where a further step would gain too little."""
-        if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.gain):
+        if self._gain() < (_ROUGH_GAIN if self.predictor.rough else self.tolerances.gain):
             raise StopIteration
 
     def _gain(self) -> float:
