@@ -32,7 +32,7 @@ from functools import cached_property
 from itertools import count
 from math import inf, log, sqrt
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -207,24 +207,21 @@ def motor_from(
         family = _of_spectra(spectra, sheet, foundation, at, pressed, mass_kg, modes, tips, name)
     x, relative = _fitted(family, progress)
     computed = family.computed(x)
-    motor, every, own = family.motor(family.predictor.values(x)), family.measured(sheet), family.measured(family.fitted)
+    motor, targets = family.motor(family.predictor.values(x)), list(family.measured(family.fitted))
     if family.fit is None:
-        motor, errors, origins = provenance.of_class(motor, foundation, relative, list(every))
+        motor, errors, origins = provenance.of_class(motor, foundation, relative, targets)
     else:
-        motor, errors, origins = provenance.of_spectra(motor, family.fit, relative, list(own))
+        motor, errors, origins = provenance.of_spectra(motor, family.fit, relative, targets)
     if family.drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": family.drive.phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
         origins |= dict.fromkeys(("drive.voltage", "drive.frequency"), Origin("data sheet"))
-    cautions = family.fit.cautions if family.fit else ()
-    return MotorFrom(motor, errors, every, computed, origins, family.fit, (*cautions, *family.missed(computed)))
+    cautions = (*(family.fit.cautions if family.fit else ()), *family.missed(computed))
+    return MotorFrom(motor, errors, family.measured(sheet), computed, origins, family.fit, cautions)
 
 
 class _Resonances(Curve):
     """Measured resonances of a stator under preload, in logarithms."""
-
-    along: ClassVar[str] = "number"
-    quantities: ClassVar[tuple[str, ...]] = ("frequency_hz",)
 
     def predicted(self, point: Point, *, fine: bool) -> Array:  # noqa: ARG002 # one model is both
         """Return the resonances of a motor with a linear contact, each the closest to a measured one."""

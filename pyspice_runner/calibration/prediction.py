@@ -164,10 +164,6 @@ class Predictor:
             motor = replace(motor, motor=thermal.warmed(motor.motor, temperature - self.reference_c))
         return motor.updated({path: value for path, value in conditions.items() if path != TEMPERATURE})
 
-    def of_curve(self, curve: Curve, x: Array) -> Point:
-        """Return the motor at the conditions of a curve for the coordinates of the free parameters."""
-        return self.point(self.motor(x), curve.conditions, self.thermal(x))
-
     def at(self, vectors: Sequence[Array], near: Prediction | None = None, *, fine: bool = False) -> list[Prediction]:
         """Predict for many sets of coordinates in one call of the model.
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import log
 from pathlib import Path
 from typing import Any
@@ -118,7 +118,7 @@ class Calibration(Result):
     """
 
     estimates: tuple[Estimate, ...]
-    calibrated: Motor = field(repr=False)
+    calibrated: Motor
     predictor: Predictor
     predicted: Array
     predicted_errors: Array
@@ -251,7 +251,7 @@ class Calibration(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return values, fit, correlations and residuals, JSON-ready."""
-        document: dict[str, Any] = json_ready({
+        return dict(json_ready({
             "motor": self.start.name,
             "data": self.sources,
             "contact": self.law,
@@ -281,8 +281,7 @@ class Calibration(Result):
                 )
             ],
             "curves": [self._curve(*each) for each in self.curves],
-        })  # fmt: skip
-        return document
+        }))  # fmt: skip
 
     def summary(self) -> dict[str, str]:
         """Return each value with its error and interval, and how well the data fit."""

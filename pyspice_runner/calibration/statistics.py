@@ -157,9 +157,10 @@ class Judgement:
                 f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
                 for place in far[:_MOST_NAMED]
             ]
+        motor, thermal = self.predictor.motor(self.x), self.predictor.thermal(self.x)
         for curve in self.predictor.curves:
             if isinstance(curve, RunUp):
-                found += curve.cautions(self.predictor.of_curve(curve, self.x))
+                found += curve.cautions(self.predictor.point(motor, curve.conditions, thermal))
         weak = [place for place, one in enumerate(estimates) if not one.identifiable]
         return [*found, *(_undecided(estimates, place, correlations[place]) for place in weak)]
 
