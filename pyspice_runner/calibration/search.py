@@ -21,7 +21,7 @@ from pyspice_runner.run.waveforms import Array
 
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 START_REACH = log(2.0)  # of further starts about the first
-_ROUGH_GAIN = 0.1  # at the end of a search by ngspice: 0.3 standard errors, as its values vary from event to event
+_ROUGH_GAIN = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
 _STEPS = 40  # of each search
 _CLOSE = 1e-4  # relative gain, and step of a coordinate, that are noise
 # Steps in coordinates: beyond the long one, with a smooth model the short one, there is a new Jacobian; below the short
