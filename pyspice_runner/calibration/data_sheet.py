@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -18,28 +18,18 @@ GROUPS = 2
 
 @dataclass(frozen=True)
 class DataSheet:
-    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N.
+    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N; all at one drive."""
 
-    Attributes:
-        linear: whether the motor pushes a slider.
-        no_load_speed, stall: at the drive.
-        rated_speed, rated_load: of the rated point at the same drive.
-        rated_current: RMS current of a group there, A; where the groups differ, the root mean square of both.
-        rated_power: electrical power of both groups there, W.
-        speed_error, load_error, current_error: relative standard deviations of speeds, of torques and forces, and of
-            current and power.
-    """
-
-    linear: bool
+    linear: bool  # whether the motor pushes a slider
     no_load_speed: float | None = None
     stall: float | None = None
-    rated_speed: float | None = None
+    rated_speed: float | None = None  # of the rated point
     rated_load: float | None = None
-    rated_current: float | None = None
-    rated_power: float | None = None
-    speed_error: float = 0.02
-    load_error: float = 0.02
-    current_error: float = 0.05
+    rated_current: float | None = None  # RMS, of a group there, A; where the groups differ, the root mean square
+    rated_power: float | None = None  # electrical, of both groups there, W
+    speed_error: float = 0.02  # relative standard deviation of speeds
+    load_error: float = 0.02  # likewise of torques and forces
+    current_error: float = 0.05  # likewise of current and power
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -52,27 +42,36 @@ class DataSheet:
                 "One value does not make a rated point: give rated_speed and rated_load, or one of them with "
                 "rated_current or rated_power."
             )
-        for own, name, most, limit in (
-            ("rated_speed", "rated_speed", "no_load_speed", self.no_load_speed),
-            ("rated_load", "rated_load", self.words("stall"), self.stall),
+        for name, value, most, limit in (
+            ("rated_speed", self.rated_speed, "no_load_speed", self.no_load_speed),
+            ("rated_load", self.rated_load, f"stall_{'force' if self.linear else 'torque'}", self.stall),
         ):
-            value = getattr(self, own)
             if value is not None and limit is not None and value >= limit:
                 raise ParameterError(
-                    f"{name} = {value:g} {self.unit(own)} contradicts {most} = {limit:g} {self.unit(own)}: a motor "
+                    f"{name} = {value:g} {self.unit(name)} contradicts {most} = {limit:g} {self.unit(name)}: a motor "
                     "turns slower under load, and stands at stall. Check both, and their units."
                 )
 
-    def check_power(self, drive: TwoPhaseDrive) -> None:
-        """Raise ParameterError where the powers at the rated point contradict each other at this voltage."""
-        voltage = drive.voltage * sqrt(0.5 * (1.0 + drive.ratio_b**2))  # amplitude, root mean square of the groups
-        most, source = float("inf"), ""
+    def drive(self, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
+        """Return the drive ``at`` which the numbers hold, by default with ``phase_deg``; ``None`` without numbers.
+
+        Raise ParameterError without voltage or frequency, or if the powers at the rated point contradict each other.
+        """
+        if not self.measured:
+            return None
+        voltage, frequency, phase = at["voltage"], at["frequency"], at["phase_deg"]
+        if voltage is None or frequency is None:
+            raise ParameterError(
+                "A speed or a torque is measured at one drive; give its voltage and its frequency too."
+            )
+        drive = TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg if phase is None else phase)
+        most, source = inf, ""
         if self.rated_current is not None:
             most = GROUPS * voltage / sqrt(2.0) * self.rated_current
             source = (
-                f"the apparent power of {most:.4g} VA, that of {GROUPS} groups at {drive.voltage:g} V amplitude and "
+                f"the apparent power of {most:.4g} VA, that of {GROUPS} groups at {voltage:g} V amplitude and "
+                f"{self.rated_current:g} A rms"
             )
-            source += f"{self.rated_current:g} A rms"
         if self.rated_power is not None:
             if self.rated_power > most:
                 raise ParameterError(
@@ -87,6 +86,7 @@ class DataSheet:
                 f"{self.rated_speed:g} {self.unit('rated_speed')}), but takes at most {source}. Check the numbers and "
                 "their units."
             )
+        return drive
 
     def unit(self, key: str) -> str:
         """Return the unit of a number."""
@@ -94,47 +94,42 @@ class DataSheet:
             return "m/s" if self.linear else "rad/s"
         return "N" if self.linear else "N·m"
 
-    def words(self, key: str) -> str:
-        """Return the name of a load as an argument of the entry."""
-        return f"{key}_{'force' if self.linear else 'torque'}"
-
     @property
     def measured(self) -> dict[str, float]:
         """The numbers that a motor has to show: name with its unit → value."""
-        speed, load = ("m_s", "force_n") if self.linear else ("rad_s", "torque_n_m")
-        found = {
-            f"no_load_speed_{speed}": self.no_load_speed, f"stall_{load}": self.stall,
-            f"rated_{load}": self.rated_load if self.rated_speed is not None else None,
-            "rated_current_rms_a": self.rated_current, "rated_power_w": self.rated_power,
-        }  # fmt: skip
-        return {key: value for key, value in found.items() if value is not None}
+        return {name: value for name, value, *_ in self._numbers if value is not None}
 
     @property
-    def errors(self) -> dict[str, float]:
-        """The relative standard deviation of each of :attr:`measured`."""
-        own = {"speed": self.speed_error, "current": self.current_error, "power": self.current_error}
-        return {
-            key: next((error for word, error in own.items() if word in key), self.load_error) for key in self.measured
-        }
+    def _numbers(self) -> list[tuple[str, float | None, str, str, float]]:
+        """Name, value, load, quantity and error of each number that a motor may have to show."""
+        speed, load = ("m_s", "force_n") if self.linear else ("rad_s", "torque_n_m")
+        rated_load = self.rated_load if self.rated_speed is not None else None
+        return [
+            (f"no_load_speed_{speed}", self.no_load_speed, "no load", SPEED, self.speed_error),
+            (f"stall_{load}", self.stall, "stall", "torque_n_m", self.load_error),
+            (f"rated_{load}", rated_load, "rated", LOAD, self.load_error),
+            ("rated_current_rms_a", self.rated_current, "rated", CURRENT, self.current_error),
+            ("rated_power_w", self.rated_power, "rated", POWER, self.current_error),
+        ]
 
-    def points(self, keys: Sequence[str]) -> Points:
-        """Return numbers of :attr:`measured` as measured points: without a load, held at stall, and rated.
+    def points(self, *, logarithmic: bool = True) -> Points | None:
+        """Return the numbers as measured points: without a load, held at stall, and rated; ``None`` without numbers.
 
-        They are logarithmic, since a motor that is to be found may be a factor off.
+        A motor that is to be found may be a factor off: therefore ``logarithmic``.
         """
-        held = self.rated_speed is not None
-        loads: dict[str, dict[str, float | None]] = {
-            "no_load": {"load.torque": 0.0, "load.speed": None}, "stall": {"load.torque": 0.0, "load.speed": 0.0},
-            "rated": {"load.torque": 0.0 if held else self.rated_load, "load.speed": self.rated_speed},
-        }  # fmt: skip
-        used = [name for name in loads if any(key.startswith(name) for key in keys)]
-        quantities = {"speed": SPEED, "stall": "torque_n_m", "current": CURRENT, "power": POWER}
-        every = self.measured
+        if not self.measured:
+            return None
+        _, values, loads, quantities, errors = zip(*(one for one in self._numbers if one[1] is not None), strict=True)
+        conditions: dict[str, dict[str, float | None]] = {
+            "no load": {"load.torque": 0.0, "load.speed": None},
+            "stall": {"load.torque": 0.0, "load.speed": 0.0},
+            "rated": {"load.torque": self.rated_load, "load.speed": None},
+        }
+        if self.rated_speed is not None:
+            conditions["rated"] = {"load.torque": 0.0, "load.speed": self.rated_speed}
+        used = list(dict.fromkeys(loads))
         return Points(
-            source="the data sheet",
-            conditions=tuple(loads[name] for name in used),
-            rows=tuple(next(row for row, name in enumerate(used) if key.startswith(name)) for key in keys),
-            quantities=tuple(next((own for word, own in quantities.items() if word in key), LOAD) for key in keys),
-            values=np.log([every[key] for key in keys]), errors=np.array([self.errors[key] for key in keys]),
-            errors_given=True, logarithmic=True,
+            "the data sheet", tuple(conditions[load] for load in used), tuple(map(used.index, loads)), quantities,
+            np.log(values) if logarithmic else np.array(values), np.array(errors), errors_given=True,
+            logarithmic=logarithmic,
         )  # fmt: skip

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Literal
+
+import numpy as np
 
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.document import read_document
@@ -58,16 +59,14 @@ def read_current_scan(
             f"each of {POINTS} points. Read for 12 s."
         )
     data = bytes.fromhex(digits)
-    rows = [data[place : place + _BYTES] for place in range(0, len(data), _BYTES)]
-    order: Literal["little", "big"] = "big" if data[0] < data[1] else "little"
-    words = [[int.from_bytes(row[place : place + 2], order) for place in (0, 2, 4)] for row in rows]
-    first, second = (1, 2) if order == "big" else (2, 1)  # of one current of four bytes the half that is 0
-    directions = any(row[first] for row in words)
+    big = data[0] < data[1]
+    words = np.frombuffer(data, ">u2" if big else "<u2").reshape(POINTS, _BYTES // 2)
+    zero, only = (1, 2) if big else (2, 1)  # halves of one current of four bytes
+    directions = words[:, zero].any()
     if backward and not directions:
         raise ParameterError(f"{name}: the answer C{motor} has one current for each frequency. Leave out backward.")
-    place = (2 if backward else 1) if directions else second
-    periods = [row[0] for row in words]
-    currents = [row[place] / COUNTS_PER_AMPERE for row in words]
+    place = (2 if backward else 1) if directions else only
+    periods, currents = words[:, 0].tolist(), (words[:, place] / COUNTS_PER_AMPERE).tolist()
     for number, (period, current) in enumerate(zip(periods, currents, strict=True), start=1):
         if not CLOCK_HZ / _HIGHEST <= period <= CLOCK_HZ / _LOWEST or current > _MOST:
             raise ParameterError(

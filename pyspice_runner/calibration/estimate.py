@@ -18,14 +18,13 @@ from numpy import zeros
 from pydantic import SkipValidation
 
 from pyspice_runner.calibration.checkpoint import Checkpoint
-from pyspice_runner.calibration.misfit import misfits
 from pyspice_runner.calibration.points import read_points
 from pyspice_runner.calibration.prediction import STEP, Counter, Predictor
 from pyspice_runner.calibration.result import Calibration, Rival
 from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.search import Search
 from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, scales, temperatures_of
-from pyspice_runner.calibration.statistics import Judgement
+from pyspice_runner.calibration.statistics import Judgement, misfits
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, touching_law
 from pyspice_runner.errors import ParameterError, SimulationError, require
@@ -121,16 +120,14 @@ def calibrate(
     with Checkpoint(checkpoint, predictors) as file:
         searches = [Search(one, file.place(law), partial(file.keep, law)) for law, one in enumerate(predictors)]
         found = Judgement(searches[0], searches[0].solved(starts)).calibration()
-        return replace(found, rivals=tuple(_rival(search, starts) for search in searches[1:]))
+        others = zip(searches[1:], laws[1:], strict=True)
+        return replace(found, rivals=tuple(_rival(search, law.name, starts) for search, law in others))
 
 
-def _rival(search: Search, starts: int) -> Rival:
+def _rival(search: Search, law: str, starts: int) -> Rival:
     """Return the fit with another law of the contact."""
-    law = search.predictor.base.law
-    assert law is not None
-    name = str(law.to_dict()["contact"])
     try:
         found = Judgement(search, search.solved(starts)).calibration()
     except SimulationError as error:
-        return Rival(name, float("nan"), 0, (), str(error))
-    return Rival(name, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))
+        return Rival(law, float("nan"), 0, (), str(error))
+    return Rival(law, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))

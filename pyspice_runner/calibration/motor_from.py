@@ -19,7 +19,7 @@ contact stiffnesses of the base motor, which follow from its materials, have a p
 contact and rotor are those of the base motor. Current and power at a rated point are further measurements of the same
 values.
 
-Without spectra the motor is a member of the class of the base motor (:mod:`.motor_class`): stall and no-load speed
+Without spectra the motor is a member of the class of the base motor (:mod:`.provenance`): stall and no-load speed
 give the factors of force and speed, and current and power at a rated point decide on quality factors, capacitances and
 friction, whose priors are the widths of the class.
 """
@@ -32,18 +32,18 @@ from functools import cached_property
 from itertools import count
 from math import inf, log, sqrt
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from pyspice_runner.calibration import motor_class
+from pyspice_runner.calibration import provenance
 from pyspice_runner.calibration.data_sheet import DataSheet
 from pyspice_runner.calibration.points import Curve
 from pyspice_runner.calibration.prediction import Predictor
-from pyspice_runner.calibration.provenance import Annotated, Origin, of_class, of_spectra, value_of
+from pyspice_runner.calibration.provenance import CAPACITANCE, FRICTION, NORMAL, PRIORS, QUALITY, Origin
 from pyspice_runner.calibration.search import Search, Tolerances
-from pyspice_runner.calibration.similar import as_stage
+from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.calibration.statistics import Judgement
 from pyspice_runner.calibration.unknowns import Unknown
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -58,7 +58,6 @@ from pyspice_runner.result import Result
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 
-_STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor
 _CAPACITANCES = (1.0, 0.25, 0.5, 2.0, 4.0)  # factors to start from
 _LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
 _MISSED = 3.0  # standard deviations of a measured number from that of the motor: one in 400 is beyond by chance
@@ -66,7 +65,7 @@ _MISSED = 3.0  # standard deviations of a measured number from that of the motor
 _ENDS = Tolerances(gain=1e-4, settled=1e-2, refinements=10)
 _STIFFNESS = "contact.normal_stiffness_n_per_m15"
 _COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangential_compliance_rotor_m_per_n23"
-_MASS = "mass_kg"
+_MASS, _FORCE, _SPEED = "mass_kg", "force", "speed"
 
 Pairs = Sequence[tuple[float, float]]
 
@@ -114,7 +113,7 @@ class MotorFrom(Result):
             name: f"{value:.5g} measured, {self.computed[name]:.5g} computed" for name, value in self.measured.items()
         }
         document = self.motor.to_dict() | {"drive": self.motor.drive}
-        values = {path: value_of(document, path) for path in self.origins}
+        values = {path: provenance.value_of(document, path) for path in self.origins}
         return found | {
             path: f"{value:.5g} ({self.origins[path]})" for path, value in values.items() if value is not None
         }
@@ -208,21 +207,21 @@ def motor_from(
         family = _of_spectra(spectra, sheet, foundation, at, pressed, mass_kg, modes, tips, name)
     x, relative = _fitted(family, progress)
     computed = family.computed(x)
-    found = family.annotated(x, relative)
-    motor, origins = found.motor, found.origins
+    motor, targets = family.motor(family.predictor.values(x)), list(family.measured(family.fitted))
+    if family.fit is None:
+        motor, errors, origins = provenance.of_class(motor, foundation, relative, targets)
+    else:
+        motor, errors, origins = provenance.of_spectra(motor, family.fit, relative, targets)
     if family.drive is not None:
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": family.drive.phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
         origins |= dict.fromkeys(("drive.voltage", "drive.frequency"), Origin("data sheet"))
-    cautions = ((*family.fit.cautions,) if family.fit else ()) + _missed(family, computed)
-    return MotorFrom(motor, found.errors, family.measured, computed, origins, family.fit, cautions)
+    cautions = (*(family.fit.cautions if family.fit else ()), *family.missed(computed))
+    return MotorFrom(motor, errors, family.measured(sheet), computed, origins, family.fit, cautions)
 
 
 class _Resonances(Curve):
     """Measured resonances of a stator under preload, in logarithms."""
-
-    along: ClassVar[str] = "number"
-    quantities: ClassVar[tuple[str, ...]] = ("frequency_hz",)
 
     def predicted(self, point: Point, *, fine: bool) -> Array:  # noqa: ARG002 # one model is both
         """Return the resonances of a motor with a linear contact, each the closest to a measured one."""
@@ -235,46 +234,39 @@ class _Family:
     """The motors that fit the data, and the measurements that one of them must have."""
 
     motor: Callable[[Mapping[str, float]], Motor]  # of the fitted values
+    base: Motor
     sheet: DataSheet
+    fitted: DataSheet  # its numbers to which the values are fitted; the others only check the motor
     drive: TwoPhaseDrive | None
     values: dict[str, float]  # the most likely ones before the measurements
     priors: dict[str, float]  # relative standard deviations of those that are known
-    base: Motor
     fit: TwoPortFit | None = None
     resonances: _Resonances | None = None
-    checks: tuple[str, ...] = ()  # measurements that only check the motor
-    borrowed: int = 0  # number of modes whose tips are those of the base
     start: Array | None = None  # coordinates, if not those of the values
 
-    @property
-    def measured(self) -> dict[str, float]:
-        """All measurements."""
+    def measured(self, sheet: DataSheet) -> dict[str, float]:
+        """Return the numbers of a data sheet and the measured resonances by name."""
         own = np.exp(self.resonances.measured).tolist() if self.resonances else []
-        return self.sheet.measured | {
-            f"preloaded_resonance_{number}_hz": value for number, value in enumerate(own, start=1)
-        }
+        return sheet.measured | {f"preloaded_resonance_{number}_hz": value for number, value in enumerate(own, start=1)}
 
     @cached_property
     def predictor(self) -> Predictor:
         """The measurements to fit as a function of the coordinates of the fitted values."""
-        keys = [key for key in self.sheet.measured if key not in self.checks]
-        drive = self.drive or default_drive(self.base)
         return Predictor(
-            Point.of(self.base, drive, audit=False),
+            Point.of(self.base, self.drive or default_drive(self.base), audit=False),
             tuple(Unknown(name, value, 1e-9 * value, 1e9 * value, "", self.priors.get(name), wide=inf)
                   for name, value in self.values.items()),
-            self.sheet.points(keys) if keys else None, (self.resonances,) if self.resonances else (),
+            self.fitted.points(), (self.resonances,) if self.resonances else (),
             motor_of=lambda base, values: replace(base, motor=self.motor(values)),
         )  # fmt: skip
 
     def computed(self, x: Array) -> dict[str, float]:
         """Compute all measured quantities by ngspice. Raise SimulationError if one is not known, or not above zero."""
-        every, keys = self.measured, list(self.sheet.measured)
+        every, count = self.measured(self.sheet), len(self.sheet.measured)
         if not every:
             return {}
-        points = replace(self.sheet.points(keys), logarithmic=False) if keys else None
-        (found,) = replace(self.predictor, points=points).at([x], fine=True)
-        values = np.append(found.values[: len(keys)], np.exp(found.values[len(keys) :]))
+        (found,) = replace(self.predictor, points=self.sheet.points(logarithmic=False)).at([x], fine=True)
+        values = np.append(found.values[:count], np.exp(found.values[count:]))
         computed = dict(zip(every, values.tolist(), strict=True))
         for key in (key for key, value in computed.items() if np.isnan(value)):
             load = "no load" if key.startswith("no_load") else key.partition("_")[0]
@@ -290,16 +282,17 @@ class _Family:
             )
         return computed
 
-    def annotated(self, x: Array, relative: Mapping[str, float]) -> Annotated:
-        """Return the motor with provenance, the standard error of each value, and the origins."""
-        motor = self.motor(self.predictor.values(x))
-        if self.fit is None:
-            return of_class(motor, self.base, relative, list(self.measured))
-        origin = Provenance("assumed", f"those of {self.base.name}; state your own by tips")
-        places = {f"modes.{index}.{key}": origin for index in range(self.borrowed) for key in ("tip_x", "tip_y")}
-        motor = motor.model_copy(update={"provenance": {**motor.provenance, **places}})
-        targets = [key for key in self.measured if key not in self.checks]
-        return of_spectra(motor, self.fit, relative, targets, _STIFFNESS_ERROR)
+    def missed(self, computed: Mapping[str, float]) -> list[str]:
+        """Return a sentence for each number to which the values were fitted and that the motor does not have."""
+        errors = [error for one in (self.predictor.points, self.resonances) if one for error in one.errors.tolist()]
+        pairs = zip(self.measured(self.fitted).items(), errors, strict=True)
+        return [
+            f"The motor does not have the measured {key} = {value:.4g}: it has {computed[key]:.4g}, "
+            f"{abs(log(computed[key] / value)) / error:.2g} standard deviations away. The numbers do not go together "
+            "with a motor of this kind."
+            for (key, value), error in pairs
+            if abs(log(computed[key] / value)) > _MISSED * error
+        ]
 
 
 def _fitted(family: _Family, progress: Callable[[int, int], object] | None) -> tuple[Array, dict[str, float]]:
@@ -318,60 +311,49 @@ def _fitted(family: _Family, progress: Callable[[int, int], object] | None) -> t
     return x, dict(zip(family.values, deviations.tolist(), strict=True))
 
 
-def _missed(family: _Family, computed: Mapping[str, float]) -> tuple[str, ...]:
-    """Return a sentence for each number that the motor does not have."""
-    errors = family.sheet.errors
-    if family.resonances:
-        names = [key for key in family.measured if key not in errors]
-        errors |= dict(zip(names, family.resonances.errors.tolist(), strict=True))
-    return tuple(
-        f"The motor does not have the measured {key} = {value:.4g}: it has {computed[key]:.4g}, "
-        f"{abs(log(computed[key] / value)) / errors[key]:.2g} standard deviations away. The numbers do not go "
-        "together with a motor of this kind."
-        for key, value in family.measured.items()
-        if key not in family.checks and abs(log(computed[key] / value)) > _MISSED * errors[key]
-    )
-
-
-def _drive(sheet: DataSheet, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
-    """Return the drive of the data sheet, checked against its numbers."""
-    if not sheet.measured:
-        return None
-    if at["voltage"] is None or at["frequency"] is None:
-        raise ParameterError("A speed or a torque is measured at one drive; give its voltage and its frequency too.")
-    phase = phase_deg if at["phase_deg"] is None else at["phase_deg"]
-    drive = TwoPhaseDrive(voltage=at["voltage"], frequency=at["frequency"], phase_deg=phase)
-    sheet.check_power(drive)
-    return drive
-
-
 def _of_class(sheet: DataSheet, base: Motor, at: Mapping[str, float | None], name: str) -> _Family:
-    """Return the motors of the class of another one."""
+    """Return the motors of the class of another one.
+
+    They are similar to it (:mod:`.similar`): force, speed, frequency and voltage are those of the data sheet. Beside
+    that they have a friction of their own, and factors of quality factors, capacitances and normal motion.
+    """
     if sheet.no_load_speed is None or sheet.stall is None:
         raise ParameterError(
             "A motor from a data sheet alone takes its no-load speed and its stall torque or stall force. Give both, "
             "or spectra of the stator."
         )
-    own = motor_class.class_drive(base, at["phase_deg"])
-    drive = _drive(sheet, at, own.phase_deg)
+    own = default_drive(base)
+    if not isinstance(own, TwoPhaseDrive):
+        raise ParameterError(
+            f"{base.name} has no two-phase drive, so no data sheet compares with it: take another base."
+        )
+    drive = sheet.drive(at, own.phase_deg)
     assert drive is not None
-    limits = replace(sheet, rated_speed=None, rated_load=None, rated_current=None, rated_power=None)
-    there = _Family(lambda _: base, limits, own, {}, {}, base).computed(np.zeros(0))
-    speed, stall = there.values()
-    values = {motor_class.FORCE: sheet.stall / stall, motor_class.SPEED: sheet.no_load_speed / speed}
-    priors = {}
+    own = own.updated({"phase_deg": drive.phase_deg})
+    limits = DataSheet(sheet.linear, sheet.no_load_speed, sheet.stall)
+    speed, stall = _Family(lambda _: base, base, limits, limits, own, {}, {}).computed(np.zeros(0)).values()
+    values = {_FORCE: sheet.stall / stall, _SPEED: sheet.no_load_speed / speed}
+    usual = dict.fromkeys(PRIORS, 1.0) | {FRICTION: base.contact.friction}
     if len(sheet.measured) > len(values):
-        priors = motor_class.PRIORS
-        values |= dict.fromkeys(priors, 1.0) | {motor_class.FRICTION: base.contact.friction}
-    factors = drive.frequency / own.frequency, drive.voltage / own.voltage
-    family = _Family(
-        lambda values: motor_class.member(base, values, *factors, name), sheet, drive.updated({"ratio_b": own.ratio_b}),
-        values, priors, base,
-    )  # fmt: skip
+        values |= usual
+
+    def motor(values: Mapping[str, float]) -> Motor:
+        values = {**usual, **values}
+        changes = {FRICTION: values[FRICTION]}
+        for number, mode in enumerate(base.modes):
+            changes[f"modes.{number}.damping_n_s_per_m"] = mode.damping_n_s_per_m / values[QUALITY]
+            changes[f"modes.{number}.tip_y"] = mode.tip_y * values[NORMAL]
+        for key, value in base.piezo.model_dump().items():
+            if key.startswith("capacitance") and value:
+                changes[f"piezo.{key}"] = values[CAPACITANCE] * value
+        factors = values[_FORCE], values[_SPEED], drive.frequency / own.frequency, drive.voltage / own.voltage
+        return scaled(base.updated(changes), Factors(*factors), name)
+
+    family = _Family(motor, base, sheet, sheet, drive.updated({"ratio_b": own.ratio_b}), values, PRIORS)
     if sheet.rated_current is None:
         return family
     # Where the motion is inductive, the current falls and rises with the capacitance: start on the right side.
-    place, current = list(values).index(motor_class.CAPACITANCE), list(sheet.measured).index("rated_current_rms_a")
+    place, current = list(values).index(CAPACITANCE), list(sheet.measured).index("rated_current_rms_a")
     starts = [log(factor) * np.eye(len(values))[place] for factor in _CAPACITANCES]
     currents = np.array([one.values[current] for one in family.predictor.at(starts)])
     distances = np.abs(currents - log(sheet.rated_current))
@@ -390,31 +372,34 @@ def _of_spectra(
     name: str,
 ) -> _Family:
     """Return the motors with the stator of the spectra."""
-    drive = _drive(sheet, at, 90.0)
+    drive = sheet.drive(at, 90.0)
     if mass_kg is None and sheet.no_load_speed is None:
         raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
     fit = fit_groups(spectra, modes)
     borrowed = _tips(fit, base) if tips is None and mass_kg is None else None
     contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
-        values["contact.friction"] = contact.friction
+        values[FRICTION] = contact.friction
     if mass_kg is None:
         values[_MASS] = base.modes[0].mass_kg
     if values or resonances:  # the contact decides on both
         values[_STIFFNESS] = contact.normal_stiffness_n_per_m15
         values[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
     ratio = contact.tangential_compliance_rotor_m_per_n23 / contact.tangential_compliance_tip_m_per_n23
+    origin = Provenance("assumed", f"those of {base.name}; state your own by tips")
+    origins = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
 
     def motor(values: Mapping[str, float]) -> Motor:
         changes = {path: value for path, value in values.items() if path != _MASS}
         if _COMPLIANCES[0] in changes:  # the compliances of tip and rotor keep their ratio
             changes[_COMPLIANCES[1]] = ratio * changes[_COMPLIANCES[0]]
         mass = values.get(_MASS, mass_kg)
-        return fit.to_motor(mass_kg=mass, tips=tips or borrowed, base=base.updated(changes), name=name)
+        found = fit.to_motor(mass_kg=mass, tips=tips or borrowed, base=base.updated(changes), name=name)
+        return found.model_copy(update={"provenance": {**found.provenance, **origins}})
 
-    priors = dict.fromkeys((_STIFFNESS, _COMPLIANCES[0]), _STIFFNESS_ERROR)
-    checks = () if mass_kg is None else tuple(key for key in sheet.measured if key.startswith("no_load"))
-    return _Family(motor, sheet, drive, values, priors, base, fit, resonances, checks, len(borrowed or ()))
+    priors = dict.fromkeys((_STIFFNESS, _COMPLIANCES[0]), provenance.STIFFNESS_ERROR)
+    fitted = sheet if mass_kg is None else replace(sheet, no_load_speed=None)
+    return _Family(motor, base, sheet, fitted, drive, values, priors, fit, resonances)
 
 
 def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:

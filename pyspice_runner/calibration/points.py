@@ -152,8 +152,8 @@ class Curve(ABC):
         """Name of the data."""
         return self.file
 
-    def errors_at(self, predicted: Array | None) -> Array:  # noqa: ARG002 # spectra follow it
-        """Return the standard errors of the measured values, by predicted ones if there are any."""
+    def errors_at(self, predicted: Array) -> Array:  # noqa: ARG002 # spectra follow it
+        """Return the standard errors of the measured values, by predicted ones as far as these are known."""
         return self.errors
 
     @abstractmethod
@@ -172,7 +172,33 @@ def read_points(
         ParameterError: for an unreadable file, an unknown column, a value that is not a number, or an error that is not
             above zero.
     """
-    return _checked(*read_columns(data, motor_is_linear), measured=measured)
+    source, columns = read_columns(data, motor_is_linear)
+    rows_of_table = zip(*columns.values(), strict=True)
+    conditions = tuple(conditions_of_row(dict(zip(columns, row, strict=True))) for row in rows_of_table)
+    found: list[tuple[int, str, float, float]] = []
+    errors_given = True
+    for name in filter(columns.__contains__, MEASURED):
+        rows = [row for row, value in enumerate(columns[name]) if not np.isnan(value)]
+        rows = [row for row in rows if name != SPEED or conditions[row]["load.speed"] is None]
+        own = columns.get(f"{name}{ERROR}")
+        errors_given = errors_given and (own is not None or not rows)
+        size = span(name, [columns[name][row] for row in rows]) or float(not measured)
+        for row in rows:
+            error = own[row] if own is not None else DEFAULT_ERROR * size
+            if not error > 0.0:
+                raise ParameterError(
+                    f"{source}: {name}{ERROR} of point {row + 1} is {quoted(error)}; it must be a number > 0."
+                    if own is not None
+                    else f"{source}: {name} is 0 at every point, so its error is not known. Give {name}{ERROR}."
+                )
+            found.append((row, name, columns[name][row], error))
+    if not found:
+        raise ParameterError(
+            f"{source} has no measured value. Give a column of {', '.join(MEASURED[:6])}, or another quantity of "
+            "speed_torque; speed_rad_s is measured where load_torque_n_m is given."
+        )
+    places, quantities, values, errors = zip(*found, strict=True)
+    return Points(source, conditions, places, quantities, np.array(values), np.array(errors), errors_given)
 
 
 def read_columns(
@@ -181,15 +207,8 @@ def read_columns(
 ) -> tuple[str, dict[str, list[float]]]:  # fmt: skip
     """Return the name of a table and its columns in SI units under the names of a rotor, NaN for an empty cell.
 
-    Args:
-        data: as of :func:`read_points`.
-        linear: whether the columns may be those of a slider.
-        name: of a table that is not a file.
-        further: columns that it may have beside those of points.
-        most: maximum number of rows.
-
-    Raises:
-        ParameterError: as :func:`read_points`.
+    The columns may be those of a slider with ``linear``, and ``further`` ones beside those of points, with ``most``
+    rows; ``name`` is that of a table that is not a file. Raise ParameterError as :func:`read_points`.
     """
     if isinstance(data, str | Path):
         source, columns = Path(data).name, _columns(Path(data))
@@ -234,8 +253,7 @@ def _column_of(heading: str) -> tuple[str, float] | None:
 def _columns(path: Path) -> dict[str, list[str]]:
     """Return the columns of a CSV file with commas, semicolons or tabs. A line that starts with # is left out."""
     text = read_document(path, "the path of a CSV file with one point in each line")
-    lines = [line for line in text.removeprefix("\N{ZERO WIDTH NO-BREAK SPACE}").splitlines() if line.strip()]
-    lines = [line for line in lines if not line.lstrip().startswith("#")]
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if len(lines) < 2:
         raise ParameterError(f"{path.name} has no points: it needs a line of column names and a line for each point.")
     mark = max(",;\t", key=lines[0].count)
@@ -256,12 +274,11 @@ def _number(value: Any, name: str, row: int, source: str) -> float:
     """Return the value of a cell, NaN for one without a value."""
     if value is None or value == "":
         return float("nan")
-    number = as_number(value)
     try:
-        number = float(value) if isinstance(value, str) else number
+        number = float(value) if isinstance(value, str) else as_number(value)
     except ValueError:
         number = None
-    if number is None or (np.isinf(number) or (isinstance(value, str) and np.isnan(number))):
+    if number is None or np.isinf(number) or (isinstance(value, str) and np.isnan(number)):
         raise ParameterError(f"{source}: {name} of point {row} is {quoted(value)}; it must be a number, or empty.")
     return number
 
@@ -285,37 +302,6 @@ def _named(
             raise ParameterError(f"{source}: {quoted(heading)} is a second column of {name}. Leave one out.")
         found[own] = [factor * value for value in values]
     return found
-
-
-def _checked(source: str, columns: Mapping[str, list[float]], *, measured: bool) -> Points:
-    count = len(next(iter(columns.values())))
-    conditions = tuple(
-        conditions_of_row({name: values[row] for name, values in columns.items()}) for row in range(count)
-    )
-    found: list[tuple[int, str, float, float]] = []
-    errors_given = True
-    for name in filter(columns.__contains__, MEASURED):
-        rows = [row for row, value in enumerate(columns[name]) if not np.isnan(value)]
-        rows = [row for row in rows if name != SPEED or conditions[row]["load.speed"] is None]
-        own = columns.get(f"{name}{ERROR}")
-        errors_given = errors_given and (own is not None or not rows)
-        size = span(name, [columns[name][row] for row in rows]) or float(not measured)
-        for row in rows:
-            error = own[row] if own is not None else DEFAULT_ERROR * size
-            if not error > 0.0:
-                raise ParameterError(
-                    f"{source}: {name}{ERROR} of point {row + 1} is {quoted(error)}; it must be a number > 0."
-                    if own is not None
-                    else f"{source}: {name} is 0 at every point, so its error is not known. Give {name}{ERROR}."
-                )
-            found.append((row, name, columns[name][row], error))
-    if not found:
-        raise ParameterError(
-            f"{source} has no measured value. Give a column of {', '.join(MEASURED[:6])}, or another quantity of "
-            "speed_torque; speed_rad_s is measured where load_torque_n_m is given."
-        )
-    places, quantities, values, errors = zip(*found, strict=True)
-    return Points(source, conditions, places, quantities, np.array(values), np.array(errors), errors_given)
 
 
 def conditions_of_row(row: Mapping[str, float]) -> dict[str, float | None]:

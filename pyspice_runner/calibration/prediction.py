@@ -113,24 +113,19 @@ class Predictor:
         return np.concatenate([*([self.points.values] if self.points else ()), *(one.measured for one in self.curves)])
 
     @cached_property
-    def sets(self) -> list[tuple[str, slice]]:
-        """Name and places of each set of data: the points, each curve."""
-        every = [(self.points.source, self.points.values)] if self.points else []
-        every += [(one.source, one.measured) for one in self.curves]
-        ends = np.cumsum([0, *(len(values) for _, values in every)]).tolist()
-        return [(name, slice(*ends[place : place + 2])) for place, (name, _) in enumerate(every)]
-
-    @property
-    def of_curves(self) -> list[tuple[Curve, slice]]:
-        """Each curve with its places."""
-        return list(zip(self.curves, [own for _, own in self.sets[1 if self.points else 0 :]], strict=True))
+    def sets(self) -> list[tuple[Points | Curve, slice]]:
+        """The points, then each curve, with the places of its values."""
+        every: list[Points | Curve] = [*([self.points] if self.points else []), *self.curves]
+        ends = np.cumsum([0, *(len(one.errors) for one in every)]).tolist()
+        return list(zip(every, map(slice, ends, ends[1:]), strict=True))
 
     @cached_property
     def errors(self) -> Array:
         """Standard errors of the measured values; of spectra, once refined, by the magnitudes predicted there."""
-        parts = [self.points.errors] if self.points else []
-        parts += [one.errors_at(self.reference.values[own] if self.reference else None) for one, own in self.of_curves]
-        return np.concatenate(parts)
+        predicted = self.reference.values if self.reference else np.full(len(self.measured), np.nan)
+        return np.concatenate([
+            one.errors_at(predicted[own]) if isinstance(one, Curve) else one.errors for one, own in self.sets
+        ])  # fmt: skip
 
     @cached_property
     def balanced(self) -> bool:
@@ -169,10 +164,6 @@ class Predictor:
             motor = replace(motor, motor=thermal.warmed(motor.motor, temperature - self.reference_c))
         return motor.updated({path: value for path, value in conditions.items() if path != TEMPERATURE})
 
-    def of_curve(self, curve: Curve, x: Array) -> Point:
-        """Return the motor at the conditions of a curve for the coordinates of the free parameters."""
-        return self.point(self.motor(x), curve.conditions, self.thermal(x))
-
     def at(self, vectors: Sequence[Array], near: Prediction | None = None, *, fine: bool = False) -> list[Prediction]:
         """Predict for many sets of coordinates in one call of the model.
 
@@ -203,7 +194,10 @@ class Predictor:
             return _Trial(None, thermal, [])
 
     def _solved(self, setups: Sequence[Point], starts: Sequence[Solution], fine: bool) -> Sequence[State]:
-        """Return steady states by the fast model, or with ``fine`` by ngspice at fine steps."""
+        """Return steady states by the fast model, or with ``fine`` by ngspice at fine steps; ``None`` without one.
+
+        Whether a balanced motion is determined is not known; :meth:`refined` leaves out what ngspice refuses.
+        """
         if not setups:
             return []
         states: Sequence[State]
@@ -214,7 +208,7 @@ class Predictor:
             full = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
             if fine:
                 check_runs(full)
-            states = full
+            states = [state if state.determined else None for state in full]
         self.counter.add(len(states))
         return states
 
@@ -232,8 +226,7 @@ class Predictor:
 
         def solve(asked: list[Point], starts: list[Any]) -> list[tuple[float, Any]]:
             found = self._solved(asked, starts, fine)
-            return [(measured_of(_values(one), POWER), one.solution) if one and _sound(one) else (np.nan, None)
-                    for one in found]  # fmt: skip
+            return [(measured_of(_values(one), POWER), one.solution) if one else (np.nan, None) for one in found]
 
         setups = [trial.setups[points.rows[place]] for trial, place in asked]
         found = peaks(setups, starts, distances, solve, fresh=not known)
@@ -275,7 +268,7 @@ class Predictor:
         if points := self.points:
             own = np.array([
                 trial.peaks[place].frequency_hz if quantity == RESONANCE
-                else measured_of(_values(states[row]), quantity, measured) if _sound(states[row]) else np.nan
+                else measured_of(_values(state), quantity, measured) if (state := states[row]) else np.nan
                 for place, (row, quantity, measured) in
                 enumerate(zip(points.rows, points.quantities, points.values.tolist(), strict=True))
             ])  # fmt: skip
@@ -289,7 +282,7 @@ class Predictor:
                 lost = error
         if fine and lost is not None and np.isnan(np.concatenate(parts)).all():
             raise lost
-        solutions = tuple(state.solution if state and _sound(state) else None for state in states)
+        solutions = tuple(state.solution if state else None for state in states)
         return Prediction(np.concatenate(parts), solutions, trial.peaks)
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
@@ -311,27 +304,17 @@ class Predictor:
         forward = np.array([1.0 if one + size <= unknown.bounds[1] else -1.0
                             for unknown, one in zip(self.unknowns, x, strict=True)])  # fmt: skip
         steps = size * np.diag(forward)
-        near = [one.values for one in self.at([*(x + steps), *(x - steps if central else ())], here)]
-        columns = []
-        for place, step in enumerate(size * forward):
-            found = (near[place] - here.values) / step
-            if central:
-                both = (near[place] - near[len(x) + place]) / (2.0 * step)
-                found = np.where(np.isfinite(both), both, found)
-            columns.append(found)
-        return np.asarray(np.nan_to_num(np.array(columns).T, nan=0.0))
+        near = np.array([one.values for one in self.at([*(x + steps), *(x - steps if central else ())], here)])
+        length = (size * forward)[:, None]
+        found = (near[: len(x)] - here.values) / length
+        if central:
+            both = (near[: len(x)] - near[len(x) :]) / (2.0 * length)
+            found = np.where(np.isfinite(both), both, found)
+        return np.asarray(np.nan_to_num(found.T, nan=0.0))
 
 
-def _sound(state: State) -> bool:
-    """Whether a steady state is determined.
-
-    Of a balanced motion this is not known; :meth:`Predictor.refined` leaves out what ngspice refuses.
-    """
-    return state.determined if isinstance(state, SteadyState) else state is not None
-
-
-def _values(state: State) -> Mapping[str, float]:
+def _values(state: SteadyState | BalancedState) -> Mapping[str, float]:
     """Return the quantities of a state by name."""
     if isinstance(state, SteadyState):
         return {**state.quantities, **{name: getattr(state, name) for name in (SPEED, *PHASES)}}
-    return state.values if state else {}
+    return state.values

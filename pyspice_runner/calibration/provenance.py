@@ -1,20 +1,58 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The origin of each value of a motor that was made of measurements: which are measured, which are a class average."""
+"""The origin of each value of a motor that was made of measurements: which are measured, which are a class average.
+
+Of the values that no measurement shows it is known how far the motors of a class differ, :data:`WIDTHS`.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot, inf, sqrt
+from math import exp, hypot, inf, log, sqrt
 from typing import Any
 
-from pyspice_runner.calibration import motor_class
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, Provenance
 
+FRICTION, QUALITY, CAPACITANCE, NORMAL = "contact.friction", "quality factor", "capacitance", "normal motion"
+STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor of spectra
 _IMPROVED = 0.9  # of the prior width, below which the measurements count as having added something
+
+# Standard deviation of the logarithm of a value over those of a class, after scaling. Friction: handbooks give 0.2 to
+# 0.5 for dry ceramics, taken as four standard deviations. The others: over andersen2002-unintended-mode, a beam with
+# two modes at 40 kHz and bimodal40 as linear stages, at their drives and in the modes within 15 % of these; of a group
+# the maximum. Three motors do not make a statistic: the widths are orders of magnitude.
+WIDTHS = {
+    "friction": 0.23, "preload_n": 0.3, "damping_n_s_per_m": 1.1, "mass_kg": 2.0, "stiffness_n_per_m": 2.0,
+    "coupling_a_n_per_v": 1.1, "coupling_b_n_per_v": 1.1, "capacitance_a_f": 1.6, "capacitance_b_f": 1.6,
+    "loss_tangent": 0.4, "normal_stiffness_n_per_m15": 1.6, "tangential_compliance_tip_m_per_n23": 1.3,
+    "tangential_compliance_rotor_m_per_n23": 1.3, "restitution": 0.1, "inertia_kg_m2": 1.3,
+    "bearing_damping_n_m_s": 0.9, "guide_damping_n_s_per_m": 0.9,
+    "slider.mass_kg": 1.3,
+}  # fmt: skip
+_MOUNT = 1.7  # of each of its values
+_TOWARDS = 0.5  # of the motion towards the rotor over that along it: the ellipse of the tip is a choice of the design
+PRIORS = {
+    FRICTION: WIDTHS["friction"], QUALITY: WIDTHS["damping_n_s_per_m"], CAPACITANCE: WIDTHS["capacitance_a_f"],
+    NORMAL: _TOWARDS,
+}  # fmt: skip
+
+
+def width(path: str) -> float | None:
+    """Return the standard deviation of the logarithm of a value within the class; ``None`` where it is not known."""
+    if path.startswith("mount."):
+        return _MOUNT
+    return WIDTHS.get(path, WIDTHS.get(path.rpartition(".")[2]))
+
+
+def spread(logarithmic: float) -> str:
+    """Return a standard deviation of a logarithm in words: in per cent, a large one as a factor, up to 1e6."""
+    if logarithmic < 0.35:
+        return f"± {100.0 * logarithmic:.2g} %"
+    return f"×/÷ {exp(logarithmic):.2g}" if logarithmic < log(1e6) else "not determined"
 
 
 @dataclass(frozen=True)
@@ -32,16 +70,10 @@ class Origin:
     width: float | None = None
 
     def __str__(self) -> str:
-        return self.kind if self.width is None else f"{self.kind}, {motor_class.spread(self.width)}"
+        return self.kind if self.width is None else f"{self.kind}, {spread(self.width)}"
 
 
-@dataclass(frozen=True)
-class Annotated:
-    """A motor with provenance, the standard error of each value in its unit, and the origin of each value."""
-
-    motor: Motor
-    errors: dict[str, float]
-    origins: dict[str, Origin]
+_Annotated = tuple[Motor, dict[str, float], dict[str, Origin]]  # standard error in its unit and origin by path
 
 
 def words_of(measured: Sequence[str]) -> str:
@@ -56,46 +88,37 @@ def value_of(document: Any, path: str) -> float | None:
     return None if document is None else float(document)
 
 
-def of_spectra(
-    motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], targets: Sequence[str], known: float
-) -> Annotated:
-    """Return a motor with the stator of its spectra.
+def of_spectra(motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], targets: Sequence[str]) -> _Annotated:
+    """Return a motor with the stator of its spectra with provenance, errors and origins of its values.
 
-    Args:
-        motor: the motor.
-        fit: of the spectra.
-        relative: fitted value → its relative standard error.
-        targets: names of the measurements to which they were fitted.
-        known: prior relative standard deviation of the contact's stiffnesses.
+    ``relative`` has the relative standard errors of the values that were fitted to the measurements ``targets``.
     """
-    contact = {path: share for path, share in relative.items() if path != "mass_kg"}
-    document = motor.model_dump()
+    document, provenance = motor.model_dump(), dict(motor.provenance)
     errors = _errors_of_modes(motor, fit, relative.get("mass_kg", 0.0))
     errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
-    errors |= {path: share * (value_of(document, path) or 0.0) for path, share in contact.items()}
-    provenance = dict(motor.provenance)
     note = f"fitted to {words_of(targets)} by steady_state"
-    # where the measurements improve on the base motor
-    provenance |= {path: Provenance("derived", note) for path, share in contact.items() if share < _IMPROVED * known}
+    for path, deviation in relative.items():
+        if path == "mass_kg":
+            continue
+        errors[path] = deviation * (value_of(document, path) or 0.0)
+        if deviation < _IMPROVED * STIFFNESS_ERROR:  # the measurements improve on the base motor
+            provenance[path] = Provenance("derived", note)
     for path, error in errors.items():
         if path.endswith("mass_kg"):
             provenance[path] = Provenance("derived", f"{note}, one for all modes")
-        origin = provenance.get(path, Provenance("derived", f"fitted to {fit.source}"))
+        origin = provenance[path]
         provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
     origins = {}
     for path, own in provenance.items():
-        if path.startswith("drive."):
-            continue
         value = abs(value_of(document, path) or 0.0)
-        width = errors[path] / value if path in errors and value else None
-        of_sheet = path.startswith("contact.") or path.endswith("mass_kg")
+        share = errors[path] / value if path in errors and value else None
         if own.kind == "assumed":
-            origins[path] = Origin("class average", width or motor_class.width(path))
-        elif of_sheet:
-            origins[path] = Origin("derived" if width else "stated", width)
+            origins[path] = Origin("class average", share or width(path))
+        elif path.startswith("contact.") or path.endswith("mass_kg"):  # of the data sheet
+            origins[path] = Origin("derived" if share else "stated", share)
         else:
-            origins[path] = Origin("spectrum" if own.kind == "derived" else "stated", width)
-    return Annotated(motor.model_copy(update={"provenance": provenance}), errors, origins)
+            origins[path] = Origin("spectrum" if own.kind == "derived" else "stated", share)
+    return motor.model_copy(update={"provenance": provenance}), errors, origins
 
 
 def _errors_of_modes(motor: Motor, fit: TwoPortFit, mass_error: float) -> dict[str, float]:
@@ -117,39 +140,36 @@ def _errors_of_modes(motor: Motor, fit: TwoPortFit, mass_error: float) -> dict[s
     return errors
 
 
-def of_class(motor: Motor, base: Motor, relative: Mapping[str, float], measured: Sequence[str]) -> Annotated:
-    """Return a motor of a class.
+def of_class(motor: Motor, base: Motor, relative: Mapping[str, float], measured: Sequence[str]) -> _Annotated:
+    """Return a motor of the class of ``base`` with provenance, errors and origins of its values.
 
-    Args:
-        motor: the motor.
-        base: that represents the class.
-        relative: fitted value → its relative standard error.
-        measured: names of the numbers of the data sheet.
+    ``relative`` has the relative standard errors of the fitted values, ``measured`` the names of the numbers of the
+    data sheet.
     """
     factors = {
-        "contact.friction": motor_class.FRICTION,
-        **{f"modes.{number}.damping_n_s_per_m": motor_class.QUALITY for number in range(len(motor.modes))},
-        **{f"modes.{number}.tip_y": motor_class.NORMAL for number in range(len(motor.modes))},
-        **{groups.column("piezo.capacitance", group, "f"): motor_class.CAPACITANCE for group in ("a", "b", "ab")},
-    }
+        "contact.friction": FRICTION, "modes.damping_n_s_per_m": QUALITY, "modes.tip_y": NORMAL,
+        **{groups.column("piezo.capacitance", group, "f"): CAPACITANCE for group in ("a", "b", "ab")},
+    }  # fmt: skip
     document = motor.model_dump()
-    paths = [f"modes.{number}.{key}" for number, mode in enumerate(document["modes"]) for key in mode if key != "name"]
-    paths += [f"{section}.{key}" for section in ("piezo", "contact", motor.moved, "mount")
-              for key in document[section] or {}]  # fmt: skip
+    tables = {f"modes.{number}": mode for number, mode in enumerate(document["modes"])}
+    tables |= {section: document[section] or {} for section in ("piezo", "contact", motor.moved, "mount")}
     origins, errors, provenance = dict[str, Origin](), dict[str, float](), dict[str, Provenance]()
     words = words_of(measured)
-    for path in paths:
-        value, factor = value_of(document, path), factors.get(path, "")
+    values = {
+        f"{table}.{key}": value for table, every in tables.items() for key, value in every.items() if key != "name"
+    }
+    for path, value in values.items():
         if not value:  # an effect that is off
             continue
+        factor = factors.get(re.sub(r"\.\d+\.", ".", path), "")
         share = relative.get(factor, inf)
-        if share < _IMPROVED * motor_class.PRIORS.get(factor, 0.0):
+        if share < _IMPROVED * PRIORS.get(factor, 0.0):
             errors[path] = share * abs(value)
             origins[path] = Origin("derived", share)
             provenance[path] = Provenance("derived", f"fitted to {words}; standard error {errors[path]:.2g}")
         else:
-            width = motor_class.width(path)
-            origins[path] = Origin("class average", width)
+            spreading = width(path)
+            origins[path] = Origin("class average", spreading)
             note = f"class average: that of {base.name}, scaled to {words}"
-            provenance[path] = Provenance("assumed", note + (f"; {motor_class.spread(width)}" if width else ""))
-    return Annotated(motor.model_copy(update={"provenance": provenance}), errors, origins)
+            provenance[path] = Provenance("assumed", note + (f"; {spread(spreading)}" if spreading else ""))
+    return motor.model_copy(update={"provenance": provenance}), errors, origins

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, model_validator
 
-from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.points import MEASURED
+from pyspice_runner.calibration.result import SetFit
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.document import read_document
@@ -78,10 +78,8 @@ class RecordedCurve(BaseModel):
 
     @model_validator(mode="after")
     def _of_one_length(self) -> RecordedCurve:
-        lengths = {len(self.at)}
-        for one in self.quantities.values():
-            lengths |= {len(one.measured), len(one.predicted), len(one.error)}
-        if len(lengths) != 1:
+        lists = [values for one in self.quantities.values() for values in (one.measured, one.predicted, one.error)]
+        if any(len(values) != len(self.at) for values in lists):
             raise ValueError("the lists of a curve have different lengths")
         return self
 

@@ -70,12 +70,8 @@ def peaks(
 ) -> list[Peak]:
     """Return the resonances of points, each next to its start.
 
-    Args:
-        setups: the points.
-        starts: frequencies to begin with.
-        near_hz: distances of the last three frequencies.
-        solve: returns electrical power and solution of points, NaN where there is none.
-        fresh: whether the starts are farther away than ``near_hz``.
+    ``near_hz`` are the distances of the last three frequencies; with ``fresh`` the starts are farther away. ``solve``
+    returns electrical power and solution of points, NaN where there is none.
     """
     searches = [_Search(*each, fresh=fresh) for each in zip(setups, starts, near_hz, strict=True)]
     for _ in range(ROUNDS):

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import log
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.points import TEMPERATURE, Curve, Points, read_points
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.spectra import temperatures_of
@@ -39,6 +38,17 @@ class Estimate:
     identifiable: bool  # whether the data decide it: to 25 % and better, without what was known before
     start: float
     unit: str
+
+
+@dataclass(frozen=True)
+class SetFit:
+    """How the calibrated motor fits one set of data."""
+
+    data: str  # name of the file, and the state of a spectrum
+    values: int
+    squares: float  # sum of squares, with Huber's loss
+    expected: float  # its mean if the model holds
+    probability: float  # of a sum that is as large, if the model holds
 
 
 @dataclass(frozen=True)
@@ -108,7 +118,7 @@ class Calibration(Result):
     """
 
     estimates: tuple[Estimate, ...]
-    calibrated: Motor = field(repr=False)
+    calibrated: Motor
     predictor: Predictor
     predicted: Array
     predicted_errors: Array
@@ -134,7 +144,7 @@ class Calibration(Result):
     def law(self) -> str:
         """Law of the contact."""
         assert self.predictor.base.law is not None
-        return str(self.predictor.base.law.to_dict()["contact"])
+        return self.predictor.base.law.name
 
     @property
     def points(self) -> Points | None:
@@ -144,7 +154,7 @@ class Calibration(Result):
     @property
     def curves(self) -> list[tuple[Curve, slice]]:
         """The measured spectra, then the run-ups, each with the places of its values."""
-        return self.predictor.of_curves
+        return [(one, own) for one, own in self.predictor.sets if isinstance(one, Curve)]
 
     @property
     def measured(self) -> Array:
@@ -241,7 +251,7 @@ class Calibration(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return values, fit, correlations and residuals, JSON-ready."""
-        document: dict[str, Any] = json_ready({
+        return dict(json_ready({
             "motor": self.start.name,
             "data": self.sources,
             "contact": self.law,
@@ -271,8 +281,7 @@ class Calibration(Result):
                 )
             ],
             "curves": [self._curve(*each) for each in self.curves],
-        })  # fmt: skip
-        return document
+        }))  # fmt: skip
 
     def summary(self) -> dict[str, str]:
         """Return each value with its error and interval, and how well the data fit."""
@@ -313,15 +322,13 @@ class Calibration(Result):
         frequency in Hz of a spectrum, whose real parts come before its imaginary ones, and NaN of a point. ``point``
         is the number of the point in its set.
         """
-        points = np.array(self.points.rows, float) + 1.0 if self.points else np.zeros(0)
-        found = {"point": [points], "set": [np.ones(len(points))], "at": [np.full(len(points), np.nan)]}
-        for number, (curve, _) in enumerate(self.curves, start=2 if self.points else 1):
-            several, at = len(curve.quantities), curve.at
-            found["point"].append(np.tile(np.arange(1.0, len(at) + 1.0), several))
-            found["set"].append(np.full(several * len(at), float(number)))
-            found["at"].append(np.tile(at, several))
+        rows = np.array(self.points.rows if self.points else (), dtype=float)
+        curves = [(curve.at, len(curve.quantities)) for curve, _ in self.curves]
+        lengths = [len(one.errors) for one, _ in self.predictor.sets]
         return {
-            **{name: np.concatenate(parts) for name, parts in found.items()},
+            "point": np.concatenate([rows + 1.0, *(np.tile(np.arange(len(at)) + 1.0, many) for at, many in curves)]),
+            "set": np.repeat(np.arange(len(lengths)) + 1.0, lengths),
+            "at": np.concatenate([np.full(len(rows), np.nan), *(np.tile(at, many) for at, many in curves)]),
             "measured": self.measured,
             "predicted": self.predicted,
             "error": self.errors,
@@ -331,7 +338,7 @@ class Calibration(Result):
     def _table(self) -> list[list[str]]:
         """Return the rows of the columns with the names of data and quantity."""
         columns = dict(self.columns())
-        names = [name for name, places in self.predictor.sets for _ in range(places.stop - places.start)]
+        names = [one.source for one, _ in self.predictor.sets for _ in one.errors]
         quantities = list(self.points.quantities) if self.points else []
         quantities += [name for curve, _ in self.curves for name in curve.quantities for _ in curve.at]
         del columns["set"]

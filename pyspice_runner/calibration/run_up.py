@@ -59,8 +59,7 @@ class RunUp(Curve):
             ParameterError: for a table without time or speed, with fewer than :data:`FEWEST` points, times that do not
                 rise or are before 0, a condition that changes, or an error that is not above zero.
         """
-        name = f"run-up {number}"
-        source, columns = read_columns(data, linear, name=name, further=(TIME,), most=MOST)
+        source, columns = read_columns(data, linear, name=f"run-up {number}", further=(TIME,), most=MOST)
         wanted = "speed_m_s" if linear else SPEED
         for column, own in ((TIME, TIME), (SPEED, wanted)):
             if column not in columns:
@@ -118,14 +117,13 @@ class RunUp(Curve):
     def predicted(self, motor: Point, *, fine: bool = False) -> Array:
         """Return the speed of a motor at the measured times: the averaged one, or with the torque of steady states.
 
-        Raises:
-            SimulationError: where the averaged motor fails.
+        Raise SimulationError where the averaged motor fails.
         """
         run = self._run(motor)
         time, speed = run.curves["time_s"], run.curves["rotor_speed_rad_s"]
         torques = _torques(motor, speed) if fine else None
         if torques is not None:
-            speed = speed + _correction(motor, time, speed, *torques)
+            speed = speed + _correction(motor, time, speed, torques)
         return np.interp(self.at, time, speed)
 
     def cautions(self, motor: Point) -> list[str]:
@@ -140,14 +138,12 @@ class RunUp(Curve):
         return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
 
     def _run(self, motor: Point) -> AveragedRun:
-        return simulate_averaged(
-            motor.motor, motor.drive, float(self.at[-1]), load_torque=motor.load.torque,
-            timeout=motor.solver.timeout,
-        )  # fmt: skip
+        load, timeout = motor.load.torque, motor.solver.timeout
+        return simulate_averaged(motor.motor, motor.drive, float(self.at[-1]), load_torque=load, timeout=timeout)
 
 
-def _torques(motor: Point, speed: Array) -> tuple[Array, Array, Array] | None:
-    """Return speeds in rad/s with the torques in N·m of steady states and of the averaged motor there.
+def _torques(motor: Point, speed: Array) -> Array | None:
+    """Return speeds in rad/s, and the torques in N·m of steady states and of the averaged motor there, as rows.
 
     ``None`` if less than two of the speeds have both.
     """
@@ -163,22 +159,19 @@ def _torques(motor: Point, speed: Array) -> tuple[Array, Array, Array] | None:
             continue
         try:
             averaged = simulate_averaged(
-                one.motor, one.drive, duration, speed=one.load.speed, timeout=one.solver.timeout,
-            )  # fmt: skip
+                one.motor, one.drive, duration, speed=one.load.speed, timeout=one.solver.timeout
+            )
         except SimulationError:
             continue
         found.append((one.load.speed, state.torque_n_m, averaged.curves["torque_n_m"][-1]))
-    if len(found) < FEWEST - 1:
-        return None
-    speeds, full, own = np.array(found, dtype=float).T
-    return speeds, full, own
+    return np.array(found, dtype=float).T if len(found) >= FEWEST - 1 else None
 
 
-def _correction(motor: Point, time: Array, speed: Array, speeds: Array, full: Array, own: Array) -> Array:
-    """Return the speed of the full motor less that of the averaged one; ``speeds``, ... as of :func:`_torques`."""
+def _correction(motor: Point, time: Array, speed: Array, torques: Array) -> Array:
+    """Return the speed of the full motor less that of the averaged one; ``torques`` as of :func:`_torques`."""
     from scipy.integrate import solve_ivp  # takes long to load
 
-    rotor = motor.motor.rotor
+    rotor, (speeds, full, own) = motor.motor.rotor, torques
 
     def rate(now: float, deviation: Array) -> Array:
         there = np.interp(now, time, speed)

@@ -15,12 +15,18 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from pyspice_runner.calibration.misfit import huber, weights_of
 from pyspice_runner.calibration.prediction import Prediction, Predictor
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.waveforms import Array
 
+OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
 START_REACH = log(2.0)  # of further starts about the first
+_ROUGH_GAIN = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
+_STEPS = 40  # of each search
+_CLOSE = 1e-4  # relative gain, and step of a coordinate, that are noise
+# Steps in coordinates: beyond the long one, with a smooth model the short one, there is a new Jacobian; below the short
+# one differences of ngspice are noise.
+_LONG, _SHORT = 0.1, 0.025
 _INSIDE = 0.05  # of a start at its bound: scipy's first step is as long as the start is from 0, which is in the middle
 _NORMAL = 1.4826  # standard deviation over the median of the magnitudes
 
@@ -30,15 +36,8 @@ class Tolerances:
     """Where a search ends. A gain is that of the sum of squares by a further step."""
 
     gain: float = 0.01  # by a smooth model: 0.1 standard errors
-    rough_gain: float = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
     settled: float = 0.1  # where the difference to ngspice was taken anew, by whose accuracy it varies that much
     refinements: int = 5  # searches by the fast model, each with its difference to ngspice where the last one ended
-    steps: int = 40  # of each search
-    close: float = 1e-4  # relative gain, and step of a coordinate, that are noise
-    # Steps in coordinates: beyond the long one, with a smooth model the short one, there is a new Jacobian; below the
-    # short one differences of ngspice are noise.
-    long: float = 0.1
-    short: float = 0.025
 
 
 TOLERANCES = Tolerances()
@@ -68,11 +67,7 @@ class Search:
         self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
 
     def solved(self, starts: int = 1) -> Array:
-        """Return the coordinates of the smallest sum of squares.
-
-        Raises:
-            SimulationError: if there is no steady state at the start.
-        """
+        """Return the coordinates of the smallest sum of squares. Raise SimulationError without a start that runs."""
         x = np.clip(np.zeros(len(self.prior)), self.bounds[0] + _INSIDE, self.bounds[1] - _INSIDE)
         if self.resumed is not None:
             x = np.clip(self.resumed, *self.bounds)
@@ -91,12 +86,11 @@ class Search:
             size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
             self.roots = np.sqrt(weights_of(residuals, size))
             self._jacobian(x)
-            if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.settled):
+            if self._gain() < (_ROUGH_GAIN if self.predictor.rough else self.tolerances.settled):
                 break
-            close = self.tolerances.close
             x = np.asarray(least_squares(
                 lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
-                xtol=close, ftol=close, gtol=1e-12, max_nfev=self.tolerances.steps, callback=self._end,
+                xtol=_CLOSE, ftol=_CLOSE, gtol=1e-12, max_nfev=_STEPS, callback=self._end,
             ).x)  # fmt: skip
         return x
 
@@ -144,21 +138,20 @@ class Search:
 
     def _jacobian(self, x: Array) -> Array:
         """Return the weighted Jacobian: new after a long step, otherwise the last one, by Broyden's rule."""
-        residuals = self.residuals(x)
-        slope = self._slope(x) if self.way is None else self._followed(x, residuals, *self.way)
+        residuals, rough = self.residuals(x), self.predictor.rough
+        before, known, slope = self.way or (x, residuals, self._slope(x))
+        step = x - before
+        length = float(np.linalg.norm(step))
+        if length > (_LONG if rough else _SHORT):
+            slope = self._slope(x)
+        elif not rough or length >= _SHORT:
+            slope = broyden(slope, residuals - known, step)
         self.way = x.copy(), residuals, slope
         return np.asarray(self.roots[:, None] * slope)
 
-    def _followed(self, x: Array, residuals: Array, before: Array, known: Array, slope: Array) -> Array:
-        step, rough = x - before, self.predictor.rough
-        length = float(np.linalg.norm(step))
-        if length > (self.tolerances.long if rough else self.tolerances.short):
-            return self._slope(x)
-        return slope if rough and length < self.tolerances.short else broyden(slope, residuals - known, step)
-
     def _end(self, _: object) -> None:
         """End the search of the optimiser where a further step would gain too little."""
-        if self._gain() < (self.tolerances.rough_gain if self.predictor.rough else self.tolerances.gain):
+        if self._gain() < (_ROUGH_GAIN if self.predictor.rough else self.tolerances.gain):
             raise StopIteration
 
     def _gain(self) -> float:
@@ -177,3 +170,14 @@ def broyden(slope: Array, change: Array, step: Array) -> Array:
     """Return a Jacobian that is right along a step, by the change of the residuals there."""
     square = float(step @ step)
     return slope + np.outer(change - slope @ step, step) / square if square > 0.0 else slope
+
+
+def weights_of(residuals: Array, scale: float = 1.0) -> Array:
+    """Return the weights that Huber's loss gives to residuals."""
+    return np.minimum(1.0, OUTLIER * scale / np.maximum(np.abs(residuals), 1e-12))
+
+
+def huber(residuals: Array) -> Array:
+    """Return the squares of residuals, linear beyond :data:`OUTLIER`."""
+    size = np.abs(residuals)
+    return np.where(size <= OUTLIER, size**2, OUTLIER * (2.0 * size - OUTLIER))

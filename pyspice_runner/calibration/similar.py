@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.motor import Motor, Provenance, assemble
+from pyspice_runner.motor.motor import Motor, assemble
 
 _MASS, _STIFFNESS, _DAMPING = (1.0, -1.0, -2.0, 0.0), (1.0, -1.0, 0.0, 0.0), (1.0, -1.0, -1.0, 0.0)
 _FORCE, _LENGTH, _SPEED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 1.0, 1.0, 0.0)
@@ -70,8 +70,7 @@ class Factors:
     def of(self, key: str) -> float:
         """Return the factor of a field of a motor; 1 for one without a dimension, and for the radius of a rotor.
 
-        Raises:
-            ParameterError: for a field whose dimension is not known.
+        Raise ParameterError for a field whose dimension is not known.
         """
         if key not in _EXPONENTS:
             raise ParameterError(f"A similar motor cannot be made: it is not known how {key} scales.")
@@ -80,11 +79,10 @@ class Factors:
         return float(self.force**force * displacement**length * self.frequency**frequency * self.voltage**voltage)
 
 
-def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, Provenance]) -> Motor:
+def scaled(motor: Motor, factors: Factors, name: str) -> Motor:
     """Return a similar motor. What is not scaled is not known of it: strength, worn flat, recommended drive.
 
-    Raises:
-        ParameterError: if a value leaves its range.
+    Raise ParameterError if a value leaves its range.
     """
     document = motor.model_dump() | {"name": name, "limits": None}
     for parameter in motor.law:  # refused: the dimension of a law's own parameter is not known here
@@ -94,7 +92,7 @@ def scaled(motor: Motor, factors: Factors, name: str, provenance: Mapping[str, P
     for section in ("piezo", "contact", motor.moved, "mount"):
         if document[section] is not None:
             document[section] = _grown(document[section], factors)
-    return assemble(document, None, dict(provenance), where=f"a motor similar to {motor.name}")
+    return assemble(document, None, {}, where=f"a motor similar to {motor.name}")
 
 
 def _grown(table: Mapping[str, Any], factors: Factors) -> dict[str, Any]:

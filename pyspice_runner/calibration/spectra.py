@@ -58,13 +58,13 @@ class Band(Curve):
         """Name of the data."""
         return f"{self.spectrum.source or 'the spectrum'} ({self.state})"
 
-    def errors_at(self, predicted: Array | None) -> Array:
+    def errors_at(self, predicted: Array) -> Array:
         """Return the standard errors of the measured parts: a share of the predicted magnitude, or of the measured one.
 
         Shares of measured magnitudes would make values that are low by chance count more. A prediction that is more
         than :data:`_LARGEST_RATIO` off is given the nearest magnitude within it.
         """
-        if predicted is None or not np.isfinite(predicted).all():
+        if not np.isfinite(predicted).all():
             return self.errors
         magnitude, own = (np.hypot(*np.split(values, 2)) for values in (self.measured, predicted))
         ratio = np.clip(own / magnitude, 1.0 / _LARGEST_RATIO, _LARGEST_RATIO)
@@ -102,14 +102,8 @@ class Band(Curve):
 def bands_of(spectra: Sequence[Any], connection: Connection, error: float) -> tuple[Band, ...]:
     """Return what is compared of measured spectra, at most :data:`SPECTRUM_POINTS` points of each.
 
-    Args:
-        spectra: each with its state, and with ``{"temperature": °C, "level": V}`` or one of these if known.
-        connection: of the groups.
-        error: standard error, relative to the magnitude.
-
-    Raises:
-        ParameterError: for another shape, an unknown condition, a value out of range, or a level of a stator on its
-            rotor.
+    ``spectra`` are as of :func:`~pyspice_runner.calibrate`; ``error`` is relative to the magnitude. Raise
+    ParameterError for another shape, an unknown condition, a value out of range, or a level of a stator on its rotor.
     """
     found = []
     for number, entry in enumerate(spectra, start=1):
@@ -144,13 +138,10 @@ def bands_of(spectra: Sequence[Any], connection: Connection, error: float) -> tu
 
 
 def temperatures_of(named: Sequence[tuple[str, Mapping[str, float | None]]]) -> list[float]:
-    """Return the temperatures of all data in °C; the first is that of the motor's parameters. Empty without any.
+    """Return the temperatures of all data in °C, by their names and conditions; without any the list is empty.
 
-    Args:
-        named: name and conditions of each spectrum, point and run-up.
-
-    Raises:
-        ParameterError: for a value out of range, or one that only some of the data have.
+    The first is that of the motor's parameters. Raise ParameterError for a value out of range, or one that only some
+    of the data have.
     """
     found = [_checked(TEMPERATURE, own[TEMPERATURE], name) for name, own in named if own.get(TEMPERATURE) is not None]
     if found and len(found) < len(named):

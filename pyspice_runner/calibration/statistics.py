@@ -8,6 +8,12 @@ The intervals follow from the profile likelihood. One parameter is moved until t
 respect to all other parameters, has grown by 3.84 s². The other parameters follow by the Gauss-Newton method, with a
 Jacobian that Broyden's rule updates. All parameters and both sides share the calls of the model. D. M. Bates, D. G.
 Watts, "Nonlinear Regression Analysis and Its Applications", Wiley 1988, ch. 6.
+
+The residuals of a fit that is linear near its solution have the covariance :math:`M = I - J (J^T J)^{-1} J^T`. So the
+sum of squares of one set of data, with the block :math:`M_s`, has the mean :math:`m = \mathrm{tr}\,M_s` and the
+variance :math:`v = 2\,\mathrm{tr}\,M_s^2`; it is a multiple of a chi-squared variable with :math:`2 m^2/v` degrees of
+freedom (F. E. Satterthwaite, Biometrics Bulletin 2, 110, 1946). Each set is judged alone, since a few points that the
+model does not explain have no weight in the sum of hundreds of values of a spectrum.
 """
 
 from __future__ import annotations
@@ -17,14 +23,16 @@ from math import sqrt
 
 import numpy as np
 
-from pyspice_runner.calibration.misfit import WRONG_READING, fits_of, huber, misfits, weights_of
 from pyspice_runner.calibration.points import DEFAULT_ERROR
-from pyspice_runner.calibration.result import Calibration, Estimate
+from pyspice_runner.calibration.result import Calibration, Estimate, SetFit
 from pyspice_runner.calibration.run_up import RunUp
-from pyspice_runner.calibration.search import Search, broyden
+from pyspice_runner.calibration.search import Search, broyden, huber, weights_of
 from pyspice_runner.calibration.unknowns import WIDE, Unknown
 from pyspice_runner.run.waveforms import Array
 
+SIGNIFICANCE = 1e-3  # probability of the least probable set, below which the model does not explain the data
+WRONG_READING = 4.0  # standard errors: one normal residual in 16,000 is beyond
+FEW = 10  # values, of which one may be a wrong reading
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
 _RISE = 3.8415  # of the sum of squares at the end of a 95 % interval: chi-squared with one degree of freedom
 _ROUNDS = 6  # computations of the sum of squares at each end of a profile, most of them for curved valleys
@@ -66,10 +74,10 @@ class Judgement:
         data = weighted[:count].T @ weighted[:count] / self.scale**2
         self.by_data = np.linalg.inv(data + np.eye(len(x)) / WIDE**2)
         self.covariance = np.linalg.inv(data + np.diag(search.prior**2))
-        sets = [(name, np.arange(count)[places]) for name, places in predictor.sets]
+        sets = [(one.source, np.arange(count)[places]) for one, places in predictor.sets]
         sets += [("the priors", priors)] if len(priors) else []
-        names, places = [name for name, _ in sets], [own[self.known[own]] for _, own in sets]
-        self.fits = fits_of(names, places, self.residuals, weighted) if self.errors_given and self.freedom > 0 else ()
+        used = [(name, own[self.known[own]]) for name, own in sets]
+        self.fits = fits_of(used, self.residuals, weighted) if self.errors_given and self.freedom > 0 else ()
 
     def calibration(self) -> Calibration:
         """Return the result."""
@@ -94,20 +102,14 @@ class Judgement:
     def _profiles(self) -> list[tuple[_Side, _Side]]:
         """Return both sides of the profile of each coordinate, at the ends of the interval."""
         predictor, prior = self.predictor, self.search.prior
-
-        def residuals_at(places: list[Array]) -> list[Array]:
-            found = predictor.at(places, self.here)
-            every = [np.append((one.values - predictor.measured) / predictor.errors, prior * x)
-                     for one, x in zip(found, places, strict=True)]  # fmt: skip
-            return [np.where(self.known & np.isfinite(one), one, 0.0) for one in every]
-
         pairs = [(_Side(self, place, -1.0), _Side(self, place, 1.0)) for place in range(len(self.x))]
         for _ in range(_ROUNDS):
             pending = [side for pair in pairs for side in pair if not side.done]
             if not pending:
                 break
-            for side, residuals in zip(pending, residuals_at([side.x for side in pending]), strict=True):
-                side.take(residuals)
+            for side, one in zip(pending, predictor.at([side.x for side in pending], self.here), strict=True):
+                residuals = np.append((one.values - predictor.measured) / predictor.errors, prior * side.x)
+                side.take(np.where(self.known & np.isfinite(residuals), residuals, 0.0))
         return pairs
 
     def _estimate(self, place: int, unknown: Unknown, sides: tuple[_Side, _Side]) -> Estimate:
@@ -122,9 +124,8 @@ class Judgement:
     # --- warnings ---
 
     def _warnings(self, estimates: Sequence[Estimate], correlations: Array) -> list[str]:
-        count = len(self.predictor.measured)
+        count, found = len(self.predictor.measured), list[str]()
         known = int(self.known[:count].sum())
-        found: list[str] = []
         if known < count:
             found.append(
                 f"{count - known} of {count} measured values were left out: the calibrated motor has no stable steady "
@@ -149,23 +150,19 @@ class Judgement:
                 f"{100.0 * DEFAULT_ERROR:g} % of the greatest value of each column, and their size is that of the "
                 "scatter about the fit."
             )
-        found += self._outliers()
+        if points := self.predictor.points:
+            far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > WRONG_READING * self.scale)
+            found += [
+                f"Point {points.rows[place] + 1}: {points.quantities[place]} = {points.values[place]:.4g} is "
+                f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
+                for place in far[:_MOST_NAMED]
+            ]
+        motor, thermal = self.predictor.motor(self.x), self.predictor.thermal(self.x)
         for curve in self.predictor.curves:
             if isinstance(curve, RunUp):
-                found += curve.cautions(self.predictor.of_curve(curve, self.x))
+                found += curve.cautions(self.predictor.point(motor, curve.conditions, thermal))
         weak = [place for place, one in enumerate(estimates) if not one.identifiable]
         return [*found, *(_undecided(estimates, place, correlations[place]) for place in weak)]
-
-    def _outliers(self) -> list[str]:
-        points = self.predictor.points
-        if points is None:
-            return []
-        far = np.flatnonzero(np.abs(self.residuals[: len(points.values)]) > WRONG_READING * self.scale)
-        return [
-            f"Point {points.rows[place] + 1}: {points.quantities[place]} = {points.values[place]:.4g} is "
-            f"{abs(self.residuals[place]):.2g} standard errors off the fit and counts less."
-            for place in far[:_MOST_NAMED]
-        ]
 
 
 class _Side:
@@ -220,3 +217,31 @@ def _undecided(estimates: Sequence[Estimate], place: int, correlations: Array) -
         text += f" It goes together with {estimates[other].path} (correlation {correlations[other]:+.3f})."
     experiment = next((words for path, words in _EXPERIMENTS.items() if one.path.startswith(path)), "measure more")
     return f"{text} To identify it, {experiment}, or leave it out of free."
+
+
+def fits_of(sets: Sequence[tuple[str, Array]], residuals: Array, slope: Array) -> tuple[SetFit, ...]:
+    """Return the fit of each set, by its name and the places of its values, without those that are not known.
+
+    ``slope`` is the Jacobian of the ``residuals`` of all values and priors, with the roots of the weights of the loss.
+    A set of :data:`FEW` values and more with one residual beyond :data:`WRONG_READING` is judged without it.
+    """
+    from scipy.special import gammaincc  # takes long to load
+
+    hat = slope @ np.linalg.solve(slope.T @ slope, slope.T)
+    found = []
+    for name, own in sets:
+        far = np.abs(residuals[own]) > WRONG_READING
+        used = own[~far] if far.sum() == 1 and len(own) >= FEW else own
+        left = np.eye(len(used)) - hat[np.ix_(used, used)]
+        mean, variance = float(np.trace(left)), 2.0 * float(np.sum(left**2))
+        squares = float(huber(residuals[used]).sum())
+        ratio = 2.0 * mean / variance if variance > 0.0 else 0.0
+        # parameters that take up all values of a set leave nothing to judge
+        probability = float(gammaincc(0.5 * mean * ratio, 0.5 * squares * ratio)) if mean > 0.5 else 1.0
+        found.append(SetFit(name, len(own), squares, mean, probability))
+    return tuple(found)
+
+
+def misfits(fits: Sequence[SetFit]) -> list[SetFit]:
+    """Return the sets that the model does not explain: in all, one calibration in 1,000 has one by chance."""
+    return [fit for fit in fits if fit.probability < SIGNIFICANCE / len(fits)]

@@ -9,14 +9,8 @@ from math import exp, hypot, inf, log
 
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.errors import ParameterError, did_you_mean, require
-from pyspice_runner.motor.motor import (
-    HIGHEST_FREQUENCY,
-    HIGHEST_QUALITY,
-    LOWEST_FREQUENCY,
-    LOWEST_QUALITY,
-    Motor,
-)
-from pyspice_runner.motor.parameters import Parameters
+from pyspice_runner.motor.motor import Motor, Ringing
+from pyspice_runner.motor.parameters import Mode, Parameters
 from pyspice_runner.motor.refusal import Stated, quoted, schema_of
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.paths import law_parameter, parameter
@@ -24,9 +18,6 @@ from pyspice_runner.run.paths import law_parameter, parameter
 MOST = 40  # free parameters
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
 DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k")
-_DERIVED = {
-    "frequency_hz": (LOWEST_FREQUENCY, HIGHEST_FREQUENCY), "quality_factor": (LOWEST_QUALITY, HIGHEST_QUALITY),
-}  # fmt: skip
 THERMAL = "thermal."  # drift of the motor, of spectra at several temperatures
 _SECTIONS = ("modes", "piezo", "contact", "law", "rotor", "slider", "mount")
 
@@ -63,15 +54,15 @@ class Unknown:
         value = self.start * exp(x) if self.logarithmic else self.start + x * self._scale
         return min(max(value, self.low), self.high)
 
-    def coordinate(self, value: float) -> float:
-        """Return the coordinate of a value."""
-        return log(value / self.start) if self.logarithmic else (value - self.start) / self._scale
-
     @property
     def bounds(self) -> tuple[float, float]:
         """Minimum and maximum coordinate."""
-        found = sorted(self.coordinate(value) for value in (self.low, self.high))
-        return found[0], found[1]
+        ends = self.low, self.high
+        if self.logarithmic:
+            low, high = sorted(log(value / self.start) for value in ends)
+        else:
+            low, high = ((value - self.start) / self._scale for value in ends)
+        return low, high
 
     def spread(self, x: float, deviation: float) -> float:
         """Return the standard error of the value for that of its coordinate."""
@@ -117,15 +108,19 @@ def unknowns_of(
 
 
 def _expanded(motor: Motor, path: str) -> list[str]:
-    start, star, end = path.partition("modes.*.")
-    if not star or start:
+    if not path.startswith("modes.*."):
         return [path]
-    return [f"modes.{number}.{end}" for number in range(len(motor.modes))]
+    return [path.replace("*", str(number), 1) for number in range(len(motor.modes))]
 
 
 def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: float, law: Law) -> Unknown:
-    if path.startswith(THERMAL):
-        return _drift(motor, path, width)
+    if path.startswith(THERMAL):  # a linear coordinate, since the sign of a drift is not known
+        thermal, key = Thermal.of(motor), path.removeprefix(THERMAL)
+        if key not in DRIFTS:
+            raise ParameterError(
+                f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
+            )
+        return Unknown(path, getattr(thermal, key), *_limits(Thermal, key), "1/K", width)
     found = parameter(path, motor, drive, {"contact": law})
     if found.nominal is None:
         raise ParameterError(f"free: {path} has no value in {motor.name}. Set it to one to start from.")
@@ -139,26 +134,17 @@ def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: 
     return Unknown(path, start, low, high, found.unit, width, size)
 
 
-def _drift(motor: Motor, path: str, width: float | None) -> Unknown:
-    """Return a drift: a linear coordinate, since its sign is not known."""
-    thermal, key = Thermal.of(motor), path.removeprefix(THERMAL)
-    if key not in DRIFTS:
-        raise ParameterError(
-            f"free: {quoted(path)} is not a drift. {did_you_mean(path, [THERMAL + one for one in DRIFTS])}"
-        )
-    schema = schema_of(Thermal, key)
-    return Unknown(path, getattr(thermal, key), float(schema["minimum"]), float(schema["maximum"]), "1/K", width)
-
-
 def _range(motor: Motor, path: str) -> tuple[float, float]:
     section, _, key = path.partition(".")
-    owner: Parameters = motor.modes[0] if section == "modes" else getattr(motor, section)
-    key = key.rpartition(".")[2]
-    if section == "modes" and key in _DERIVED:
-        return _DERIVED[key]
-    schema = schema_of(type(owner), key)
+    if section != "modes":
+        return _limits(type(getattr(motor, section)), key)
+    key = key.partition(".")[2]
+    return _limits(Ringing if key in Ringing.model_fields else Mode, key)
+
+
+def _limits(kind: type[Parameters], key: str) -> tuple[float, float]:
+    """Return the minimum and the maximum of a field."""
+    schema = schema_of(kind, key)
     schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
-    low, high = (schema.get(f"{name}imum", schema.get(f"exclusive{name.title()}imum")) for name in ("min", "max"))
-    assert low is not None
-    assert high is not None
-    return float(low), float(high)
+    ends = {name.removeprefix("exclusive").lower(): end for name, end in schema.items()}
+    return float(ends["minimum"]), float(ends["maximum"])

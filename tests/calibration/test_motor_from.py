@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.calibration import motor_class
 from pyspice_runner.calibration.motor_from import MotorFrom, _tips
-from pyspice_runner.calibration.provenance import Origin
+from pyspice_runner.calibration.provenance import WIDTHS, Origin
 from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.cli import run
 from pyspice_runner.run.point import Point
@@ -187,7 +186,7 @@ def test_a_similar_motor_moves_alike_in_other_units() -> None:
     motor = as_stage(pr.load_motor("andersen2002-unintended-mode").updated({"piezo.loss_tangent": 0.0}))
     drive = pr.default_drive(motor)
     factors = Factors(force=3.0, speed=0.5, frequency=1.3, voltage=0.7)
-    like = scaled(motor, factors, "like", {})
+    like = scaled(motor, factors, "like")
     its = drive.updated({"voltage": 0.7 * drive.voltage, "frequency": 1.3 * drive.frequency})  # type: ignore[union-attr]
     points = [(motor, drive, 0.0), (motor, drive, 0.1), (like, its, 0.0), (like, its, 0.05)]
     setups = [Point.of(one, volts, speed=speed, audit=False) for one, volts, speed in points]
@@ -268,7 +267,7 @@ def test_the_widths_of_the_class_are_those_of_the_bundled_motors() -> None:
                 float(np.mean(np.log(several)) - np.log(1.0 if key == "quality" else own.of(key)))
             )
     for key, three in logarithms.items():
-        stated = motor_class.WIDTHS["damping_n_s_per_m" if key == "quality" else key]
+        stated = WIDTHS["damping_n_s_per_m" if key == "quality" else key]
         assert stated == pytest.approx(np.std(three, ddof=1), rel=0.15), key  # they are rounded
 
 

@@ -53,7 +53,7 @@ def by_mass(name: str) -> dict[str, float]:
     """Return force and speed of the plate with the mass of a stator."""
     motor, drive = base()
     size = (MOTORS[name]["stator_kg"] / mass(motor)) ** (1.0 / 3.0)
-    smaller = scaled(motor, Factors(size**2, 1.0, 1.0 / size, size), name, {})
+    smaller = scaled(motor, Factors(size**2, 1.0, 1.0 / size, size), name)
     assert mass(smaller) == pytest.approx(MOTORS[name]["stator_kg"])
     there = drive.updated({"frequency": drive.frequency / size, "voltage": drive.voltage * size})
     stall, free = pr.steady_state(smaller, there, speed=0.0), pr.steady_state(smaller, there)

@@ -17,7 +17,6 @@ import xarray
 from playwright.sync_api import Browser, Page
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.misfit import SetFit
 from pyspice_runner.calibration.record import (
     Record,
     RecordedCurve,
@@ -26,6 +25,7 @@ from pyspice_runner.calibration.record import (
     RecordedValue,
     RecordedValues,
 )
+from pyspice_runner.calibration.result import SetFit
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.motor.motor import Provenance
 from pyspice_runner.steady.speed_torque import no_load_state

@@ -5,16 +5,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from pyspice_runner.calibration import misfit
+from pyspice_runner.calibration.result import SetFit
+from pyspice_runner.calibration.statistics import fits_of, misfits
 
 
-def fits_of_noise(rng: np.random.Generator, wrong: float = 0.0) -> tuple[misfit.SetFit, ...]:
+def fits_of_noise(rng: np.random.Generator, wrong: float = 0.0) -> tuple[SetFit, ...]:
     """Fits of 24 points and 200 values of a spectrum by nine parameters; ``wrong`` bends the points, in errors."""
     slope = rng.standard_normal((224, 9)) * np.geomspace(1.0, 100.0, 9)
     data = rng.standard_normal(224)
     data[:24] += wrong * np.cos(np.arange(24.0))
     residuals = data - slope @ np.linalg.lstsq(slope, data, rcond=None)[0]
-    return misfit.fits_of(("points", "spectrum"), [np.arange(24), np.arange(24, 224)], residuals, slope)
+    return fits_of([("points", np.arange(24)), ("spectrum", np.arange(24, 224))], residuals, slope)
 
 
 def test_the_probability_of_a_set_is_uniform_where_the_model_holds() -> None:
@@ -28,14 +29,14 @@ def test_the_probability_of_a_set_is_uniform_where_the_model_holds() -> None:
 
 def test_points_that_the_model_does_not_explain_are_not_lost_among_those_of_a_spectrum() -> None:
     fits = fits_of_noise(np.random.default_rng(2), wrong=3.0)
-    assert [fit.data for fit in misfit.misfits(fits)] == ["points"]
+    assert [fit.data for fit in misfits(fits)] == ["points"]
 
 
 def test_one_wrong_reading_is_not_a_misfit() -> None:
     residuals = np.zeros(24)
     residuals[3] = 30.0
-    (fit,) = misfit.fits_of(["points"], [np.arange(24)], residuals, np.eye(24)[:, :2])
-    assert not misfit.misfits([fit])
+    (fit,) = fits_of([("points", np.arange(24))], residuals, np.eye(24)[:, :2])
+    assert not misfits([fit])
     residuals[4] = 30.0
-    (fit,) = misfit.fits_of(["points"], [np.arange(24)], residuals, np.eye(24)[:, :2])
-    assert misfit.misfits([fit])
+    (fit,) = fits_of([("points", np.arange(24))], residuals, np.eye(24)[:, :2])
+    assert misfits([fit])
