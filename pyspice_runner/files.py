@@ -39,7 +39,7 @@ def save_by_ending(path: str | Path, writers: Mapping[str, Callable[[Path], obje
     if path.suffix not in writers:
         *others, last = writers
         endings = f"{', '.join(others)} or {last}" if others else last
-        raise ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {endings}.")
+        raise ParameterError(f"No format follows from the name {path.name!r}: let it end in {endings}.")
     try:
         _write_whole(path, writers[path.suffix])
     except OSError as error:

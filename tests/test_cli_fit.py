@@ -85,7 +85,7 @@ def test_every_command_that_reads_a_spectrum_takes_columns(
     Path("bare.csv").write_text("\n".join(row.replace(",", ";").replace(".", ",") for row in [*rows, ""]))
     columns = ["--columns", "frequency_hz, conductance_s, susceptance_s"]
     assert run(["fit", "bare.csv"]) == 2
-    assert "or the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg" in capsys.readouterr().err
+    assert "or the columns given by --columns frequency_hz,magnitude_ohm,phase_deg" in capsys.readouterr().err
     assert run(["fit", measured, "--json"]) == run(["fit", "bare.csv", "--json", *columns]) == 0
     first, second = map(json.loads, capsys.readouterr().out.splitlines())
     assert first["arms"] == second["arms"]

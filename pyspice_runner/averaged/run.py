@@ -185,7 +185,7 @@ class AveragedRun(RunOverTime):
         """By how much values at the end would still change if the run went on, relative; by extrapolation.
 
         Speed, of a held shaft torque, electrical power, and the temperature of a stator that heats up; torque plus a
-        fiftieth of what friction can transmit, temperature rise plus 1 K. ``None``: too short to tell.
+        fiftieth of what friction can transmit, temperature rise plus 1 K. ``None``: too short to judge.
         """
         motor = self.provenance["motor"]
         contact, radius = motor["contact"], 1.0 if self.linear else motor["rotor"]["radius_m"]

@@ -243,7 +243,9 @@ def check_targets(
         if path is None:
             continue
         if path.suffix not in allowed:
-            raise pr.ParameterError(f"Cannot tell a format from {path.name!r}; let it end in {', '.join(allowed)}.")
+            raise pr.ParameterError(
+                f"No format follows from the name {path.name!r}: let it end in {', '.join(allowed)}."
+            )
         what = _obstacle(path)
         if what:
             raise pr.ParameterError(f"Cannot write {path}: {what}. Choose another place.")

@@ -58,7 +58,7 @@ class Noise:
 
 
 def noise_of(noise: Mapping[str, float] | None, y: Complexes) -> Noise:
-    """Return the error model, as stated or else estimated. Raise ParameterError for other kinds or values."""
+    """Return the error model, as specified or else estimated. Raise ParameterError for other kinds or values."""
     if noise is None:
         return estimate(y)
     valid = noise and noise.keys() <= set(KINDS) and len(noise.keys() - {"proportional"}) < 2

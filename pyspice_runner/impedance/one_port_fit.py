@@ -30,7 +30,7 @@ from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering, unit_in
 
-MOST_MODES = 20  # that may be stated
+MOST_MODES = 20  # that may be given
 _ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
 _UNDECIDED = (
     "The data do not distinguish some descriptions of loss and leads. The errors contain the spread of the values by "
@@ -379,7 +379,7 @@ def _uncertain_arms(spectrum: Spectrum, arms: tuple[FittedArm, ...]) -> Iterator
 
 
 def _misfits(problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], modes: int | None) -> Iterator[str]:
-    """Yield cautions for residuals that are not noise; ``modes`` is the stated number of arms."""
+    """Yield cautions for residuals that are not noise; ``modes`` is the given number of arms."""
     if errors.independent(problem, solution) < 0.5 * len(problem.w):
         if (error := problem.rms_relative_error(solution)) > _ANALYSER:
             yield misfit(POOR_FIT, error)

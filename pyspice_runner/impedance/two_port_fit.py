@@ -114,7 +114,7 @@ class TwoPortFit(Fit):
             ]
             origin = Provenance("assumed", "from the sign of the couplings: alike towards the rotor, opposed along it")
         else:
-            origin = Provenance("given", "stated with the calibration")
+            origin = Provenance("given", "given with the calibration")
         if len(tips) != len(self.modes):
             raise ParameterError(f"tips has {len(tips)} entries for {len(self.modes)} modes; give one for each.")
         masses, calibration = self._masses(mass_kg, velocity_per_current, connection, tips)
@@ -251,7 +251,7 @@ def fit_groups(
         ports = {str(name): spectrum for name, spectrum in spectra.items()}
         if not {"A", "B"} <= ports.keys() <= COUPLING.keys() or len(ports) < 3:
             raise SpectrumError(
-                f"The connections {', '.join(ports) or 'none'} do not tell the couplings; give A, B, and A+B or A-B."
+                f"The connections {', '.join(ports) or 'none'} do not give the couplings; add A, B, and A+B or A-B."
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
     problem = _Problem(ports, noise)

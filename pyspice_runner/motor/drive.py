@@ -235,7 +235,7 @@ def _fastest(radius_m: float | None) -> tuple[float, str, str]:
 def too_fast(motor: Mapping[str, Any], speed: float) -> tuple[str, ...]:
     """Return in a sentence that a rotor turns faster, in rad/s, than a shaft may be held; nothing if it does not.
 
-    The motor is stated as by :meth:`.Motor.to_dict`; with a slider the speed is in m/s.
+    The motor is specified as by :meth:`.Motor.to_dict`; with a slider the speed is in m/s.
     """
     moved = "slider" if "slider" in motor else "rotor"
     fastest, unit, reason = _fastest(motor[moved].get("radius_m"))

@@ -13,7 +13,7 @@ The file states the modes in one of four ways:
 ``[limits]`` those of ceramic and contact; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or
 ``two-tone``, and the arguments of its constructor.
 
-The contact is stated by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
+The contact is given by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
 is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
 """
 

@@ -460,7 +460,7 @@ class Motor(Shown, Parameters):
                 ``modes.0.frequency_hz``. A new ``frequency_hz`` changes the stiffness at the same mass and damping; a
                 new ``quality_factor`` changes the damping.
                 ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values. The constants
-                of a contact that is stated by ``contact.materials`` follow these and ``rotor.radius_m``, except those
+                of a contact that ``contact.materials`` specifies follow these and ``rotor.radius_m``, except those
                 that have been given values of their own.
 
         Raises:

@@ -371,7 +371,7 @@ class Mount(Parameters):
     mass_kg: float = quantity("mass m_c of the carrier, including the stator", "kg", ge=1e-9, le=1e3)
     damping_n_s_per_m: float = quantity("damping d_c of the springs", "N·s/m", ge=1e-9, le=1e9)
     tangential_stiffness_n_per_m: float | None = quantity(
-        "stiffness k_x of the springs along the rotor; not stated: held along it", "N/m", ge=1.0, le=1e13, default=None
+        "stiffness k_x of the springs along the rotor; not given: held along it", "N/m", ge=1.0, le=1e13, default=None
     )
     tangential_damping_n_s_per_m: float | None = quantity(
         "damping d_x of the springs along the rotor", "N·s/m", ge=1e-9, le=1e9, default=None

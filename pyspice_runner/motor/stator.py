@@ -278,6 +278,6 @@ def unknown_recoil(modes: Sequence[Mode], mount: Mount | None) -> tuple[str, ...
                 found.append(
                     f"The recoil of mode {mode.name} on the carrier is not known: one of {1e3 * abs(estimate):.2g} g, "
                     f"an estimate, would raise its frequency by {100.0 * shift:.2g} %; half its bandwidth is "
-                    f"{50.0 / mode.quality_factor:.2g} %. State {name} of the mode, or beam.recoil = true for a beam."
+                    f"{50.0 / mode.quality_factor:.2g} %. Specify {name} of the mode, or beam.recoil = true for a beam."
                 )
     return tuple(found)

@@ -301,7 +301,7 @@ class Waveforms(Result):
         """By how much each mean would still change if the run went on, relative (:func:`.window.change_to_come`).
 
         The torque is taken relative to itself and a fiftieth of what friction can transmit: of a small torque the rest
-        is noise. A value is ``None`` where the run is too short to tell. Nothing changes in a steady state.
+        is noise. A value is ``None`` where the run is too short to judge. Nothing changes in a steady state.
         """
         found: dict[str, float] = {}
         if hasattr(self, "rotor_speed_rad_s") and self._free:
@@ -356,7 +356,7 @@ class Waveforms(Result):
 
 
 def has_settled(share: float | None) -> bool:
-    """Whether a mean with this expected relative change is settled; ``None``: the run is too short to tell."""
+    """Whether a mean with this expected relative change is settled; ``None``: the run is too short to judge."""
     return share is not None and share <= SETTLED
 
 

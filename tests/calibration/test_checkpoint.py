@@ -84,11 +84,11 @@ def test_a_damaged_file_is_refused_and_left_alone(tmp_path: Path, text: str, cap
 
 
 @pytest.mark.parametrize("name", ["unfinished.txt", "missing/unfinished.json"])
-def test_a_place_that_cannot_be_written_is_told_before_the_work_begins(tmp_path: Path, name: str) -> None:
+def test_a_place_that_cannot_be_written_is_reported_before_the_work_begins(tmp_path: Path, name: str) -> None:
     def never(_: int) -> None:
         raise AssertionError
 
-    with pytest.raises(pr.ParameterError, match=r"Cannot (tell a format|write)"):
+    with pytest.raises(pr.ParameterError, match=r"No format follows|Cannot write"):
         calibrated(POINTS, checkpoint=tmp_path / name, progress=never)
 
 

@@ -16,7 +16,8 @@ from tests.docs.numbers import missing
 PAGE = (Path(__file__).parents[2] / "docs" / "own_motor.md").read_text(encoding="utf-8")
 TABLES = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
 SLIDER = TABLES[2]
-MOTORS = [*TABLES[:2], re.sub(r"^\[rotor\].*", SLIDER, TABLES[0], flags=re.M | re.S)]
+MOVED = TABLES[0].replace("on_face = true\n", "")
+MOTORS = [*TABLES[:2], re.sub(r"^\[rotor\].*", SLIDER, MOVED, flags=re.M | re.S)]
 COMMANDS = re.findall(r"^    (piezomotor .+)$", PAGE, re.M)
 
 

@@ -12,7 +12,7 @@ each arm has further parameters b_k: the damping matrix is :math:`D = \operatorn
 Levenberg–Marquardt steps (:mod:`.descent`) use the exact Jacobian: with
 :math:`v = (j\omega + D + K/j\omega)^{-1}\theta` (by Woodbury's formula) it is :math:`\partial Y = 2 v^T \partial\theta
 - v^T (\partial D + \partial K/j\omega) v`. An arm may leave the measured band by a quarter of its span and then stands
-for the modes there. With a stated number of arms that cannot follow the spectrum to the noise, arms may lie up to a
+for the modes there. With a given number of arms that cannot follow the spectrum to the noise, arms may lie up to a
 decade outside the band, and the coupling has its highest rank.
 
 **Start**. Vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999,

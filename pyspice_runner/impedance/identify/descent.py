@@ -100,7 +100,7 @@ def independent_points(residual: Complexes) -> float:
 def variance(cost: float, points: int, free: int, independent: float, stated: bool = False) -> float:
     """Return the variance of a weighted residual, of ``free`` parameters and ``points`` complex residuals.
 
-    If the weights are the stated errors, white residuals do not change them.
+    If the weights are the given errors, white residuals do not change them.
     """
     if stated and independent == points:
         return 0.5

@@ -21,7 +21,7 @@ from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 MOST_SEARCHED = 4000  # points for the search of arms, at about 1 ms per point; an analyser writes 1601
 PLAUSIBLE_LEADS = 5.0, 1e-5  # Ω and H of a fixture with cables: about 1 µH and less than 1 Ω a metre
 MARGIN = 0.25  # of the span, by which an arm may lie outside the band
-_FARTHEST = 10.0  # of the ends of the band, where arms of a stated number may lie outside it
+_FARTHEST = 10.0  # of the ends of the band, where arms of a given number may lie outside it
 _LOWEST_QUALITY, _HIGHEST_QUALITY = 0.6, 1e6
 _NOISE_STEPS = 3.0  # medians of the steps of ln Y; noise exceeds 3 medians in 0.2 % of the steps
 _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the losses of the arms

@@ -18,7 +18,7 @@ from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 SEARCHED_ARMS = 8  # tried when their number is not given
 MOST_RANK = 2  # of the coupling; each column adds the complex residues of the poles of Y, and more say little
 _COUPLED = 1e-4  # relative decrease of the sum of squares that ends a descent with coupled damping
-_FINAL = 1e-5  # relative decrease that ends the last descents with a stated number of arms
+_FINAL = 1e-5  # relative decrease that ends the last descents with a given number of arms
 _EXHAUSTED = 1e-5  # relative residual below which there is nothing to find
 _MISFIT = 1e-3  # relative residual above which damping may be coupled; analysers are accurate to half of it at best
 _DISPERSION = 5e-3  # largest relative residual of a dielectric with another dispersion than the model
@@ -94,7 +94,7 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
     among = [pair for pair in tried if not pair[0].note]
     among = among or [pair for pair in tried if errors.resonances(problem, pair[1])] or tried
     chosen = min(among, key=lambda pair: pair[0].criterion)[1]
-    # a stated number that cannot follow the spectrum takes the lowest residual
+    # a given number that cannot follow the spectrum takes the lowest residual
     ranked = [min(solutions, key=COST)] if problem.far else simplified(problem, chosen, points, leads)
     bare = simplified(problem, bare, points, leads=False)[0]
     return Outcome(problem, bare, ranked[0], points, tuple(candidates), _shifts(problem, ranked, points))
@@ -192,7 +192,7 @@ def fit_arms(problem: Problem, arms: int, before: Solution | None = None, quick:
 
 
 def fit_exactly(problem: Problem, arms: int, bare: Solution) -> Solution:
-    """Fit a stated number of arms: at once, or if they leave the band, one after the other."""
+    """Fit a given number of arms: at once, or if they leave the band, one after the other."""
     best = fit_arms(problem, arms, bare if arms == 1 else None)
     if arms > 1 and not errors.resonances(problem, best):
         chained = bare

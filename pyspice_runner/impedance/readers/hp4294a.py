@@ -54,7 +54,7 @@ def read(text: Text, trace: str | None) -> Reading | None:
         columns = {kind: np.deg2rad(values) if kind == "phase" else values for kind, values in columns.items()}
     columns = with_named_phase(columns)
     if pair_of(columns) is None:
-        found = f"{quote(parameter)} does not tell whether the reactance is capacitive or inductive"
+        found = f"{quote(parameter)} does not show whether the reactance is capacitive or inductive"
         raise text.refusal(index, found, _EXPECTED)
     indices = np.array(table.indices)
     return Reading(text, FORMAT, frequency, indices, columns, unit, metadata=describe(described), cautions=cautions)

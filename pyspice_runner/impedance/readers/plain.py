@@ -57,7 +57,7 @@ def read(text: Text) -> Reading | None:
 
 
 def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading]) -> Reading:
-    """Read a table with stated columns, from the first row of numbers on; lines above are ignored.
+    """Read a table with given columns, from the first row of numbers on; lines above are ignored.
 
     Raise SpectrumError if no row has a number for each name.
     """
@@ -71,7 +71,7 @@ def read_stated(text: Text, columns: Sequence[str], headings: Sequence[Heading])
 
 
 def stated(columns: Sequence[str]) -> list[Heading]:
-    """Return the meanings of stated columns.
+    """Return the meanings of given columns.
 
     Raise ParameterError for a name that is unknown, has no unit or occurs twice, or if they make no admittance.
     """
@@ -132,7 +132,7 @@ def _contradicted(header: Sequence[str], headings: Sequence[Heading]) -> list[st
         return []
     pairs = [(heading(cell), item) for cell, item in zip(header, headings, strict=True)]
     return [
-        f"The column headed {quote(found.cell)} was read as {item.cell}, as stated."
+        f"The column headed {quote(found.cell)} was read as {item.cell}, as specified."
         for found, item in pairs
         if found.kind and item.kind and found.kind.partition("_")[0] != item.kind.partition("_")[0]
     ]

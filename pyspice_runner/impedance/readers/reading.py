@@ -28,7 +28,7 @@ from pyspice_runner.impedance.readers.quantities import (
 from pyspice_runner.impedance.readers.text import Floats, Table, Text, described, quote, read_table, separator
 from pyspice_runner.impedance.spectrum import COUPLING, Spectrum, connect
 
-STATED = "the columns stated by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
+STATED = "the columns given by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
 A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"
 MEMORY_NOTE = "The file also holds a memory trace; trace=“memory” reads that one."
 _HIGHEST = 1e12  # Hz

@@ -55,7 +55,7 @@ def test_columns_that_do_not_count_may_hold_anything(tmp_path: Path) -> None:
 def test_a_header_that_contradicts_has_a_caution(tmp_path: Path) -> None:
     spectrum = read(tmp_path, "frequency_hz,R (Ohm),phase_deg\n" + NUMBERS, MAGNITUDE)
     assert is_the_circuit(spectrum)
-    assert spectrum.cautions == ("The column headed “R (Ohm)” was read as magnitude_ohm, as stated.",)
+    assert spectrum.cautions == ("The column headed “R (Ohm)” was read as magnitude_ohm, as specified.",)
 
 
 @pytest.mark.parametrize(
