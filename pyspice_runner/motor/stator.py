@@ -125,11 +125,12 @@ class Stator:
 
     def _extended(self, count: int) -> Self:
         """Return the stator with more coordinates, so far without mass, spring, damping and motion of the contacts."""
-        mass, damping, stiffness = (
-            np.pad(square(one), (0, count)) for one in (self.mass, self.damping, self.stiffness)
-        )
-        coupling, recoil = (np.pad(one, ((0, count), (0, 0))) for one in (self.coupling, self.recoil))
-        contact = np.pad(self.contact, ((0, 0), (0, count)))
+        n, shape = len(self.mass), (len(self.mass) + count, len(self.mass) + count)
+        mass, damping, stiffness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        contact = np.zeros((len(self.contact), n + count))
+        mass[:n, :n], damping[:n, :n], stiffness[:n, :n] = map(square, (self.mass, self.damping, self.stiffness))
+        coupling, recoil = np.zeros((n + count, self.coupling.shape[1])), np.zeros((n + count, 2))
+        contact[:, :n], coupling[:n], recoil[:n] = self.contact, self.coupling, self.recoil
         return replace(
             self, mass=mass, damping=damping, stiffness=stiffness, coupling=coupling, contact=contact, recoil=recoil
         )

@@ -252,17 +252,22 @@ class Plant:
 
     def vectors(self, copy: str) -> list[str]:
         """Return the vectors of a copy that hold its states: those of the motor, then those of the stores."""
-        shaft = f"{copy}.shaft" if self.driver else f"{copy}_shaft"
-        names = [state.vector.format(self.inside(copy), shaft) for state in self.states]
+        inside, shaft = self.inside(copy), f"{copy}.shaft" if self.driver else f"{copy}_shaft"
+        names = [state.vector.format(inside, shaft) for state in self.states]
         return names + [name for store in self.stores for name in store.vectors(copy)]
 
     def sampled(self, samples: Mapping[str, Array], copy: str, discretisation: Discretisation) -> Array:
         """Return the states from the samples of these vectors, shape (order, points), in SI units."""
-        rows = [
-            state.scale(discretisation) * samples[name]
-            for state, name in zip(self.states, self.vectors(copy), strict=False)
-        ]
-        return np.array([*rows, *(store.value(samples, copy) for store in self.stores)])
+        names = self.vectors(copy)[: len(self.states)]
+        if discretisation not in self._units:
+            self._units[discretisation] = np.array([[state.scale(discretisation)] for state in self.states])
+        rows = np.array([samples[name] for name in names]) * self._units[discretisation]
+        return np.array([*rows, *(store.value(samples, copy) for store in self.stores)]) if self.stores else rows
+
+    @cached_property
+    def _units(self) -> dict[Discretisation, Array]:
+        """The SI value of 1 V or 1 A of each of these vectors, as a column."""
+        return {}
 
     def pins(self, copy: str) -> dict[str, str]:
         """Return the vectors of voltages and currents behind a driver, by their names in a run of one motor."""
