@@ -44,7 +44,7 @@
 #endif
 enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harmonics, and two more that are checked */
 
-/* Every line: name, unit, least and greatest value, meaning. The export reads these lines too. */
+/* Every line: name, unit, minimum, maximum, meaning. The export reads these lines too. */
 #define INPUTS(ENTRY) \
     ENTRY(amplitude_a, "V", -1e4, 1e4, "amplitude of the voltage of group A") \
     ENTRY(amplitude_b, "V", -1e4, 1e4, "amplitude of the voltage of group B") \
@@ -119,7 +119,7 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(load_inertia, "kg.m2", 0, 1e3, "moment of inertia that is coupled to the shaft; 0: none, and no coupling") \
     ENTRY(load_damping, "N.m.s", 0, 1e3, "viscous friction of the load") \
     ENTRY(load_spring, "N.m/rad", 0, 1e6, "spring that pulls the load to the angle 0") \
-    ENTRY(load_gravity, "N.m", 0, 1e3, "greatest torque of the load's weight") \
+    ENTRY(load_gravity, "N.m", 0, 1e3, "maximum torque of the load's weight") \
     ENTRY(load_angle, "deg", -360, 360, "angle of the load's centre of mass from its lowest place, at the position 0") \
     ENTRY(coupling_stiffness, "N.m/rad", 0, 1e6, "stiffness of the shaft to the load; 0: rigid") \
     ENTRY(coupling_damping, "N.m.s", 0, 1e3, "damping of the shaft to the load") \

@@ -147,7 +147,7 @@ class Judgement:
         else:
             found.append(
                 "Errors of the points are not stated: they were taken in the ratio of "
-                f"{100.0 * DEFAULT_ERROR:g} % of the greatest value of each column, and their size is that of the "
+                f"{100.0 * DEFAULT_ERROR:g} % of the maximum of each column, and their size is that of the "
                 "scatter about the fit."
             )
         if points := self.predictor.points:

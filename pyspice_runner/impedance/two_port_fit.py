@@ -251,7 +251,8 @@ def fit_groups(
         ports = {str(name): spectrum for name, spectrum in spectra.items()}
         if not {"A", "B"} <= ports.keys() <= COUPLING.keys() or len(ports) < 3:
             raise SpectrumError(
-                f"The connections {', '.join(ports) or 'none'} do not give the couplings; add A, B, and A+B or A-B."
+                f"The couplings do not follow from the connections {', '.join(ports) or 'none'}; give A, B, and A+B or "
+                "A-B."
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
     problem = _Problem(ports, noise)

@@ -51,7 +51,7 @@ def audit_run(
         )
     if contact:
         findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
-        findings += _step_finding(motor, float(np.abs(waves["normal_force_n"]).max()), "greatest", step)
+        findings += _step_finding(motor, float(np.abs(waves["normal_force_n"]).max()), "maximum", step)
     return tuple(findings)
 
 

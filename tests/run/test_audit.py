@@ -90,12 +90,12 @@ def test_a_step_too_coarse_for_the_greatest_force_is_found_and_one_that_is_allow
 
 
 def test_a_run_that_fails_is_withheld_unless_asked_for_and_then_marked() -> None:
-    with pytest.raises(pr.SimulationError, match=r"Under the greatest force, .* Use a step <= .* audit = False"):
+    with pytest.raises(pr.SimulationError, match=r"Under the maximum force, .* Use a step <= .* audit = False"):
         pr.simulate(MOTOR, HAMMER, duration=1e-3, step=STEP)
     marked = pr.simulate(MOTOR, HAMMER, duration=1e-3, step=STEP, audit=False)
     told = marked.to_dict()["audit"]
     assert told["passed"] is False
-    assert told["findings"][0].startswith("Under the greatest force")
+    assert told["findings"][0].startswith("Under the maximum force")
     assert pr.simulate(MOTOR, HAMMER, duration=1e-3, step=STEP / 2).to_dict()["audit"] == {
         "passed": True,
         "findings": [],
@@ -108,11 +108,11 @@ def test_the_command_says_so_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(words) == 3
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert "Under the greatest force" in captured.err
+    assert "Under the maximum force" in captured.err
     assert run([*words, "--no-audit"]) == 0
     captured = capsys.readouterr()
     assert json.loads(captured.out)["audit"]["passed"] is False
-    assert captured.err.startswith("piezomotor: the result failed the audit: Under the greatest force")
+    assert captured.err.startswith("piezomotor: the result failed the audit: Under the maximum force")
 
 
 def test_an_admittance_that_gives_power_is_found() -> None:
