@@ -32,8 +32,10 @@ class DataSheet:
     current_error: float = 0.05  # likewise of current and power
 
     def __post_init__(self) -> None:
+        stall = f"stall_{'force' if self.linear else 'torque'}"
         for key, value in vars(self).items():
-            require(key == "linear" or value is None or 0.0 < value < 1e9, key, value, "a number > 0")
+            name = stall if key == "stall" else key
+            require(key == "linear" or value is None or 0.0 < value < 1e9, name, value, "a number > 0")
         at_point = [name for name in ("rated_current", "rated_power") if getattr(self, name) is not None]
         if at_point and self.rated_speed is None and self.rated_load is None:
             raise ParameterError(f"{at_point[0]} holds at a rated point; give its rated_load or rated_speed too.")
@@ -44,7 +46,7 @@ class DataSheet:
             )
         for name, value, most, limit in (
             ("rated_speed", self.rated_speed, "no_load_speed", self.no_load_speed),
-            ("rated_load", self.rated_load, f"stall_{'force' if self.linear else 'torque'}", self.stall),
+            ("rated_load", self.rated_load, stall, self.stall),
         ):
             if value is not None and limit is not None and value >= limit:
                 raise ParameterError(

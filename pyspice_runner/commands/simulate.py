@@ -65,7 +65,7 @@ def simulate(call: Call) -> None:
             )  # fmt: skip
         except Interrupted as interrupt:
             run, status = interrupt.partial, common.INTERRUPTED
-            common.warn_of([str(interrupt)])
+            common.complain(f"piezomotor: {interrupt}")
     partial = "" if run.complete else ", partial"
     call.deliver(run, f"{motor.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
     raise typer.Exit(status)

@@ -271,7 +271,7 @@ def _solved(
                 raise
             complete = len(found) == len(setups)
     check_runs(found.values())
-    return found, complete
+    return {index: found[index] for index in setups if index in found}, complete
 
 
 def _as_ready(

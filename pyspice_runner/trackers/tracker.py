@@ -36,7 +36,7 @@ from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
 from pyspice_runner.circuit.source import GROUPS, Excitation, Pins, Source
 from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import two_phasors
@@ -236,7 +236,11 @@ class Disturbance(Stated):
     @property
     def rise_k(self) -> float:
         """Temperature rise in K that causes the drift; 0 without one."""
-        return self.drift / self.drifting.frequency_drift_per_k if self.drifting else 0.0
+        if not self.drift or self.drifting is None:
+            return 0.0
+        per_k = self.drifting.frequency_drift_per_k
+        require(per_k, "thermal.frequency_drift_per_k", per_k, "other than 0, to cause a drift of the frequencies")
+        return self.drift / per_k
 
     @property
     def end_s(self) -> float:

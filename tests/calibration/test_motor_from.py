@@ -282,7 +282,7 @@ def test_the_widths_of_the_class_are_those_of_the_bundled_motors() -> None:
         ({"rated_current": 0.1}, "give its rated_load or rated_speed"),
         ({"rated_speed": 0.1}, "One value does not make a rated point"),
         ({"stall_torque": 1.0}, "stall_force is given too"),
-        ({"stall_force": -1.0}, "stall = -1 is not valid"),
+        ({"stall_force": -1.0}, "stall_force = -1 is not valid"),
         ({"voltage": None}, "give its voltage and its frequency too"),
         ({"no_load_speed": None}, "takes its no-load speed and its stall"),
         ({"mass_kg": 1e-3}, "mass_kg goes with spectra"),

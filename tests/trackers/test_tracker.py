@@ -210,3 +210,10 @@ def test_deck_of_the_loop_gain_has_the_bandwidth_and_the_margin(tmp_path: Path) 
     found = measured("tracking_loop", tmp_path)
     assert found["loop_gain"] == pytest.approx(1.0, rel=0.01)  # parts of three digits
     assert found["phase_margin_deg"] == pytest.approx(90.0 - np.degrees(np.arctan(1.0 / 6.0)), abs=0.3)
+
+
+def test_a_drift_by_temperature_takes_a_coefficient() -> None:
+    still = pr.Thermal(frequency_drift_per_k=0.0)
+    assert Disturbance(kind="temperature", thermal=still).rise_k == 0.0
+    with pytest.raises(pr.ParameterError, match=r"frequency_drift_per_k = 0 is not valid: it must be other than 0"):
+        _ = Disturbance(kind="temperature", drift=-0.01, thermal=still).rise_k

@@ -89,6 +89,7 @@ def watched(*folders: Path) -> Iterator[tuple[Said, Said]]:
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     before = {number: signal.signal(number, _late) for number in (signal.SIGPROF, signal.SIGALRM)}
     out, err = Said("strict"), Said("backslashreplace")
+    cached, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # of modules that are imported within
     try:
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MOST_BYTES, hard))
         signal.setitimer(signal.ITIMER_PROF, MOST_SECONDS)
@@ -98,7 +99,7 @@ def watched(*folders: Path) -> Iterator[tuple[Said, Said]]:
             warnings.simplefilter("error")
             yield out, err
     finally:
-        _allowed = None
+        _allowed, sys.dont_write_bytecode = None, cached
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
