@@ -30,6 +30,7 @@ from pyspice_runner.view.live import half_load, save_live_page
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = ROOT / "validation" / "records" / "live_page.json"
 CHANGES, MANY = 50, 200
+AGREES = 0.05  # the page settles speeds to 2 %, and group B draws a tenth of the current of group A
 SETTINGS: list[tuple[str, dict[str, Any]]] = [
     ("bimodal40", {}),
     ("bimodal40", {"voltage": 80}),
@@ -284,6 +285,10 @@ def main(parts: list[str]) -> None:
             record[part] = measures[part]()
             print(part, json.dumps(record[part], ensure_ascii=False)[:600], flush=True)
     RECORD.write_text(json.dumps(record, separators=(",", ":"), ensure_ascii=False) + "\n", encoding="utf-8")
+    for row in record["settings"]:
+        for name, one in row["quantities"].items():
+            if abs(one["difference"]) > AGREES:
+                sys.exit(f"{row['motor']} {row['setting']}: {name} is {one['page']:.4g}, not {one['package']:.4g}")
 
 
 if __name__ == "__main__":

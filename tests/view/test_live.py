@@ -240,6 +240,26 @@ def test_every_control_reaches_the_deck(desktop: tuple[Page, list[str]]) -> None
     assert wrong == []
 
 
+def test_the_settings_leave_the_parameters_of_the_libraries_alone(desktop: tuple[Page, list[str]]) -> None:
+    """The brush has a parameter ``grip`` of its own, as the brake that holds the shaft."""
+    page, wrong = desktop
+    with without_runs(page):
+        preset(page, "andersen2002: recommended drive")
+        page.select_option("#mount-choice", "held")
+        page.select_option("#shaft-choice", "held")
+        page.select_option("#law-choice", "brush")
+        typed(page, "voltage", 150.0)()
+    answered(page, typed(page, "speed", 5.0), settled=True)
+    ran, written = page.inner_text("#deck-text"), live_decks(pr.load_motor("andersen2002"))["cycles held brush"]
+    assert ".param grip=1000 " in ran
+    assert ran[ran.index(".subckt") :].split() == written[written.index(".subckt") :].split()
+    motor = pr.load_motor("andersen2002")
+    drive = pr.default_drive(motor).model_copy(update={"voltage": 150.0})
+    state = pr.steady_state(motor, drive, contact="brush", speed=5.0)
+    assert page.evaluate("page.results[page.slot].found.torque") == pytest.approx(state.torque_n_m, rel=0.02)
+    assert wrong == []
+
+
 @pytest.mark.soak
 def test_a_slider_is_shown_in_newton_and_millimetres_per_second(browser: Browser, tmp_path: Path) -> None:
     motor = sliding(pr.load_motor(BEAM40))

@@ -79,13 +79,15 @@ function checked(data, deck) {
   return data.vectors;
 }
 
-/** Write numbers on the .param lines of a deck. Only finite numbers get there. */
+/** Write numbers on the .param lines of a deck, not on those of its subcircuits. Only finite numbers get there. */
 function filled(deck, values) {
-  return deck.replace(/^(\.param (\w+)=)\S+/gm, (line, head, name) => {
+  const circuit = deck.search(/^\.subckt /m);
+  const settings = deck.slice(0, circuit).replace(/^(\.param (\w+)=)\S+/gm, (line, head, name) => {
     if (!Object.hasOwn(values, name)) return line;
     if (!Number.isFinite(values[name])) throw new Failed(`${name} is not a number.`, []);
     return head + Number(values[name].toPrecision(12));
   });
+  return settings + deck.slice(circuit);
 }
 
 // --- settings to parameters ---
