@@ -175,6 +175,9 @@ def _choose(page: Page, preset: str) -> None:
 
 
 def _set(page: Page, name: str, value: float) -> None:
+    if float(page.input_value(f"#{name}-number")) == value:
+        return  # without a change there is no answer
+
     def do() -> None:
         page.fill(f"#{name}-number", f"{value:g}")
         page.press(f"#{name}-number", "Tab")
@@ -220,6 +223,7 @@ def task_back(page: Page) -> str:
     _choose(page, "bimodal40: recommended drive")
     answered(page, lambda: page.click("#compare"))
     _set(page, "phase", -90)
+    _set(page, "torque", -float(page.input_value("#torque-number")))
     rows = page.inner_text("#values tr:first-child")
     page.locator("#path").scroll_into_view_if_needed()
     return " ".join(rows.split())
