@@ -195,7 +195,15 @@ def _spread(shape: Places, basis: Any, item: Placed, name: str) -> tuple[Indices
     """Return the nodes of a face, (facets, n), and ∫NᵢNⱼ over its area, (facets, n, n); of a point its nodes."""
     facets = shape.facets(item, name)
     if len(facets):
-        face = basis.boundary(facets)
+        try:
+            face = basis.boundary(facets)
+        except Exception as error:
+            if "Newton" not in str(error):  # scikit-fem has no class of its own for cells that it cannot invert
+                raise
+            raise ParameterError(
+                f"solid.{name} has cells that are too thin for finite elements; where edges of boxes and electrodes "
+                "almost coincide, give them the same coordinate."
+            ) from error
         values = np.stack([np.asarray(field[0]) for field in face.basis])
         local = np.einsum("afq,bfq,fq->fab", values, values, face.dx / face.dx.sum())
         return face.element_dofs.T, np.asarray(local)

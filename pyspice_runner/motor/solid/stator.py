@@ -37,6 +37,7 @@ _LEAST = 24  # modes that are computed
 _BLOCK = 8  # more than the rigid motions of one body
 _EXACT = 1e-11  # of an eigenvalue: its residual
 _PER_GAP = 6.0  # cells of the finer mesh at an edge in the narrowest gap or electrode
+_ONE_EDGE_M = 1e-5  # m, distance of two edges of electrodes, such as that of a rounded number, that is no gap
 _DIRECTIONS = 500  # in the space of modes, in which the largest stress is sought
 
 
@@ -262,7 +263,7 @@ def clamped_capacitance(solid: Solid, coarse_f: Array) -> Array:
     if solid.theory == "plate" or solid.mesh is not None:
         return coarse_f
     widths = [high - low for axis in range(3) for low, high in pairwise(electrode_edges(solid, axis))]
-    finest = min((width for width in widths if width > 0.0), default=0.0) / _PER_GAP
+    finest = min((width for width in widths if width > _ONE_EDGE_M), default=0.0) / _PER_GAP
     if not finest:
         return coarse_f
     try:

@@ -288,6 +288,20 @@ def test_a_wrong_solid_is_refused_with_what_to_do(changes: dict[str, Any], messa
         solve_stator(plate(**changes))
 
 
+def test_a_slip_at_the_edge_of_an_electrode_is_no_gap(tmp_path: Path) -> None:
+    text = (SETS / "bimodal40.toml").read_text(encoding="utf-8")
+    file = tmp_path / "mine.toml"
+    file.write_text(text.replace("[0.02025, 0.00565, ", "[0.0202525, 0.00565, ", 1), encoding="utf-8")
+    found, right = pr.load_motor(file).piezo, pr.load_motor("bimodal40").piezo
+    assert found != right
+    # an edge of 2.5 um and 20 mm: 0.01 % of the area of group B
+    assert found.capacitances == pytest.approx(right.capacitances, rel=3e-4)
+    assert found.capacitance_ab_f == pytest.approx(right.capacitance_ab_f, rel=1e-3)
+    file.write_text(text.replace("[0.02025, 0.00565, ", "[0.02025, 0.0056501, ", 1), encoding="utf-8")
+    with pytest.raises(pr.ParameterError, match=r"solid\.contact has cells that are too thin .* the same coordinate"):
+        pr.load_motor(file)
+
+
 def test_boxes_that_do_not_touch_are_refused() -> None:
     boxes = [dict(box.model_dump(), from_m=list(box.from_m), to_m=list(box.to_m)) for box in plate().boxes]
     for name in ("from_m", "to_m"):
