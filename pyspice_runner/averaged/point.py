@@ -192,8 +192,8 @@ def settings_of(
     for name, value in (("preload", point.motor.contact.preload_n), ("temperature", ambient)):
         if name in given and settings[name][0][1] != value:
             raise ParameterError(
-                f"courses: {name} begins at {settings[name][0][1]:g} {SPECIAL[name]}: it must begin at that of the "
-                f"motor, {value:g} {SPECIAL[name]}."
+                f"courses: {name} begins at {settings[name][0][1]:g} {SPECIAL[name]}: it must begin at the value "
+                f"of the motor, {value:g} {SPECIAL[name]}."
             )
     if "temperature" in given and point.thermal is None:
         raise ParameterError("courses: temperature takes thermal, which has the coefficients of the drift. Give it.")

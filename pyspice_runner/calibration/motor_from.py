@@ -314,7 +314,7 @@ def _fitted(family: _Family, progress: Callable[[int, int], object] | None) -> t
 def _of_class(sheet: DataSheet, base: Motor, at: Mapping[str, float | None], name: str) -> _Family:
     """Return the motors of the class of another one.
 
-    They are similar to it (:mod:`.similar`): force, speed, frequency and voltage are those of the data sheet. Beside
+    They are similar to it (:mod:`.similar`), with force, speed, frequency and voltage from the data sheet. Beside
     that they have a friction of their own, and factors of quality factors, capacitances and normal motion.
     """
     if sheet.no_load_speed is None or sheet.stall is None:

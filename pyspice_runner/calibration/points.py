@@ -208,7 +208,7 @@ def read_columns(
     """Return the name of a table and its columns in SI units under the names of a rotor, NaN for an empty cell.
 
     The columns may be those of a slider with ``linear``, and ``further`` ones beside those of points, with ``most``
-    rows; ``name`` is that of a table that is not a file. Raise ParameterError as :func:`read_points`.
+    rows; ``name`` names a table that is not a file. Raise ParameterError as :func:`read_points`.
     """
     if isinstance(data, str | Path):
         source, columns = Path(data).name, _columns(Path(data))

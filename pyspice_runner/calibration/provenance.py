@@ -21,7 +21,7 @@ FRICTION, QUALITY, CAPACITANCE, NORMAL = "contact.friction", "quality factor", "
 STIFFNESS_ERROR = 0.2  # relative, of the contact of the base motor of spectra
 _IMPROVED = 0.9  # of the prior width, below which the measurements count as having added something
 
-# Standard deviation of the logarithm of a value over those of a class, after scaling. Friction: handbooks give 0.2 to
+# Standard deviation of the logarithm of a value within a class, after scaling. Friction: handbooks give 0.2 to
 # 0.5 for dry ceramics, taken as four standard deviations. The others: over andersen2002-unintended-mode, a beam with
 # two modes at 40 kHz and bimodal40 as linear stages, at their drives and in the modes within 15 % of these; of a group
 # the maximum. Three motors do not make a statistic: the widths are orders of magnitude.

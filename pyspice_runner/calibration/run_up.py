@@ -168,7 +168,7 @@ def _torques(motor: Point, speed: Array) -> Array | None:
 
 
 def _correction(motor: Point, time: Array, speed: Array, torques: Array) -> Array:
-    """Return the speed of the full motor less that of the averaged one; ``torques`` as of :func:`_torques`."""
+    """Return the speed difference between the full and the averaged motor; ``torques`` as of :func:`_torques`."""
     from scipy.integrate import solve_ivp  # takes long to load
 
     rotor, (speeds, full, own) = motor.motor.rotor, torques

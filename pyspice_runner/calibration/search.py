@@ -19,7 +19,7 @@ from pyspice_runner.calibration.prediction import Prediction, Predictor
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.run.waveforms import Array
 
-OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals stay those of the normal
+OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals remain those of the normal
 START_REACH = log(2.0)  # of further starts about the first
 _ROUGH_GAIN = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
 _STEPS = 40  # of each search

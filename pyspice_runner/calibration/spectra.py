@@ -140,7 +140,7 @@ def bands_of(spectra: Sequence[Any], connection: Connection, error: float) -> tu
 def temperatures_of(named: Sequence[tuple[str, Mapping[str, float | None]]]) -> list[float]:
     """Return the temperatures of all data in °C, by their names and conditions; without any the list is empty.
 
-    The first is that of the motor's parameters. Raise ParameterError for a value out of range, or one that only some
+    The parameters of the motor hold at the first. Raise ParameterError for a value out of range, or one that only some
     of the data have.
     """
     found = [_checked(TEMPERATURE, own[TEMPERATURE], name) for name, own in named if own.get(TEMPERATURE) is not None]

@@ -30,7 +30,7 @@ from pyspice_runner.calibration.search import Search, broyden, huber, weights_of
 from pyspice_runner.calibration.unknowns import WIDE, Unknown
 from pyspice_runner.run.waveforms import Array
 
-SIGNIFICANCE = 1e-3  # probability of the least probable set, below which the model does not explain the data
+SIGNIFICANCE = 1e-3  # the model does not explain the data if the probability of one set is below this
 WRONG_READING = 4.0  # standard errors: one normal residual in 16,000 is beyond
 FEW = 10  # values, of which one may be a wrong reading
 IDENTIFIED = 0.25  # largest relative standard error by the data of a value that they identify
@@ -146,8 +146,8 @@ class Judgement:
             ]
         else:
             found.append(
-                "Errors of the points are not stated: they were taken in the ratio of "
-                f"{100.0 * DEFAULT_ERROR:g} % of the maximum of each column, and their size is that of the "
+                "Errors of the points are not given: they were taken in the ratio of "
+                f"{100.0 * DEFAULT_ERROR:g} % of the maximum of each column, and their size follows from the "
                 "scatter about the fit."
             )
         if points := self.predictor.points:

@@ -74,7 +74,7 @@ CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of th
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
 _POINTS = 100  # smallest number of steps in a period of the fastest motion for an exported motor
-# parameters of the motor's X line that set those of the contact and stand first
+# parameters of the X line that set parameters of the contact; they come first
 _FIRST = ("preload", "friction", "normal_stiffness", "compliance", "radius")
 SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
 _DERIVED = ("deflection", "damping", "span")  # parameters of a contact that the motor sets
