@@ -206,7 +206,7 @@ def add_meters(circuit: Netlist, motor: Motor, law: Law | None, lag: dict[str, f
         nodes = (line, group, circuit.gnd)
         instantiate(circuit, groups.named("meter", group), "piezomotor_wattmeter", nodes, **lag)
         nodes = (group, *(f"xmotor.{node}" for node in plate_nodes(group)))
-        own = 1.0 - between / groups.of(piezo.capacitances, group)
+        own = 1.0 - between / piezo.capacitance_f(group)
         _add_groupheat(circuit, dielectric_branches(motor, group, law), group, nodes, own)
     if between:  # in a capacitance of its own at the difference of the voltages, at their sum for a negative one
         plates = ([f"xmotor.{node}" for node in plate_nodes(group)] for group in GROUPS)

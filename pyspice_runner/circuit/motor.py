@@ -603,7 +603,7 @@ def dielectric_branches(motor: Motor, group: str, law: Law | None = None) -> tup
 
     With a law they are those of the netlist (:func:`.held_piezo`).
     """
-    own = groups.of(held_piezo(motor, law).capacitances, group)
+    own = held_piezo(motor, law).capacitance_f(group)
     return lossy_capacitance(own, _loss_tangent(motor), branches=len(PLATES))
 
 
@@ -623,7 +623,7 @@ def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex12
 
 def _shared(piezo: Piezo, group: str) -> float:
     """Return the share of the dielectric current of a group that the other group draws."""
-    return rounded(-piezo.capacitance_ab_f / groups.of(piezo.capacitances, group))
+    return rounded(-piezo.capacitance_ab_f / piezo.capacitance_f(group))
 
 
 def _loss_tangent(motor: Motor) -> float:

@@ -614,7 +614,7 @@ class _Search:
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
-            clamped = groups.of(self.ideal.motor.piezo.capacitances, group)
+            clamped = self.ideal.motor.piezo.capacitance_f(group)
             clamped += driver.values(group, CABLE).get("capacitance", 0.0)
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]

@@ -265,7 +265,7 @@ class Driver(Stated, Source):
 
     def ringing(self, motor: Motor, group: str) -> tuple[float, float] | None:
         """Return inductance in H and capacitance in F behind the stage of a group; ``None`` where they are damped."""
-        inductance, capacitance = self.leakage(group), groups.of(motor.piezo.capacitances, group)
+        inductance, capacitance = self.leakage(group), motor.piezo.capacitance_f(group)
         resistance = 0.0
         for part in self.parts(group):
             if part.label == self.network:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.groups import GROUPS
 
 # Ranges are those of piezo motors that can be built, from MEMS to some kilograms: wide enough for any device that the
 # theory fits, narrow enough to catch a value given in mm, kHz or GPa. Relations between values are checked here,
@@ -244,6 +245,10 @@ class Piezo(Parameters):
     def capacitances(self) -> tuple[float, ...]:
         """Clamped capacitance of each group in F, the others shorted."""
         return self.capacitance_a_f, self.capacitance_b_f
+
+    def capacitance_f(self, group: str) -> float:
+        """Return the clamped capacitance of group ``a`` or ``b`` in F, the other shorted."""
+        return self.capacitances[GROUPS.index(group)]
 
     @property
     def matrix(self) -> tuple[tuple[float, ...], ...]:

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.evaluated import Derived
 from pyspice_runner.errors import Interrupted, SimulationError
-from pyspice_runner.spice.ngspice import SpiceRun
-from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.spice.ngspice import BatchSimulator, SpiceRun
 
 Array = NDArray[np.float64]
 

@@ -257,7 +257,7 @@ def _scale(plant: Plant) -> Array:
     volts = max(driver.amplitude(group) for group in GROUPS)
     amperes = {}
     for group in GROUPS:
-        charged = max(groups.of(motor.piezo.capacitances, group), 1e-12)
+        charged = max(motor.piezo.capacitance_f(group), 1e-12)
         amperes[group] = 2.0 * pi * driver.frequency * charged * driver.amplitude(group)
         if rings := driver.ringing(motor, group):
             amperes[group] = max(amperes[group], driver.amplitude(group) * sqrt(rings[1] / rings[0]))

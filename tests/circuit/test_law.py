@@ -27,8 +27,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as law
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.spice.library import data_path, definitions, parse_library, read_library
-from pyspice_runner.spice.ngspice import run_deck
-from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.spice.ngspice import BatchSimulator, run_deck
 from tests.circuit.batch import measured
 from tests.motors import BEAM40
 

@@ -27,7 +27,7 @@ from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.spice.library import definitions, read_library
-from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.spice.ngspice import BatchSimulator
 from tests.circuit.batch import measured
 from tests.motors import mode, motor
 from validation import soak

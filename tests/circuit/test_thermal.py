@@ -20,7 +20,7 @@ from pyspice_runner.motor.dielectric import lossy_capacitance
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.thermal import Thermal, heat_capacity
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.spice.ngspice import BatchSimulator
 from tests.circuit.test_decks import measured
 from tests.motors import motor as odd_motor
 

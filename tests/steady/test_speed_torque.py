@@ -102,7 +102,7 @@ def test_a_block_goes_on_from_the_one_before_as_if_they_were_one_run(law: Any, m
         stored.append(len(result.raw.vectors["time"]))
         return result
 
-    monkeypatch.setattr("pyspice_runner.spice.pyspice.run_deck", counting)
+    monkeypatch.setattr("pyspice_runner.spice.ngspice.run_deck", counting)
     excitation, contact = drive(46e3), Law(law, 3 if law == "brush" else None)
     bench = dynamometer(excitation, 6.0, contact)
     motion, begun = bench.rest(), 0.0

@@ -15,7 +15,7 @@ from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.spice.ngspice import BatchSimulator
 from pyspice_runner.trackers.tracker import (
     Disturbance,
     StatorLag,

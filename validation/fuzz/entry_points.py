@@ -413,7 +413,7 @@ def nothing_runs() -> Iterator[None]:
         raise OSError("no scheduler at this address")
 
     with (
-        mock.patch("pyspice_runner.spice.pyspice.run_deck", refuse),
+        mock.patch("pyspice_runner.spice.ngspice.run_deck", refuse),
         mock.patch("pyspice_runner.averaged.core.cached_library", refuse),
         mock.patch("pyspice_runner.sweeps.sweep.outcomes", here),
         mock.patch("pyspice_runner.sweeps.plan.MOST_POINTS", 200),  # more would take long

@@ -16,7 +16,7 @@ from PySpice.Spice.Netlist import Circuit
 from PySpice.Unit import u_H, u_Hz, u_kHz, u_kOhm, u_mH, u_ms, u_nF, u_us, u_V
 
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.spice.pyspice import BatchSimulator
+from pyspice_runner.spice.ngspice import BatchSimulator
 
 RESISTANCE, INDUCTANCE, CAPACITANCE = 1e3, 0.22, 4.7e-9  # 4.95 kHz, Q = 6.8
 
