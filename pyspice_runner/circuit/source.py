@@ -326,7 +326,7 @@ def read_waveform(path: str | Path, frequency: float) -> Waveform:
     Raises:
         ParameterError: for a file that cannot be read, lacks a column, or has a cell that is not a number.
     """
-    text = read_document(Path(path), "a .csv file", _MOST_BYTES).removeprefix("\ufeff")
+    text = read_document(Path(path), "a .csv file", _MOST_BYTES)
     try:
         rows = list(csv.reader(io.StringIO(text)))
     except csv.Error as error:

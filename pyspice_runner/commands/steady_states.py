@@ -181,5 +181,6 @@ def _follow(call: Call, axes: dict[str, list[float]], speeds: list[float] | None
         speed=None if of_speed else speeds[0], contact=call.law, **call.pick("step timeout"),
     )  # fmt: skip
     result = branch.piezomotor
+    common.caution(result)
     table = common.summary_table(result.summary(), branch.attrs["title"])
     call.write(result.to_dict(), table, result.save, result.plot)

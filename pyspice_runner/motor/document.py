@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import stat
 import tomllib
+from codecs import BOM_UTF8
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -38,12 +39,14 @@ def read_document(path: Path, wanted: str, most: int = MOST_BYTES) -> str:
 
 
 def read_bytes(path: str, what: str, most: int, wanted: str = "the path of a .lib file") -> bytes:
-    """Return at most ``most`` bytes of a file; ``what`` is its kind for messages, such as ``"contact law"``.
+    """Return at most ``most`` bytes of a file, without the byte order mark that some editors write at its beginning.
+
+    ``what`` is its kind for messages, such as ``"contact law"``.
 
     Raise ParameterError if the file is not a regular file, is too large, or cannot be read.
     """
     shown = repr(path if len(path) <= 200 else f"{path[:197]}...")
-    return _read(Path(path), f"the {what} {shown}", wanted, most, Path.read_bytes)
+    return _read(Path(path), f"the {what} {shown}", wanted, most, Path.read_bytes).removeprefix(BOM_UTF8)
 
 
 def _read(path: Path, shown: str, wanted: str, most: int, read: Callable[[Path], Content]) -> Content:

@@ -80,10 +80,10 @@ def test_a_copy_of_a_built_in_law_gives_the_same(name: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("name", mostly(pytest.mark.soak, ["bimodal40", str(EVERY_EFFECT)], ["bimodal40"]))
 def test_a_copy_of_the_law_without_a_spring_gives_the_same_results(name: str, tmp_path: Path) -> None:
-    """Free, held and in the steady state, on a worn tip and with compliances in series, too."""
+    """Free, held and in the steady state, on a worn tip and with compliances in series; the file has a BOM."""
     path = tmp_path / "copy.lib"
     text = (data_path("behavioral") / "piezomotor_coulomb.lib").read_text(encoding="ascii")
-    path.write_text(text.replace("piezomotor_coulomb", "copied"))
+    path.write_text(text.replace("piezomotor_coulomb", "copied"), encoding="utf-8-sig")
     motor = pr.load_motor(name)
     drive, laws = pr.default_drive(motor), (str(path), "coulomb")
     for load in ({}, {"speed": 2.0}):

@@ -37,7 +37,9 @@ def branch() -> xarray.Dataset:
     return pr.steady_branch(MOTOR, DRIVE, follow="drive.frequency", start=16.89e3, stop=17.2e3, speed=0.0, points=32)
 
 
-def test_a_branch_without_folds_is_that_of_the_steady_states() -> None:
+def test_a_branch_without_folds_is_that_of_the_steady_states(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     short = pr.steady_branch(MOTOR, DRIVE, follow="drive.voltage", start=30.0, stop=29.0, speed=0.0, points=3)
     at = short.isel(point=-1)
     drive = DRIVE.model_copy(update={"voltage": float(at["drive.voltage"])})
@@ -47,7 +49,12 @@ def test_a_branch_without_folds_is_that_of_the_steady_states() -> None:
     assert float(at["torque_n_m"]) == pytest.approx(state.torque_n_m, abs=0.02 * friction_torque)
     assert float(at["normal_force_n"]) == pytest.approx(state.normal_force_n, rel=0.01)
     assert short.piezomotor.folds == []
-    assert short.piezomotor.cautions == ("The branch does not reach its end: It has 3 points.",)
+    (caution,) = short.piezomotor.cautions
+    assert caution == "The branch does not reach its end: It has 3 points."
+    monkeypatch.setattr(pr, "steady_branch", lambda *_, **__: short)
+    words = "speed-torque andersen2002 --over drive.voltage=30,29 --follow drive.voltage --speeds 0"
+    assert run(words.split()) == 0
+    assert caution in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.soak
