@@ -37,11 +37,12 @@ class LibraryFunction:
     """The equations of a library."""
 
     states: tuple[str, ...]  # nodes whose capacitors hold the state
+    nodes: tuple[str, ...]  # all nodes, and the rate of each state as ``rate_NODE``
     _program: tuple[tuple[str, CodeType, int], ...]  # node or parameter, its value, how often it is evaluated
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return all nodes, and the rate of each state as ``rate_NODE`` in V/s, from the values of :meth:`of`."""
-        return self.of([name for name, *_ in self._program], values)
+        """Return all nodes, and the rate of each state in V/s, from the values of :meth:`of`."""
+        return self.of(self.nodes, values)
 
     def of(self, nodes: Sequence[str], values: Mapping[str, Any], start: Mapping[str, Any] = {}) -> dict[str, Any]:
         """Return some nodes.
@@ -95,8 +96,9 @@ def plotted_nodes(motor: Motor, law: Law | None, *instances: str) -> dict[str, D
     if law is None or not law.row:
         return {}
     library = contact_library(law, motor.contact)
-    constants = {item.name: item.default for item in library.parameters}
-    constants |= contact_values(law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n)
+    constants = library.defaults | contact_values(
+        law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n
+    )
     function = library_function(library)
 
     def value(node: str, known: Mapping[str, Array]) -> Any:
@@ -128,7 +130,7 @@ def library_function(library: Library) -> LibraryFunction:
             (name, compile(translated(text, "python", str), f"<{library.name}>", "eval"), times)
             for name, text, times in texts
         )
-    return LibraryFunction(tuple(known.capacitances), program)
+    return LibraryFunction(tuple(known.capacitances), tuple(name for name, *_ in program), program)
 
 
 def parameter_columns(
@@ -138,16 +140,15 @@ def parameter_columns(
 
     The motors have the same library. The deflections are those of stator and series compliance under the preload.
     """
-    defaults = {parameter.name: parameter.default for parameter in contact_library(law, motors[0].contact).parameters}
-    each = [
-        defaults
-        | contact_values(
+    defaults = contact_library(law, motors[0].contact).defaults
+    rows = []
+    for motor, deflection in zip(motors, deflections_m, strict=True):
+        values = contact_values(
             law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=deflection,
             slider_time=slider_time,
-        )
-        for motor, deflection in zip(motors, deflections_m, strict=True)
-    ]  # fmt: skip
-    return {name: np.array([values[name] for values in each], dtype=float) for name in defaults}
+        )  # fmt: skip
+        rows.append([*(defaults | values).values()])
+    return dict(zip(defaults, np.array(rows, dtype=float).T, strict=True))
 
 
 LINE = re.compile(r"^B((?:loss|feed|store)_\w+) \w+ 0 V=(.*)\n", re.M)  # of a power or energy: its node and expression

@@ -355,7 +355,7 @@ def contact_values(
         "preload": preload,
         "deflection": 1e6 * deflection,
     }
-    declared = {parameter.name for parameter in contact_library(law).parameters}
+    declared = contact_library(law).defaults
     damping = contact_law.normal_damping(contact)
     if damping:
         if "damping" not in declared:

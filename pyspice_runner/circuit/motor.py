@@ -136,8 +136,13 @@ class Assembly(SubCircuit):
         library = part if isinstance(part, Library) else read_library(part)
         self._libraries.append(library)
         named = replace(library, name=part_name(library.name, self.prefix))
-        starts = {state.start: f"{{{state.parameter}}}" for state in self._starts if state.part == instance}
-        instantiate(self, instance, named, nodes, **{**values, **starts, **{name: f"{{{name}}}" for name in passed}})
+        given = dict(values)
+        for state in self._starts:
+            if state.part == instance:
+                given[state.start] = f"{{{state.parameter}}}"
+        for name in passed:
+            given[name] = f"{{{name}}}"
+        instantiate(self, instance, named, nodes, **given)
 
 
 class MotorSubCircuit(Assembly):
@@ -228,13 +233,12 @@ class MotorSubCircuit(Assembly):
     def _add_groups(self, warm: tuple[str, ...]) -> None:
         piezo, thermal = held_piezo(self._motor, self._law), self._thermal
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
+        part = "piezomotor_group_thermal" if thermal else "piezomotor_group"
         for group, capacitance in zip(GROUPS, piezo.capacitances, strict=True):
-            values = {"capacitance": capacitance, "loss": _loss_tangent(self._motor)}
+            values = {"capacitance": capacitance, "loss": max(piezo.loss_tangent, SMALLEST_LOSS)}
             pin = groups.named("own", group) if piezo.capacitance_ab_f else group
             nodes = (pin, self._common, *plate_nodes(group), *warm)
-            self._put(
-                groups.named("group", group), f"piezomotor_group{'_thermal' if thermal else ''}", nodes, values | drift
-            )
+            self._put(groups.named("group", group), part, nodes, values | drift)
         if piezo.capacitance_ab_f:
             self._add_capacitance_between(piezo, warm)
 
@@ -244,14 +248,9 @@ class MotorSubCircuit(Assembly):
         It has the same dielectric as the groups, so that its own plates would follow theirs.
         """
         for group, other in ("ab", "ba"):
-            self.V(groups.named("own", group), group, groups.named("own", group), "DC 0")
-            self.CCCS(
-                groups.named("shared", group),
-                group,
-                self._common,
-                f"Vown_{other}",
-                current_gain=_shared(piezo, other),
-            )
+            own, shared = groups.named("own", group), groups.named("shared", group)
+            self.V(own, group, own, "DC 0")
+            self.CCCS(shared, group, self._common, f"Vown_{other}", current_gain=_shared(piezo, other))
         if warm:
             drawn = (f"{_shared(piezo, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
             self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
@@ -271,12 +270,10 @@ class MotorSubCircuit(Assembly):
                 base = "base_x"
             if along_y or along_x:
                 values["recoil"] = along_y or along_x
-            force, damped, velocity, elastic = (
-                f"xmode{index}.{node}" for node in ("force", "damped", "velocity", "elastic")
-            )
-            ends = (force, damped, velocity, elastic, base, *warm)
-            self._put(f"mode{index}", part, ("a", "b", self._common, *ends), values | more)
+            inside = [f"xmode{index}.{node}" for node in ("force", "damped", "velocity", "elastic")]
+            self._put(f"mode{index}", part, ("a", "b", self._common, *inside, base, *warm), values | more)
             tip["stiffness"] = values["stiffness"]
+            force, _, velocity, elastic = inside
             ends = (force, velocity, elastic, "fx", "fy", "x", "y", "vx", "vy")
             self._put(f"tip{index}", "piezomotor_tip", ends, tip)
         for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
@@ -317,14 +314,15 @@ class MotorSubCircuit(Assembly):
         else:
             values["preload"] = 0.0  # at rest there is no friction
         moved = {axis: f"stem_{axis}", f"v{axis}": f"stem_v{axis}"}
-        own = [nodes.get(pin, pin) for pin in moved]
+        own = [nodes.get(axis, axis), nodes.get(f"v{axis}", f"v{axis}")]
         for group, per_volt in zip(GROUPS, pushes(self._motor, self._law).get(name, ()), strict=False):
             pushed, turn = groups.named(f"pushed_{axis}", group), rounded(per_volt)
             self.VCVS(pushed, pushed, force, group, self._common, voltage_gain=-turn)
             self.VCCS(pushed, group, self._common, moved[f"v{axis}"], own[1], transconductance=turn)
             force = pushed
         self._put(name, "piezomotor_stem", (*own, force, *moved.values()), values, passed)
-        return {pin: node for pin, node in moved.items() if pin != "x"}
+        moved.pop("x", None)
+        return moved
 
     def _add_mount(self, *, approach: bool) -> dict[str, str]:
         """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
@@ -603,20 +601,22 @@ def dielectric_branches(motor: Motor, group: str, law: Law | None = None) -> tup
 
     With a law they are those of the netlist (:func:`.held_piezo`).
     """
-    own = held_piezo(motor, law).capacitance_f(group)
-    return lossy_capacitance(own, _loss_tangent(motor), branches=len(PLATES))
+    own, loss_tangent = held_piezo(motor, law).capacitance_f(group), motor.piezo.loss_tangent
+    return lossy_capacitance(own, max(loss_tangent, SMALLEST_LOSS), branches=len(PLATES))
 
 
 def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:
     """Return the admittance in S of the clamped capacitance of a group in the netlist, the other group shorted."""
-    s = 2j * pi * frequency_hz
-    return sum(s * c / (1.0 + s * r * c) for r, c in dielectric_branches(motor, group))
+    s, found = 2j * pi * frequency_hz, 0j
+    for resistance, capacitance in dielectric_branches(motor, group):
+        found += s * capacitance / (1.0 + s * resistance * capacitance)
+    return found
 
 
 def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex128]:
     """Return the admittance matrix in S of the clamped capacitances in the netlist."""
     piezo = motor.piezo
-    own, other = (dielectric_admittance(motor, group, frequency_hz) for group in "ab")
+    own, other = dielectric_admittance(motor, "a", frequency_hz), dielectric_admittance(motor, "b", frequency_hz)
     between = -own * piezo.capacitance_ab_f / piezo.capacitance_a_f
     return np.array([[own, between], [between, other]])
 
@@ -624,11 +624,6 @@ def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex12
 def _shared(piezo: Piezo, group: str) -> float:
     """Return the share of the dielectric current of a group that the other group draws."""
     return rounded(-piezo.capacitance_ab_f / piezo.capacitance_f(group))
-
-
-def _loss_tangent(motor: Motor) -> float:
-    """Return the loss tangent in the netlist."""
-    return max(motor.piezo.loss_tangent, SMALLEST_LOSS)
 
 
 def instantiate(

@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Literal
@@ -69,11 +69,12 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
 
     A law without a tangential spring has none along the rotor.
     """
-    contact = motor.contact
-    found = {"stem": contact.series_compliance_m_per_n, "stem_x": contact.tangential_series_compliance_m_per_n}
-    if law and not law.spring:
-        found.pop("stem_x")
-    return {name: compliance for name, compliance in found.items() if law and compliance}
+    contact, found = motor.contact, {}
+    if law and contact.series_compliance_m_per_n:
+        found["stem"] = contact.series_compliance_m_per_n
+    if law and law.spring and contact.tangential_series_compliance_m_per_n:
+        found["stem_x"] = contact.tangential_series_compliance_m_per_n
+    return found
 
 
 def pushes(motor: Motor, law: Law | None) -> dict[str, tuple[float, ...]]:
@@ -249,12 +250,10 @@ def state_vectors(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None 
 
 def recorded_states(
     values: Mapping[str, Array], motor: Motor, law: Law | None, discretisation: Discretisation, kind: Kind
-) -> list[tuple[float, float, Array]]:
-    """Return each state of a kind in a run: its value at preloaded rest, the SI value of 1 V or 1 A, and its vector."""
-    return [
-        (state.at_rest(discretisation), state.scale(discretisation), values[state.within("xmotor")])
-        for state in motor_states(motor, law, (kind,))
-    ]
+) -> Iterator[tuple[float, float, Array]]:
+    """Yield each state of a kind in a run: its value at preloaded rest, the SI value of 1 V or 1 A, and its vector."""
+    for state in motor_states(motor, law, (kind,)):
+        yield state.at_rest(discretisation), state.scale(discretisation), values[state.within("xmotor")]
 
 
 def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:

@@ -71,8 +71,8 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     """Return the physical violations in the means of a point on the dynamometer, one sentence each."""
     findings = []
     electrical, shaft = point["power_a_w"] + point["power_b_w"], point["shaft_power_w"]
-    losses = {name: point[name] for name in ("dielectric_loss_w", "damping_loss_w", "friction_loss_w", "normal_loss_w")}
-    found = shaft + sum(losses.values()) + point["stored_power_w"]
+    losses = point["dielectric_loss_w"] + point["damping_loss_w"] + point["friction_loss_w"] + point["normal_loss_w"]
+    found = shaft + losses + point["stored_power_w"]
     scale = max(electrical, 0.0) + max(-shaft, 0.0) + abs(point["stored_power_w"])
     reactive = point["apparent_power_a_va"] + point["apparent_power_b_va"]
     # at rest all powers are zero except for the tolerance of the iteration in a period of the slowest mode
@@ -85,9 +85,8 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     normal = point["normal_force_n"]
     if normal < -SLACK * motor.contact.preload_n:
         findings.append(f"On average the contact pulls with {-normal:.3g} N, {_OUT_OF_RANGE}")
-    limit, preloaded = (
-        motor.contact.friction * force * motor.rotor.radius_m for force in (max(normal, 0.0), motor.contact.preload_n)
-    )
+    limit = motor.contact.friction * max(normal, 0.0) * motor.rotor.radius_m
+    preloaded = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     if abs(point["torque_n_m"]) > limit + SLACK * max(limit, preloaded):
         findings.append(
             f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the limit of {limit:.3g} N.m at the mean "

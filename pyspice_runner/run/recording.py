@@ -170,8 +170,8 @@ class _Terms:
         """Return all terms."""
         waves, motor, load = self.waves, self.motor, self.recording.point.load
         squared = self.displacement**2
-        softening = np.array([[mode.softening_per_m2] for mode in motor.modes])
-        growth = np.array([[mode.damping_growth_per_m2] for mode in motor.modes])
+        per_m2 = [(mode.softening_per_m2, mode.damping_growth_per_m2) for mode in motor.modes]
+        softening, growth = np.array(per_m2).T[..., np.newaxis]
         hertz = contact_law.elastic_force(motor.contact, self.penetration)
         pressed = contact_law.elastic_energy(motor.contact, self.penetration)
         normal, rotor_speed = waves["normal_force_n"], waves["rotor_speed_rad_s"]
@@ -203,7 +203,7 @@ class _Terms:
     def in_series(self, name: str, force: Array) -> tuple[float, float]:
         """Return the change of the energy of what is in series with the contact, and the work of the voltages on it."""
         point = self.recording.point
-        compliance, moved = stems(self.motor, point.law).get(name, 0.0), force
+        compliance = stems(self.motor, point.law).get(name, 0.0)
         given = np.zeros_like(force)
         for voltage, per_volt in zip(_VOLTAGES, pushes(self.motor, point.law).get(name, ()), strict=False):
             given = given + per_volt * self.waves[voltage]

@@ -17,7 +17,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cache
+from functools import cache, cached_property
 from math import inf, isfinite
 from pathlib import Path
 from textwrap import dedent
@@ -82,6 +82,11 @@ class Library:
     def pin_names(self) -> tuple[str, ...]:
         """Names of the pins, in their order."""
         return tuple(pin.name for pin in self.pins)
+
+    @cached_property
+    def defaults(self) -> dict[str, float]:
+        """Defaults of the parameters, in their order."""
+        return {parameter.name: parameter.default for parameter in self.parameters}
 
 
 def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: Mapping[str, float | str]) -> None:
