@@ -151,7 +151,7 @@ def _run_long(plant: Plant) -> dict[str, Any]:
         return {"periodic": False}
     point.trace = trace
     kept = np.ones(plant.order, dtype=bool)
-    kept[plant.where("contact")] = False
+    kept[plant.places["contact"]] = False
     return {
         "periodic": bool(np.abs(point.gap[kept]).max() < PERIODIC),
         "open": round(float((trace.contact_state < 0.5).mean()), 3),

@@ -14,10 +14,10 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi, sin
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,6 @@ from pyspice_runner.circuit.state import (
     State,
     carrier,
     first_guess,
-    motion_of,
     motor_states,
     plate_nodes,
     start_values,
@@ -107,6 +106,9 @@ class Plant:
     law: Law | None  # law of the contact; ``None`` for a free tip
     # what drives the pins instead of ideal voltages; ``drive`` is then the fundamental of its stage.
     driver: Driver | None = None
+    # what was computed: the plants of :meth:`with_sliders`, and the SI values of 1 V or 1 A of the vectors, as a column
+    _inner: dict[int, Plant] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _units: dict[Discretisation, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, point: Point) -> Plant:
@@ -146,20 +148,12 @@ class Plant:
         return motor_states(self.motor, self.law, ("mode", "contact", "stem", "mount", *turning, *plates))
 
     @cached_property
-    def _places(self) -> dict[Kind, slice]:
-        """The places of the states of each part of the motor, which follow each other."""
-        found: dict[Kind, slice] = {}
+    def places(self) -> dict[Kind, slice]:
+        """The places of the states of each part of the motor, which follow each other; an empty slice without any."""
+        found: dict[Kind, slice] = dict.fromkeys(get_args(Kind), slice(0, 0))
         for place, state in enumerate(self.states):
-            found[state.kind] = slice(found[state.kind].start if state.kind in found else place, place + 1)
+            found[state.kind] = slice(found[state.kind].start if found[state.kind].stop else place, place + 1)
         return found
-
-    def where(self, kind: Kind) -> slice:
-        """Return the place of the states of a part of the motor."""
-        return self._places.get(kind, slice(0, 0))
-
-    @cached_property
-    def _inner(self) -> dict[int, Plant]:
-        return {}
 
     def with_sliders(self, sliders: int) -> Plant:
         """Return the plant with the inner ones of the sliders of a brush, for a motion that touches no other."""
@@ -170,7 +164,7 @@ class Plant:
 
     def widened(self, values: Array, inner: Plant, *axes: int) -> Array:
         """Return values of the states of :meth:`with_sliders` along some axes with zeros for the sliders left out."""
-        left_out = [inner.where("contact").stop] * (self.order - inner.order)
+        left_out = [inner.places["contact"].stop] * (self.order - inner.order)
         for axis in axes if left_out else ():
             values = np.insert(values, left_out, 0.0, axis)
         return values
@@ -184,6 +178,12 @@ class Plant:
     def mount(self) -> Mount | None:
         """The mount in the netlist."""
         return carrier(self.motor, self.law)
+
+    @cached_property
+    def moving(self) -> tuple[list[int], list[int]]:
+        """The places of the displacements of modes and carriers, and those of their velocities."""
+        n, mount = self.modes, [*range(self.order)[self.places["mount"]]]
+        return [*range(n), *mount[::2]], [*range(n, 2 * n), *mount[1::2]]
 
     @property
     def friction_n(self) -> float:
@@ -215,23 +215,24 @@ class Plant:
         )  # fmt: skip
         return definition.part_texts | {name: str(definition).strip()}
 
-    def start_values(self, state: Array, discretisation: Discretisation) -> dict[str, float]:
-        """Return the parameters of the X line for a state."""
-        values, _ = start_values(self.states, state.tolist(), discretisation)
-        return values if self.load.speed is None else values | {"start_speed": self.load.speed}
-
-    def start_nodes(
+    def start(
         self,
         state: Array,
-        begun: float,
         discretisation: Discretisation,
+        begun: float = 0.0,
         probes: Sequence[Probe] = (),
         *,
-        plates: bool = True,
-    ) -> dict[str, float]:
-        """Return the initial voltages by node inside the motor: of plates and of states without a parameter."""
-        _, nodes = start_values(self.states, state.tolist(), discretisation)
-        stem_m = motion_of(self.states, state.tolist()).stem_m
+        plates: bool,
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the parameters of the X line for a state, and the initial voltages by node inside the motor.
+
+        The voltages are those of plates and of states without a parameter.
+        """
+        values, nodes = start_values(self.states, state.tolist(), discretisation)
+        if self.load.speed is not None:
+            values["start_speed"] = self.load.speed
+        compressed = state[self.places["stem"]]  # the first is that along y, of a motor that has it
+        stem_m = float(compressed[0]) if len(compressed) else 0.0
         nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
         for group in "ab" if plates else "":
             tones = self.tones(group, probes)
@@ -240,7 +241,7 @@ class Plant:
                 for tone in tones:
                     gain = 1.0 / (1.0 + 2j * pi * tone.frequency * ohm * farad)  # of the capacitance in its branch
                     nodes[node] += float(phasor_at(tone, gain, begun)[0])
-        return nodes
+        return values, nodes
 
     def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
         """Return the sines at the pin of a group, with those of the probes."""
@@ -254,7 +255,9 @@ class Plant:
         """Return the vectors of a copy that hold its states: those of the motor, then those of the stores."""
         inside, shaft = self.inside(copy), f"{copy}.shaft" if self.driver else f"{copy}_shaft"
         names = [state.vector.format(inside, shaft) for state in self.states]
-        return names + [name for store in self.stores for name in store.vectors(copy)]
+        for store in self.stores:
+            names += store.vectors(copy)
+        return names
 
     def sampled(self, samples: Mapping[str, Array], copy: str, discretisation: Discretisation) -> Array:
         """Return the states from the samples of these vectors, shape (order, points), in SI units."""
@@ -263,11 +266,6 @@ class Plant:
             self._units[discretisation] = np.array([[state.scale(discretisation)] for state in self.states])
         rows = np.array([samples[name] for name in names]) * self._units[discretisation]
         return np.array([*rows, *(store.value(samples, copy) for store in self.stores)]) if self.stores else rows
-
-    @cached_property
-    def _units(self) -> dict[Discretisation, Array]:
-        """The SI value of 1 V or 1 A of each of these vectors, as a column."""
-        return {}
 
     def pins(self, copy: str) -> dict[str, str]:
         """Return the vectors of voltages and currents behind a driver, by their names in a run of one motor."""
@@ -287,7 +285,7 @@ class Plant:
     @cached_property
     def inner(self) -> int:
         """Number of states of the motor without its plates."""
-        return self.where("group").start if self.driver else len(self.states)
+        return self.places["group"].start if self.driver else len(self.states)
 
     @cached_property
     def stores(self) -> list[Store]:
@@ -365,7 +363,7 @@ class Plant:
 
         The state is a set of parameters of the X line.
         """
-        starts = [*self.start_values(np.zeros(len(self.states)), discretisation)]
+        starts, _ = self.start(np.zeros(len(self.states)), discretisation, plates=False)
         parameters = dict.fromkeys([*starts, *(store.name for store in self.stores)], "0")
         circuit = SubCircuit(self.bench_name, "mark", **parameters)
         add_channels(circuit, self.front, dict(zip(GROUPS, METERED, strict=True)), risen=True)
@@ -414,7 +412,9 @@ class Plant:
 UNIFORM = "1e18"
 
 
-def phasor_at(tone: Tone, gain: complex, time: float | Array) -> tuple[float | Array, float | Array]:
+def phasor_at(
+    tone: Tone, gain: complex | NDArray[np.complex128], time: float | Array
+) -> tuple[float | Array, float | Array]:
     """Return a linear response to a tone, and its rate, at a time in s: Im(gain · amplitude · e^(jωt + jφ))."""
     omega = 2.0 * pi * tone.frequency
     turning = tone.amplitude * gain * np.exp(1j * (omega * time + tone.phase))
@@ -442,8 +442,8 @@ class Copy:
 
     def with_sliders(self, sliders: int) -> Copy:
         """Return the copy with the inner sliders of a brush alone."""
-        first = self.plant.where("contact").start
-        beyond = range(first + sliders, self.plant.where("contact").stop)
+        first = self.plant.places["contact"].start
+        beyond = range(first + sliders, self.plant.places["contact"].stop)
         return replace(self, plant=self.plant.with_sliders(sliders), state=np.delete(self.state, beyond))
 
 
@@ -455,14 +455,6 @@ def content_name(prefix: str, *values: object) -> str:
 def copy_name(number: int) -> str:
     """Return the name of a copy's instance, in lower case as in ngspice's vectors."""
     return f"xc{number}"
-
-
-def motor_texts(
-    copies: Sequence[Copy], discretisation: Discretisation, *, plates: bool = True
-) -> dict[str, dict[str, str]]:
-    """Return the subcircuits of each motor, by its name; the arguments are those of :func:`copies_bench`."""
-    plants = {copy.plant.motor_name: copy.plant for copy in copies}
-    return {name: plant.motor_texts(discretisation, plates=plates) for name, plant in plants.items()}
 
 
 def copies_bench(
@@ -478,16 +470,18 @@ def copies_bench(
     the subcircuits by :attr:`Plant.motor_name`; by default they are written. Without ``plates``, the clamped
     capacitances, the currents of the sources are those of the modes alone, and the motion is the same.
     """
-    first = copies[0].plant
-    texts = texts or motor_texts(copies, discretisation, plates=plates)
-    sources: dict[tuple[Any, ...], int] = {}
-    start: dict[str, float] = {}
-    signals: dict[str, Derived] = {}
-    plants = list({copy.plant.motor_name: copy.plant for copy in copies}.values())
-    subcircuits = {part: text for plant in plants for part, text in texts[plant.motor_name].items()}
-    lines = [*subcircuits.values()]
+    first, lines, motors, sources = copies[0].plant, list[str](), dict[str, Motor](), dict[tuple[Any, ...], int]()
+    start, signals, subcircuits = dict[str, float](), dict[str, Derived](), dict[str, str]()
+    options = dict(transient_options(first.motor, first.law))
     for number, copy in enumerate(copies):
         plant, instance = copy.plant, copy_name(number)
+        if plant.motor_name not in motors:
+            motors[plant.motor_name] = plant.motor
+            known = texts and texts[plant.motor_name]
+            subcircuits |= known or plant.motor_texts(discretisation, plates=plates)
+            tolerances = transient_options(plant.motor, first.law)
+            for name in ("vntol", "abstol"):
+                options[name] = min(options[name], tolerances[name], key=float)
         signals |= plotted_nodes(plant.motor, plant.law, instance)
         at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
         key = (plant.drive, copy.begun, at_pins)
@@ -502,17 +496,14 @@ def copies_bench(
         for place, probe in enumerate(copy.probes):
             if probe.place == "shaft":
                 lines.append(f"I{shaft}_{place} 0 {shaft} {sine(probe.tone, copy.begun)}")
-        start_values = plant.start_values(copy.state, discretisation)
-        values = " ".join(f"{name}={value:.17g}" for name, value in start_values.items())
+        starts, inside = plant.start(copy.state, discretisation, copy.begun, copy.probes, plates=plates)
+        values = " ".join(f"{name}={value:.17g}" for name, value in starts.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
         lines.append(f"{instance} {pins} {plant.motor_name} {values}")
-        inside = plant.start_nodes(copy.state, copy.begun, discretisation, copy.probes, plates=plates)
         start |= {f"{instance}.{node}": value for node, value in inside.items()}
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name}")
-    circuit.raw_spice += "\n".join(lines) + "\n"
-    tolerances = [transient_options(plant.motor, first.law) for plant in plants]
-    options = tolerances[0] | {name: min((own[name] for own in tolerances), key=float) for name in ("vntol", "abstol")}
-    options = not_below_rounding(options, [plant.motor for plant in plants], first.law, discretisation)
+    circuit.raw_spice += "\n".join([*subcircuits.values(), *lines]) + "\n"
+    options = not_below_rounding(options, motors.values(), first.law, discretisation)
     options["trtol"] = UNIFORM
     return Bench(circuit, options, start, signals)
 
@@ -521,9 +512,11 @@ def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: in
     lines = []
     for group in "ab":
         tones = plant.tones(group, probes)
-        nodes = [f"{group}{number}", *(f"{group}{number}_{index}" for index in range(1, len(tones))), "0"]
+        node = f"{group}{number}"
         for index, tone in enumerate(tones):
-            lines.append(f"V{group}{number}_{index} {nodes[index]} {nodes[index + 1]} {sine(tone, begun)}")
+            after = f"{group}{number}_{index + 1}" if index + 1 < len(tones) else "0"
+            lines.append(f"V{group}{number}_{index} {node} {after} {sine(tone, begun)}")
+            node = after
     return lines
 
 
@@ -552,11 +545,10 @@ def driven_bench(copies: Sequence[Copy], discretisation: Discretisation, *, mete
         if plant.bench_name not in subcircuits:
             subcircuits |= plant.bench_texts(discretisation, meters=meters)
         motor, stores = np.split(copy.state, [len(plant.states)])
-        values = plant.start_values(motor, discretisation)
+        values, nodes = plant.start(motor, discretisation, plates=False)
         values |= zip((store.name for store in plant.stores), stores, strict=True)
         words = " ".join(f"{name}={value:.17g}" for name, value in values.items())
         lines.append(f"{instance} mark {plant.bench_name} {words}")
-        nodes = plant.start_nodes(motor, 0.0, discretisation, plates=False)
         start |= {f"{instance}.xmotor.{node}": float(value) for node, value in nodes.items()}
         signals |= {} if meters else plotted_nodes(plant.motor, plant.law, f"{instance}.xmotor")
     circuit = Circuit(f"{len(copies)} copies of {first.motor.name} behind a driver")

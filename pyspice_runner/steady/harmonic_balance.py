@@ -56,6 +56,7 @@ Places = NDArray[np.int_]
 HARMONICS = 7  # of the highest tone
 PHASES = 64  # in a period of the highest tone
 PINS = ("x", "y", "vx", "vy", "shaft", "slider")  # inputs of the library
+MOVED = [0, 1, 2, 3, 5]  # places of those that change the forces: all but the speed of the shaft
 
 
 class Grid:
@@ -63,7 +64,7 @@ class Grid:
 
     def __init__(self, period: float, highest: int, library: Library) -> None:
         self.contact = library_function(library)
-        self.parameters = [parameter.name for parameter in library.parameters]
+        self.parameters = list(library.defaults)
         self.omega = 2.0 * pi / period
         self.orders = np.arange(HARMONICS * highest + 1.0)
         self.angles = 2.0 * pi * np.arange(PHASES * highest) / (PHASES * highest)
@@ -145,7 +146,7 @@ def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
 
 def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     """Return contacts and linear equations of operating points whose contacts have the library of the grid."""
-    rows = []
+    rows, motors, bent = [], [], []
     most = max(len(plant.motor.modes) + len(carriers(plant.mount)) for plant in plants)
     for plant in plants:
         motor, contact = plant.motor, plant.motor.contact
@@ -158,9 +159,9 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
             motor.rotor.bearing_damping_n_m_s / radius**2, (plant.load.torque or 0.0) / radius,
             motor.stator.with_carrier(plant.mount).decay_s,
         ))  # fmt: skip
+        motors.append(motor)
+        bent.append(motor.deflection_m + preload * contact.series_compliance_m_per_n)
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    motors = [plant.motor for plant in plants]
-    bent = [motor.deflection_m + motor.contact.preload_n * motor.contact.series_compliance_m_per_n for motor in motors]
     parameters = np.array(list(parameter_columns(PAPER_LAW, motors, bent).values())).T
     scalars = [column[:, np.newaxis] for column in columns[6:]]
     return Stators(*[*columns[:6], parameters, *scalars])
@@ -250,12 +251,11 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     rise = np.where(landing, depth - before, 1.0)
     apart = np.where(landing, -before / rise, 0.0)  # share of the step before that
     pins[5], since = clipped(slid * (1.0 - apart), touching["limit"])
-    # difference quotients; the speed of the shaft has no effect on the forces
-    moved = [place for place, name in enumerate(PINS) if name != "shaft"]
-    scales = np.abs(pins[moved]).max(axis=2, keepdims=True)
+    # difference quotients
+    scales = np.abs(pins[MOVED]).max(axis=2, keepdims=True)
     steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
-    many = np.repeat(pins[:, np.newaxis], 1 + len(moved), axis=1)
-    for number, place in enumerate(moved):
+    many = np.repeat(pins[:, np.newaxis], 1 + len(MOVED), axis=1)
+    for number, place in enumerate(MOVED):
         many[place, 1 + number] += steps[number]
     found = grid.contact(constants | dict(zip(PINS, many, strict=True)))
 
@@ -324,16 +324,15 @@ def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> li
     middle speed of each curve runs up from rest, and the others start from it. A brush is balanced as a single slider.
     """
     found: list[Balance | None] = [None] * len(plants)
-    groups: dict[tuple[float, Library, Law], list[int]] = {}
+    groups: dict[tuple[float, Library, Law], dict[int, Plant]] = {}
     for place, plant in enumerate(plants):
         if plant.law and plant.law.sliding and tones(plant):
             library = contact_library(PAPER_LAW, plant.motor.contact)
-            groups.setdefault((plant.drive.period, library, plant.law), []).append(place)
-    for (period, library, _), places in groups.items():
-        some = [plants[place] for place in places]
-        points = _Points(some, Grid(period, max(map(tones, some)), library))
-        points.solve([near[place] if near else None for place in places])
-        for place, balance in zip(places, points.balances(), strict=True):
+            groups.setdefault((plant.drive.period, library, plant.law), {})[place] = plant
+    for (period, library, _), some in groups.items():
+        points = _Points(list(some.values()), Grid(period, max(map(tones, some.values())), library))
+        points.solve([near[place] if near else None for place in some])
+        for place, balance in zip(some, points.balances(), strict=True):
             found[place] = balance
     return found
 
@@ -349,7 +348,7 @@ def _residual(stators: Stators, grid: Grid, response: Response, unknowns: Array)
     s, found = stators, touching_contact(stators, grid, unknowns)
     phasors = grid.phasors(found.on_tip, grid.orders)
     driven = response.free + np.einsum("phxf,phf->phx", response.compliance, phasors)
-    slopes = np.stack([grid.phasors(each, grid.orders) for each in (found.slope_x, found.slope_y)], axis=2)
+    slopes = np.stack((grid.phasors(found.slope_x, grid.orders), grid.phasors(found.slope_y, grid.orders)), axis=2)
     count = unknowns.shape[1]
     residual, derivative = np.empty_like(unknowns), np.empty((len(unknowns), count, count))
     residual[:, :-1] = unknowns[:, :-1] - real_parts(driven)
@@ -416,9 +415,9 @@ class _Points:
         self.found = np.zeros(len(plants), dtype=bool)
         self.speeds = self.stators.surface[:, 0]
         curves: dict[str, list[int]] = {}
-        for place, plant in enumerate(plants):
-            curves.setdefault(plant.curve, []).append(place)
-        self.curves = [sorted(curve, key=lambda place: self.speeds[place]) for curve in curves.values()]
+        for place in np.argsort(self.speeds, kind="stable").tolist():
+            curves.setdefault(plants[place].curve, []).append(place)
+        self.curves = list(curves.values())
 
     def solve(self, near: Sequence[Balance | None]) -> None:
         """Solve the points: from given motions, from rest, and from the nearest solved point of the same curve."""
@@ -541,11 +540,10 @@ class Balance:
         tip, impedance, _, forces, direct = linear(plant, grid.omega, orders, count)
         forces += grid.phasors(self.forces.on_tip[0], orders) @ tip
         coordinates = np.linalg.solve(impedance, forces[..., np.newaxis])[..., 0]
-        displacements = coordinates.sum(axis=0).real
-        velocities = (1j * grid.omega * orders @ coordinates).real
-        modes, state = plant.modes, np.zeros(plant.order)
-        state[:modes], state[modes : 2 * modes] = displacements[:modes], velocities[:modes]
-        state[plant.where("contact")] = MICRO * self.sliders
+        state, (displacements, velocities) = np.zeros(plant.order), plant.moving
+        state[displacements] = coordinates.sum(axis=0).real
+        state[velocities] = (1j * grid.omega * orders @ coordinates).real
+        state[plant.places["contact"]] = MICRO * self.sliders
         contact, stem = plant.motor.contact, []
         moved, moving = direct.sum(axis=0).real, (1j * grid.omega * orders @ direct).real
         for axis, series, force, rest in (
@@ -555,8 +553,7 @@ class Balance:
             if series:
                 rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
                 stem += [series * (force[0] - rest) - moved[axis], series * rate - moving[axis]]
-        state[plant.where("stem")] = stem
-        state[plant.where("mount")] = np.column_stack([displacements[modes:], velocities[modes:]]).ravel()
+        state[plant.places["stem"]] = stem
         if plant.turns:
             state[-1] = self.speed
         return state

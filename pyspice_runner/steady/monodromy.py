@@ -30,7 +30,7 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import square
 from pyspice_runner.run.window import Array
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.steady.copies import Plant, phasor_at
+from pyspice_runner.steady.copies import Plant, drive_voltage
 
 FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
 
@@ -61,11 +61,9 @@ class Course:
     def pushed(self, name: str) -> Array:
         """Return the force in N by which the voltages move an instance of what is in series with the contact."""
         force = np.zeros(len(self.time))
-        for per_volt, tones in zip(
-            pushes(self.plant.motor, self.plant.law).get(name, ()), self.plant.drive.tones, strict=False
-        ):
-            for tone in tones:
-                force += rounded(per_volt) * phasor_at(tone, 1.0, self.begun + self.time)[0]
+        by_group = pushes(self.plant.motor, self.plant.law).get(name, ())
+        for per_volt, tones in zip(by_group, self.plant.drive.tones, strict=False):
+            force += rounded(per_volt) * drive_voltage(tones, self.begun + self.time)
         return force
 
 
@@ -77,17 +75,16 @@ def differentiable(plant: Plant) -> bool:
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
     """Return the derivatives of runs whose plants are differentiable."""
-    found: dict[int, Derivative] = {}
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    found: dict[int, Any] = dict.fromkeys(range(len(courses)))
+    groups: dict[tuple[Any, ...], dict[int, Course]] = {}
     for place, course in enumerate(courses):
         plant = course.plant
         library = contact_library(plant.law, plant.motor.contact) if plant.law else None
         kinds = tuple((state.kind, state.part) for state in plant.states)
-        groups.setdefault((library, kinds, course.first, course.time.tobytes()), []).append(place)
-    for places in groups.values():
-        group = _Group([courses[place] for place in places], discretisation)
-        found |= zip(places, group.derivatives(), strict=True)
-    return [found[place] for place in range(len(courses))]
+        groups.setdefault((library, kinds, course.first, course.time.tobytes()), {})[place] = course
+    for group in groups.values():
+        found |= zip(group, _Group(list(group.values()), discretisation).derivatives(), strict=True)
+    return list(found.values())
 
 
 class _Group:
@@ -101,40 +98,39 @@ class _Group:
         self.library = unplotted(contact_library(self.law, self.plant.motor.contact))
         self.function = library_function(self.library)
         self.row = slice(5, 5 + self.law.sliders) if self.law.row else None  # place of the sliders among the inputs
-        inner = [place for place, state in enumerate(self.plant.states) if state.kind in ("contact", "stem")]
-        self.inner = np.array(inner, dtype=int)  # states of contact and stem
-        self.units = np.array([self.plant.states[place].unit for place in inner])
-        modes, carrier = self.plant.modes, self.plant.where("mount")
-        # places of the displacements of modes and carriers in the state, and of their velocities
-        self.places = [*range(modes), *range(carrier.start, carrier.stop, 2)]
-        self.speeds = [*range(modes, 2 * modes), *range(carrier.start + 1, carrier.stop, 2)]
+        self.inner = np.r_[self.plant.places["contact"], self.plant.places["stem"]]  # states of contact and stem
+        self.units = np.array([self.plant.states[place].unit for place in self.inner])
         self.states = np.array([course.states.T for course in courses])
         # runs of the same motor share what depends on it alone
-        self.plants = list({course.plant.motor_name: course.plant for course in courses}.values())
-        names = [plant.motor_name for plant in self.plants]
-        self.which = np.array([names.index(course.plant.motor_name) for course in courses])  # motor of each run
+        names = [course.plant.motor_name for course in courses]
+        _, first, self.which = np.unique(names, return_index=True, return_inverse=True)  # ``which``: motor of each run
+        self.plants = [courses[place].plant for place in first]
 
     @cached_property
     def stems(self) -> dict[str, dict[str, Any]]:
         """The parameters of the libraries of what is in series with the contact, by instance."""
-        known = {item.name: item.default for item in read_library("piezomotor_stem").parameters}
-        known |= {SLIDER_TIME: rounded(self.discretisation.slider_time)}  # a law may have no slider
+        slider_time = rounded(self.discretisation.slider_time)  # a law may have no slider
+        known = read_library("piezomotor_stem").defaults | {SLIDER_TIME: slider_time}
         # rounded as in the netlist: the rate is a small difference of two forces, over half a step
         found = {}
         for name in stems(self.plant.motor, self.law):
-            preload = [rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0 for plant in self.plants]
-            compliance = [rounded(stems(plant.motor, self.law)[name]) for plant in self.plants]
-            found[name] = known | {"preload": self._column(preload)[:, 0], "compliance": self._column(compliance)[:, 0]}
+            own = []
+            for plant in self.plants:
+                preload = rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0
+                own.append((preload, rounded(stems(plant.motor, self.law)[name])))
+            values = np.array(own)[self.which, np.newaxis]
+            found[name] = known | {"preload": values[..., 0], "compliance": values[..., 1]}
         return found
 
     @cached_property
     def tip(self) -> Array:
         """What each state moves the contact's x, y (µm), vx, vy (m/s) and the shaft (rad/s), shape (runs, 5, order)."""
         found = np.zeros((len(self.plants), 5, self.plant.order))
+        places, speeds = self.plant.moving
         for one, plant in enumerate(self.plants):
             contact = plant.motor.stator.with_carrier(plant.mount).contact
-            found[one][np.ix_((0, 1), self.places)] = contact / MICRO
-            found[one][np.ix_((2, 3), self.speeds)] = contact
+            found[one][np.ix_((0, 1), places)] = contact / MICRO
+            found[one][np.ix_((2, 3), speeds)] = contact
         if self.plant.turns:
             found[:, 4, -1] = 1.0
         return np.asarray(found[self.which])
@@ -206,9 +202,6 @@ class _Group:
         own[..., np.arange(count), 4 + np.arange(count)] = rates
         return np.concatenate([found[:, :, : row.start], own, found[:, :, row.start + 1 :]], axis=2)
 
-    def _column(self, values: Sequence[float] | Array) -> Array:
-        return np.asarray(values)[self.which, np.newaxis, np.newaxis]
-
     def _through_stems(self, inputs: Array) -> Array:
         """Return x, y, vx, vy, shaft as the contact has them, and the rates of the lags of what is in series with it.
 
@@ -241,22 +234,22 @@ class _Group:
             flexibility = float(written_stator(motor, step).flexibility[1, 1])
             bent.append(motor.contact.preload_n * (flexibility + motor.contact.series_compliance_m_per_n))
         columns = parameter_columns(law, motors, bent, step.slider_time)
-        values: dict[str, Any] = {name: self._column(numbers) for name, numbers in columns.items()}
+        values: dict[str, Any] = {name: one[self.which, np.newaxis, np.newaxis] for name, one in columns.items()}
         x, y, vx, vy, shaft, *states = np.moveaxis(inputs, -1, 0)
         names = self.function.states
         values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft} | dict(zip(names, states, strict=True))
         depth = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
         found = self.function.of([*FORCES, *(f"rate_{name}" for name in names)], values, {"delta": depth})
-        parts = [found.pop(name) for name in FORCES]
-        rates = [unit * rate for unit, rate in zip(self.units, found.values(), strict=False)]
-        return np.stack(np.broadcast_arrays(*parts, *rates), axis=-1)
+        outputs = np.stack(np.broadcast_arrays(*found.values()), axis=-1)
+        outputs[..., len(FORCES) :] *= self.units[: len(names)]
+        return outputs
 
     def _structure(self) -> tuple[Array, Array]:
         """Return A without the contact, and what its outputs add.
 
         The shapes are (runs, order, order) and (runs, order, outputs).
         """
-        plant, places, speeds, runs = self.plant, self.places, self.speeds, len(self.plants)
+        plant, (places, speeds), runs = self.plant, self.plant.moving, len(self.plants)
         rates = np.zeros((runs, plant.order, plant.order))
         inputs = np.zeros((runs, plant.order, 4 + len(self.inner)))
         rates[:, places, speeds] = 1.0

@@ -31,6 +31,7 @@ from pyspice_runner.circuit.state import Discretisation, pushes, static_sway
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups, strength
+from pyspice_runner.motor.drive import Tone
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
@@ -44,7 +45,6 @@ from pyspice_runner.steady.copies import (
     copy_name,
     drive_voltage,
     driven_bench,
-    motor_texts,
     phasor_at,
 )
 from pyspice_runner.steady.monodromy import Course, differentiable
@@ -73,7 +73,7 @@ Found = TypeVar("Found")
 def in_threads(task: Callable[[Given], Found], parts: Sequence[Given], workers: int) -> list[Found]:
     """Return the results of a task for each part, in a number of threads at a time; one worker needs no thread."""
     if min(workers, len(parts)) <= 1:
-        return [task(part) for part in parts]
+        return list(map(task, parts))
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(task, parts))
 
@@ -229,8 +229,10 @@ class PeriodMap:
         if not copies:
             return []
         # the subcircuits of new motors are written before the threads of the decks read them; none behind drivers
-        new = [copy for copy in copies if not (copy.plant.driver or copy.plant.motor_name in self._texts)]
-        self._texts |= motor_texts(new, self.discretisation, plates=False)
+        for copy in copies:
+            plant = copy.plant
+            if not plant.driver and plant.motor_name not in self._texts:
+                self._texts[plant.motor_name] = plant.motor_texts(self.discretisation, plates=False)
         workers, law = self.workers, copies[0].plant.law  # the same in all
         most = COPIES_PER_DECK if self.uniform else 1  # elsewhere the steps would depend on the other copies
         decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(law.sliders if law else 1, 1))))
@@ -263,10 +265,11 @@ class PeriodMap:
             bench = driven_bench(copies, self.discretisation)
         else:
             bench = copies_bench(copies, self.discretisation, self._texts, plates=False)
-        names = [self._vectors(number, copy.plant, whole=whole) for number, copy in enumerate(copies)]
-        every = list(dict.fromkeys(name for own in names for name in own))
+        vectors: dict[str, None] = {}
+        for number, copy in enumerate(copies):
+            vectors |= dict.fromkeys(self._vectors(number, copy.plant, whole=whole))
         timing = transient_timing(duration, duration, self.step, duration - (self.duration if whole else self.step))
-        outcome = run_bench(bench, every, self.timeout, "transient", timing, processes=self.processes)
+        outcome = run_bench(bench, list(vectors), self.timeout, "transient", timing, processes=self.processes)
         self.effort.add(len(copies), duration, str(bench.circuit.raw_spice), outcome)
         return self._traces(copies, outcome.vectors(), whole=whole)
 
@@ -292,7 +295,8 @@ class PeriodMap:
             states, contact = plant.sampled(raw, name, self.discretisation), np.zeros((len(CONTACT), len(time)))
             if whole and plant.law:
                 motor = plant.inside(name)
-                contact[:] = [raw[f"v({motor}.{one})"] for one in CONTACT]
+                for row, one in enumerate(CONTACT):
+                    contact[row] = raw[f"v({motor}.{one})"]
             if self.lead:
                 traces.append(self._evened(plant, name, raw, np.vstack([states, contact]), window))
                 continue
@@ -366,13 +370,13 @@ def speed(plant: Plant, trace: Trace) -> Array:
     """Return the speed of the rotor in rad/s."""
     if plant.load.speed is not None:
         return np.full(len(trace.time), plant.load.speed)
-    return np.asarray(trace.states[plant.where("rotor")][0])
+    return np.asarray(trace.states[plant.places["rotor"]][0])
 
 
-def tip(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
-    """Return the displacements x, y (m) of the tip and its velocities (m/s)."""
-    contact, (displacement, velocity) = plant.motor.stator.contact, modal(plant, trace)
-    return (*(contact @ displacement), *(contact @ velocity))
+def contact_motion(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
+    """Return the displacements x, y (m) of the tip on its carrier and its velocities (m/s)."""
+    contact, (displacements, velocities) = plant.motor.stator.with_carrier(plant.mount).contact, plant.moving
+    return (*(contact @ trace.states[displacements]), *(contact @ trace.states[velocities]))
 
 
 def current(plant: Plant, group: str, trace: Trace) -> Array:
@@ -410,8 +414,7 @@ def held_by_friction(plant: Plant, trace: Trace) -> bool:
     """
     if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
         return False
-    contact, state, carrier = plant.motor.contact, trace.contact_state, trace.states[plant.where("mount")]
-    along_m_s = tip(plant, trace)[2] + (carrier[3] if len(carrier) > 2 else 0.0)
+    contact, state, (_, _, along_m_s, _) = plant.motor.contact, trace.contact_state, contact_motion(plant, trace)
     elastic_m = 2.0 * contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     path_m = np.abs(along_m_s[state > GROSS_SLIP]).sum() * (trace.time[1] - trace.time[0])
     return bool(state.min() > 0.5 and path_m < GRAZE * elastic_m)
@@ -430,13 +433,8 @@ def held_forces(plant: Plant, trace: Trace) -> tuple[float, float]:
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
     """Return the means over a period from which the quantities follow; all are linear in time averages."""
     motor, radius = plant.motor, plant.motor.rotor.radius_m
-    x, _, vx, vy = np.array(tip(plant, trace))[:, 1:]
-    carrier = trace.states[plant.where("mount")]  # displacement and velocity of the carrier along y, then along x
+    x, _, vx, vy = np.array(contact_motion(plant, trace))[:, 1:]
     x = x - static_sway(motor, plant.law, discretisation)
-    if len(carrier):
-        vy = vy + carrier[1, 1:]
-    if len(carrier) > 2:
-        x, vx = x + carrier[2, 1:], vx + carrier[3, 1:]
     towards = pushes(motor, plant.law)
     for moved, tones in zip(motor.stator.residual_per_volt.T, plant.drive.tones, strict=True):
         for tone in tones:  # what is in series with the contact stores, and gives it back
@@ -454,7 +452,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     ended += int(touching[0] and not slipping[0] and slipping[-1])
     displacement, velocity = modal(plant, trace)
     mount_loss = 0.0
-    for spring, rise in zip(carriers(plant.mount), carrier[1::2], strict=True):
+    for spring, rise in zip(carriers(plant.mount), trace.states[plant.moving[1][plant.modes :]], strict=True):
         mount_loss += spring.damping_n_s_per_m * float(rise[1:] @ rise[1:]) / points
     heating = velocity[:, 1:] ** 2
     growth = [mode.damping_growth_per_m2 for mode in motor.modes]
@@ -486,21 +484,21 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
             groups.named("voltage_square", group): float(voltage @ voltage) / points,
             groups.named("current_square", group): float(amperes @ amperes) / points,
             groups.named("peak", group): float(np.abs(amperes).max()),
-            **_fundamental(plant, group, trace, amperes),
+            **_fundamental(group, tones, trace, voltage, amperes),
         }
     return found
 
 
-def _fundamental(plant: Plant, group: str, trace: Trace, amperes: Array) -> dict[str, float]:
+def _fundamental(group: str, tones: Sequence[Tone], trace: Trace, voltage: Array, amperes: Array) -> dict[str, float]:
     """Return the parts in V·A of a group's current at its drive frequency, in phase with its voltage and 90° ahead.
 
     Empty for a group without a voltage, or with tones at two frequencies.
     """
-    tones = [tone for tone in plant.drive.tones[GROUPS.index(group)] if tone.amplitude]
-    if len({tone.frequency for tone in tones}) != 1:
+    frequencies = {tone.frequency for tone in tones if tone.amplitude}
+    if len(frequencies) != 1:
         return {}
-    turning = np.exp(-2j * np.pi * tones[0].frequency * trace.time[1:])
-    product = np.vdot(drive_voltage(tones, trace.time)[1:] @ turning, amperes @ turning) / len(amperes) ** 2
+    turning = np.exp(-2j * np.pi * frequencies.pop() * trace.time[1:])
+    product = np.vdot(voltage @ turning, amperes @ turning) / len(amperes) ** 2
     return {groups.named("in_phase", group): float(product.real), groups.named("ahead", group): float(product.imag)}
 
 
@@ -533,7 +531,7 @@ def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: 
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
-    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.where("mount")][:, at].tolist()
+    (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.places["mount"]][:, at].tolist()
     motion = displacement[:, at].tolist(), velocity[:, at].tolist()
     return stored_energy(plant.motor, *motion, carrier[::2], carrier[1::2])
 

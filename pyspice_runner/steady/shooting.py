@@ -140,7 +140,7 @@ class Orbit:
         step = np.asarray((self.trace.later(self.begun) - self.state) / self.scale)
         step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
         if drifting:  # in the end the sliders slip; the first step takes them back to their limit
-            sliders = self.plant.where("contact")
+            sliders = self.plant.places["contact"]
             ahead = -1.0 if (self.plant.load.speed or 0.0) > 0.0 else 1.0  # of the tip, relative to the shaft
             slipping = self.state / self.scale
             slipping[sliders] = NEWTON.slipped * ahead
@@ -164,14 +164,14 @@ class Orbit:
             return self._slip
         influential, persistent, stuck = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool), False
         if trace is not None and plant.law is not None and plant.law.sliding:
-            time, sliders = trace.time, plant.where("contact")
+            time, sliders = trace.time, plant.places["contact"]
             end = self.begun + time[-1] - time[0]
             later = int(np.searchsorted(time, end - 1.01 * (time[1] - time[0]), "right"))
             slips = np.abs(trace.contact_state - 1.0)
             influential[sliders] = bool(np.any(slips[later:] < NEWTON.gross_slip))
             persistent[sliders] = bool(np.any(slips[[0, -1]] < NEWTON.gross_slip))
             stuck = not np.any(slips > NEWTON.gross_slip)
-        influential[plant.where("stem")] = persistent[plant.where("stem")] = False
+        influential[plant.places["stem"]] = persistent[plant.places["stem"]] = False
         if plant.driver is not None:
             influential[:] = True
         self._slip = Slip(trace, influential, persistent, stuck)
@@ -182,7 +182,7 @@ class Orbit:
         """Whether each state is one of Newton's unknowns: all but sliders whose start has no influence."""
         if self.at_start is None:
             return self.slip.influential
-        free, sliders = self.slip.influential.copy(), self.plant.where("contact")
+        free, sliders = self.slip.influential.copy(), self.plant.places["contact"]
         left = self.at_start.diagonal()[sliders]
         known, memory = (self.slip.persistent, NEWTON.exact_memory) if self.exact else (free, NEWTON.memory)
         free[sliders] = known[sliders] & (left > memory)
@@ -195,7 +195,7 @@ class Orbit:
         Sliders that stick keep their distances from the innermost one. On a shaft that is held still, all together also
         keep any torque.
         """
-        sliders = self.plant.where("contact")
+        sliders = self.plant.places["contact"]
         if self.trace is None or not self.slip.stuck:
             return 0
         apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
@@ -211,7 +211,7 @@ class Orbit:
         if not (self.plant.load.speed and self.slip.stuck):
             return 0.0
         distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.drive.period
-        return abs(distance) / float(self.scale[self.plant.where("contact")].max())
+        return abs(distance) / float(self.scale[self.plant.places["contact"]].max())
 
     def remaining(self, step: Array) -> float:
         """Return the size of a Newton step: of the state, the gap that it leaves, and its change of the mean forces."""
@@ -238,7 +238,7 @@ class Orbit:
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
         state = interpolated(time, self.trace.states, at)
-        law, place = self.plant.law, self.plant.where("contact").start
+        law, place = self.plant.law, self.plant.places["contact"].start
         if step is not None and law and law.sliding and not law.row:
             depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
             normal = float(np.interp(at, time, self.trace.normal))
@@ -257,9 +257,8 @@ class Orbit:
         """Return the point with a constant friction force in addition, at the static deflections that it causes."""
         plant, motor, state = self.plant, self.plant.motor, self.state.copy()
         stator = motor.stator.with_carrier(plant.mount)
-        places = [*range(plant.modes), *range(plant.order)[plant.where("mount")][::2]]
-        state[places] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
-        state[plant.where("contact")] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
+        state[plant.moving[0]] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
+        state[plant.places["contact"]] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
         along = [place for place, part in enumerate(plant.states) if part.part == "stem_x"]
         state[along[:1]] += motor.contact.tangential_series_compliance_m_per_n * force_n
         return replace(self, state=state, at_start=None, at_end=None, measured_end=None, trace=None, step=None)
@@ -408,15 +407,14 @@ def start_point(plant: Plant) -> Orbit:
     preload = motor.contact.preload_n if plant.law else 0.0
     state = np.zeros(plant.order)
     amplitudes = np.zeros(n)
-    places = [*range(n), *range(plant.order)[plant.where("mount")][::2]]
+    displacements, velocities = plant.moving
     stator = motor.stator.with_carrier(plant.mount)
     for tones in zip(*plant.drive.tones, strict=True):
         gains = np.linalg.solve(stator.dynamic_stiffness(2.0 * pi * tones[0].frequency), stator.coupling)
-        for place, gain in zip(places, gains, strict=True):
-            for tone, one in zip(tones, gain, strict=True):
-                displacement, velocity = phasor_at(tone, one, 0.0)
-                state[place] += displacement
-                state[place + (n if place < n else 1)] += velocity
+        for tone, gain in zip(tones, gains.T, strict=True):
+            displacement, velocity = phasor_at(tone, gain, 0.0)
+            state[displacements] += displacement
+            state[velocities] += velocity
         amplitudes += abs(gains[:n] @ [tone.amplitude * np.exp(1j * tone.phase) for tone in tones])
     along, towards = motor.stator.contact  # of the modes
     followed = float(along @ state[:n])  # by the tip since rest
@@ -428,14 +426,14 @@ def start_point(plant: Plant) -> Orbit:
     fastest = np.sqrt(2.0 * energy / motor.stator.mass)
     slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
     if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip
-        state[plant.where("contact")] = np.clip(followed, -slide, slide) * plant.law.touching
+        state[plant.places["contact"]] = np.clip(followed, -slide, slide) * plant.law.touching
     swift = float(np.abs(motor.stator.contact * fastest).max())
     carrier = []
     for _, tip in zip(carriers(plant.mount), (towards, along), strict=False):
         lift = contact_law.static_penetration(motor.contact) + float(np.abs(tip * amplitudes).max())
         carrier += [lift, lift / plant.drive.period]
     turning = [swift / motor.rotor.radius_m] if plant.turns else []
-    sliders = plant.where("contact")
+    sliders = plant.places["contact"]
     stem = []
     for compliance in stems(motor, plant.law).values():
         stem += [compliance * preload, swift]
@@ -460,10 +458,12 @@ class Shooting:
         Each worker has its own points, so that none waits for the others after a step.
         """
         every = list(self.points if points is None else points)
+        if not every:
+            return
         for point in every:
             point.done = point.failed = point.damped = False
             point.damping, point.iterations = 1.0, 0
-        threads = max(min(self.map.workers, len(every)), 1)
+        threads = min(self.map.workers, len(every))
         workers = max(1, self.map.workers // threads)
         part = replace(self, map=replace(self.map, workers=workers))  # with a common effort
         in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
@@ -480,13 +480,13 @@ class Shooting:
 
     def _evaluate(self, points: Sequence[Orbit]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
-        copies = [point.copy(point.state) for point in points]
-        new = []
+        copies, new, perturbed = list[Copy](), [], list[Copy]()
         for point in points:
+            copies.append(point.copy(point.state))
             if point.at_end is None and not differentiable(point.plant):
                 new.append((point, point.slip.influential))
-                copies += _perturbed(point)
-        traces = self.map.traces(copies)
+                perturbed += _perturbed(point)
+        traces = self.map.traces(copies + perturbed)
         for point, trace in zip(points, traces, strict=False):
             point.trace = trace
             point.reach = trace.reach if trace else None
@@ -564,22 +564,28 @@ class Shooting:
         for point in self.points:
             way = "damped" if point.damped else "newton"
             point.method = ("neighbour" if point.guessed else way) if point.done else ""
-        lost = [point for point in self.points if point.failed and point.guessed]
-        for point in lost:
-            point.restart(start_point(point.plant).state)
-        start_balanced(lost)
-        self.solve_by(lost, "newton")
         lost = [point for point in self.points if point.failed]
+        if lost:
+            self._solve_lost(lost)
+        self._unload()
+        self._measure_anew()
+
+    def _solve_lost(self, lost: list[Orbit]) -> None:
+        """Solve points without a solution: from a start of their own, from solved points, and after transients."""
+        guessed = [point for point in lost if point.guessed]
+        for point in guessed:
+            point.restart(start_point(point.plant).state)
+        start_balanced(guessed)
+        self.solve_by(guessed, "newton")
+        lost = [point for point in lost if point.failed]
         near = [(point, others[0]) for point in lost if (others := _nearest(point, self.points))]
         for point, other in near:
             point.restart(other.state)
         self.solve_by([point for point, _ in near], "neighbour")
         for decays in NEWTON.settling:
-            lost = [point for point in self.points if point.failed]
+            lost = [point for point in lost if point.failed]
             self._settle(lost, decays)
             self.solve_by(lost, "settled")
-        self._unload()
-        self._measure_anew()
 
     def _unload(self) -> None:
         """Move points whose shafts friction holds to the torque nearest to 0, from which a motor starts."""
@@ -592,6 +598,8 @@ class Shooting:
                 change = float(np.clip(-point.trace.friction[1:].mean(), NEWTON.held * least, NEWTON.held * most))
                 if abs(change) > NEWTON.balance * point.plant.motor.contact.preload_n:
                     moved.append((point, point.with_force(change)))
+            if not moved:
+                break
             self.solve([there for _, there in moved])
             lost = [there for _, there in moved if there.failed]
             self._settle(lost, NEWTON.settling[0])
@@ -638,8 +646,9 @@ def _seeds(points: Sequence[Orbit]) -> list[Orbit]:
         curves.setdefault(point.plant.curve, []).append(point)
     seeds = []
     for curve in curves.values():
-        alone = (point.plant.load.speed is None or point.guessed or point.informed for point in curve)
-        if len(curve) < LONG_CURVE or any(alone):
+        if len(curve) < LONG_CURVE or any(
+            point.plant.load.speed is None or point.guessed or point.informed for point in curve
+        ):
             seeds += curve
         else:
             seeds += sorted(curve, key=lambda point: point.plant.load.speed or 0.0)[::SPACING]
@@ -648,15 +657,11 @@ def _seeds(points: Sequence[Orbit]) -> list[Orbit]:
 
 def _nearest(point: Orbit, points: Sequence[Orbit]) -> list[Orbit]:
     """Return the solved points of the same curve at held speeds, that with the nearest speed first."""
-    speed = point.plant.load.speed
+    speed, curve = point.plant.load.speed, point.plant.curve
     if speed is None:
         return []
-    others = [
-        (abs(other.plant.load.speed - speed), other)
-        for other in points
-        if other.done and other.plant.load.speed is not None and other.plant.curve == point.plant.curve
-    ]
-    return [other for _, other in sorted(others, key=lambda one: one[0])]
+    others = [other for other in points if other.done and not other.plant.turns and other.plant.curve == curve]
+    return sorted(others, key=lambda other: abs((other.plant.load.speed or 0.0) - speed))
 
 
 def _perturbed(point: Orbit) -> list[Copy]:

@@ -358,7 +358,7 @@ class _Linear:
             added = added + 1j * (_signals(plant, sine) - _signals(plant, minus_sine))
             turn = np.exp(2j * pi * at * self.period_map.period)
             missing, matrix = (turn * start - end) / point.scale, self.at_end - turn * self.at_start
-            stem = plant.where("stem")  # the period does not depend on where its lags start
+            stem = plant.places["stem"]  # the period does not depend on where its lags start
             missing[stem], matrix[stem] = 0.0, np.eye(len(matrix))[stem]
             deviation = np.linalg.lstsq(matrix, missing, rcond=1e-10)[0]
             signals = added + np.tensordot(deviation, self.slopes, axes=1)

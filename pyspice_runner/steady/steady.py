@@ -37,6 +37,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.steady.period_map import (
+    Effort,
     PeriodMap,
     cores,
     current,
@@ -46,7 +47,6 @@ from pyspice_runner.steady.period_map import (
     phases,
     quantities,
     speed,
-    tip,
 )
 from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
 from pyspice_runner.units import engineering
@@ -280,24 +280,22 @@ def steady_states(
         else:
             check_driven(setup)
             behind.setdefault((setup.source.period, setup.source.uniform, setup.step), []).append(place)
-    starts = starts or [None] * len(setups)
+    near = dict(enumerate(starts or [None] * len(setups)))
     parts = divided(ideal)
-
-    found: dict[int, SteadyState] = {}
+    found: dict[int, Any] = dict.fromkeys(near)
     with KeptProcesses() as processes:
 
         def solved(part: Part[int]) -> list[SteadyState]:
-            own = [starts[place] for place in part.setups]
-            return solve_part(part, accuracy, own, processes, waveforms=waveforms)
+            return solve_part(part, accuracy, near, processes, waveforms=waveforms)
 
         for part, states in zip(parts, in_threads(solved, parts, cores()), strict=True):
             found |= zip(part.setups, states, strict=True)
         for places in behind.values():
-            some, begun = [setups[place] for place in places], [starts[place] for place in places]
+            some, begun = [setups[place] for place in places], [near[place] for place in places]
             answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
             for place, answer in zip(places, answers, strict=True):
                 found[place] = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
-    return [found[place] for place in range(len(setups))]
+    return list(found.values())
 
 
 def stability_cautions(
@@ -364,22 +362,25 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
 
     Raise a ParameterError for a drive that has no steady state to be found.
     """
-    groups: dict[tuple[Any, ...], dict[str, list[Place]]] = {}
+    groups: dict[tuple[Any, ...], dict[str, dict[Place, Point]]] = {}
     for place, setup in setups.items():
         curves = groups.setdefault((_drive(setup).period, setup.law), {})
-        curves.setdefault(Plant.of(setup).curve, []).append(place)
-    parts: list[tuple[list[Place], tuple[int, int]]] = []
+        curves.setdefault(Plant.of(setup).curve, {})[place] = setup
+    parts: list[tuple[dict[Place, Point], tuple[int, int]]] = []
     for (period, _), curves in groups.items():
         each, most = list(curves.values()), ceil(cores() / len(groups))
-        own = [setups[place] for curve in each for place in curve]
+        own = [setup for curve in each for setup in curve.values()]
         steps = 2 * ceil(0.5 * period / min(setup.step for setup in own) - 1e-9)
         shortest = min(setup.shortest_period for setup in own)
         coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
-        several = [[place for curve in each[first::most] for place in curve] for first in range(most)]
-        parts += [(places, (steps, coarse)) for places in several if places]
+        for first in range(min(most, len(each))):
+            some: dict[Place, Point] = {}
+            for curve in each[first::most]:
+                some |= curve
+            parts.append((some, (steps, coarse)))
     parts.sort(key=lambda part: len(part[0]), reverse=True)  # so that none of the long ones is left alone at the end
     workers = max(1, cores() // max(len(parts), 1))
-    return [Part({place: setups[place] for place in places}, steps, workers) for places, steps in parts]
+    return [Part(some, steps, workers) for some, steps in parts]
 
 
 def _drive(setup: Point) -> Drive:
@@ -410,19 +411,20 @@ def _drive(setup: Point) -> Drive:
 def solve_part(
     part: Part[Any],
     accuracy: float | None,
-    starts: Sequence[Orbit | None],
+    starts: Mapping[Any, Orbit | None],
     processes: KeptProcesses,
     *,
     waveforms: bool = False,
 ) -> list[SteadyState]:
-    """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`."""
+    """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`, by place."""
     setups, (steps, coarse) = list(part.setups.values()), part.steps
     solver, period = setups[0].solver, setups[0].source.period
     maps = [PeriodMap(period, coarse, solver.timeout, part.workers, processes)]
-    points = [start_point(Plant.of(setup)) for setup in setups]
-    for point, start in zip(points, starts, strict=True):
-        if start is not None:
-            point.guess(start)
+    points = []
+    for place, setup in part.setups.items():
+        points.append(start_point(Plant.of(setup)))
+        if start := starts[place]:
+            points[-1].guess(start)
     Shooting(points, maps[0]).search()
     if accuracy is None:  # the coarse step alone, of which no error is known
         answers = {
@@ -446,8 +448,8 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
     A point that fails at a finer step keeps the answer of the step before; without one it is no longer solved.
     """
     answers: dict[int, Answer] = {}
-    pending = [place for place, point in enumerate(points) if point.done]
-    level = _between({place: points[place] for place in pending}, maps[0])
+    level = _between(dict(enumerate(points)), maps[0])
+    pending = list(level)
     averages = _averages(level, maps[0])
     if accuracy >= ROUGH:
         for place, (found, spread) in averages.items():  # the coarse step alone does where the contact stays closed
@@ -539,17 +541,22 @@ def _result(
         audit = Audit(audit_point(setup.motor, found, step))
         if setup.solver.audit:
             audit.withhold(f"steady state at {speed_rad_s:.4g} rad/s")
-    efforts = [period_map.effort for period_map in maps]
-    decks = "".join(effort.hashes() for effort in efforts)
+    total, decks = Effort(), ""
+    for period_map in maps:
+        decks += period_map.effort.hashes()
+        total.evaluations += period_map.effort.evaluations
+        total.simulated_s += period_map.effort.simulated_s
+        total.seconds += period_map.effort.seconds
+    coarse = maps[0].effort
     provenance: dict[str, Any] = {
         "motor": setup.motor.to_dict(),
         "drive": setup.source.to_dict(),
         "run": setup.to_dict(),
-        "ngspice_version": efforts[0].ngspice_version,
-        "simulated_s": sum(effort.simulated_s for effort in efforts) / points,
+        "ngspice_version": coarse.ngspice_version,
+        "simulated_s": total.simulated_s / points,
         "deck_sha256": hashlib.sha256(decks.encode()).hexdigest(),
-        "period_maps": sum(effort.evaluations for effort in efforts),
-        "solver_seconds": sum(effort.seconds for effort in efforts),
+        "period_maps": total.evaluations,
+        "solver_seconds": total.seconds,
         "audit": audit.to_dict(),
     }
     return SteadyState(
@@ -558,7 +565,7 @@ def _result(
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
         residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
         audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
-        provenance=provenance, solution=None, failure=efforts[0].failure,
+        provenance=provenance, solution=None, failure=coarse.failure,
     )  # fmt: skip
 
 
@@ -569,7 +576,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
     assert trace is not None
     assert period_map is not None
     discretisation = period_map.discretisation
-    x, y, _, _ = tip(plant, trace)
+    x, y = plant.motor.stator.contact @ trace.states[: plant.modes]
     samples = {
         "time": trace.time,
         "v(xmotor.x)": 1e6 * x,
@@ -595,7 +602,7 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         samples[name] = sign * current(plant, group, trace)
     recording = Recording(setup, discretisation, started=False)
     waves = recording.columns(samples, COLUMNS)
-    arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
+    arrays: dict[str, Any] = dict.fromkeys(HEATED) | waves
     return Waveforms(
         **arrays,
         energy=recording.energy(waves, samples),

@@ -255,11 +255,11 @@ def _solved(
 
         def solved(number: int) -> list[SteadyState]:
             part = parts[number]
-            starts: list[Orbit | None] = []
+            starts: dict[Index, Orbit | None] = {}
             for index in part.setups:
                 near = [found[other] for other in beside[index]]
                 points = [other.solution for other in near if other.stable and other.solution]
-                starts.append(between(points) if points else None)
+                starts[index] = between(points) if points else None
             return solve_part(part, accuracy, starts, processes)
 
         try:

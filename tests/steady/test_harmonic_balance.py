@@ -31,7 +31,7 @@ def gap(plant: Plant, state: np.ndarray) -> float:
     point = start_point(plant)
     point.trace = trace
     kept = np.ones(plant.order, dtype=bool)
-    kept[plant.where("contact")] = False
+    kept[plant.places["contact"]] = False
     return float(np.abs(point.gap[kept]).max())
 
 

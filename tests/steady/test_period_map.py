@@ -99,8 +99,8 @@ def test_sliders_that_touch_nothing_are_left_out_of_the_circuit(flat: float, gue
     assert whole is not None
     assert whole.reach is not None
     assert 1 < whole.reach < 8
-    assert not whole.states[plant.where("contact")][whole.reach :].any()
-    assert whole.states[plant.where("contact")][whole.reach - 1].any()
+    assert not whole.states[plant.places["contact"]][whole.reach :].any()
+    assert whole.states[plant.places["contact"]][whole.reach - 1].any()
     point.reach = whole.reach if guess == "exact" else 1
     (part,) = PeriodMap(plant.drive.period, 64).traces([point.copy(point.state)])
     assert part is not None
