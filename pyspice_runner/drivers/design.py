@@ -13,8 +13,9 @@ states over the range.
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from math import copysign, degrees, pi, sqrt
 from typing import Any
 
@@ -22,21 +23,10 @@ import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
 from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads
-from pyspice_runner.drivers.parts import (
-    CABLE,
-    E12,
-    E24,
-    MOSFETS,
-    NO_CAPACITOR,
-    SMALLEST_CAPACITANCE,
-    SMALLEST_INDUCTANCE,
-    WINDING_QUALITY,
-    largest_inductance,
-    nearest,
-    suited,
-)
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
@@ -319,10 +309,8 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
         for part, before in driver.passed(group, pin, amperes, 2.0 * pi * driver.frequency):
             stores, instance = before.stores, groups.named("xnetwork", group)
             if part.label == CABLE:
-                found |= {
-                    f"i(v.xcable_{group}.vcurrent)": stores["lline"],
-                    groups.voltage(driver.network, group): before.volts,
-                }
+                found[f"i(v.xcable_{group}.vcurrent)"] = stores["lline"]
+                found[groups.voltage(driver.network, group)] = before.volts
             else:
                 found |= {
                     f"v({instance}.inner)": before.inner, f"i(v.{instance}.vcurrent)": before.amperes,
@@ -406,7 +394,7 @@ _FILTER = 0.6
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
-_SMALLEST = {"inductor": SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil: those of the libraries
+_SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil: those of the libraries
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
@@ -458,7 +446,7 @@ def design_driver(
     wanted = {group: abs(volts) for group, volts in two_phasors(spec.drive).items()}
     choose = spec.rail is not None and spec.stage in BRIDGES and "mosfet" not in spec.parts
     # the one of the highest voltage, until the currents are known
-    template = replace(spec, parts={**spec.parts, "mosfet": MOSFETS[-1]} if choose else spec.parts).driver(voltage=1.0)
+    template = spec.driver(voltage=1.0, **({"mosfet": MOSFETS[-1]} if choose else {}))
     states = _range(ideal)
     draft = Design(None, wanted, load_torque_n_m=load_torque)
     if lost := _lost(states, wanted, "with the wanted voltages at the pins"):
@@ -518,24 +506,21 @@ def _lost(states: Mapping[str, SteadyState], wanted: Mapping[str, float], where:
     )
 
 
+@dataclass
 class _Search:
     """The search for a driver over the range of a motor."""
 
-    def __init__(
-        self,
-        ideal: Point,
-        spec: DriverSpec,
-        driver: Driver,
-        load_torque: float,
-        states: Mapping[str, SteadyState],
-        choose: bool,
-    ) -> None:
-        self.choose = choose  # whether the MOSFET is chosen, too
-        self.ideal, self.driver, self.rail, self.states = ideal, driver, spec.rail, states
-        self.load_torque = load_torque
-        self.points = tuple(range_point(name, state, None) for name, state in states.items())
-        self.pins = two_phasors(spec.drive)  # wanted phasors
-        self.omega = 2.0 * pi * driver.frequency
+    ideal: Point
+    spec: DriverSpec
+    driver: Driver
+    load_torque: float
+    states: Mapping[str, SteadyState]
+    choose: bool  # whether the MOSFET is chosen, too
+
+    def __post_init__(self) -> None:
+        self.points = tuple(range_point(name, state, None) for name, state in self.states.items())
+        self.rail, self.pins = self.spec.rail, two_phasors(self.spec.drive)  # phasors that are wanted
+        self.omega = 2.0 * pi * self.driver.frequency
         self.middle = next(point for point in self.points if point.state == OPERATING)
 
     def unreachable(self) -> str:
@@ -602,7 +587,7 @@ class _Search:
         volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
         stages = {group: self._wanted(driver, group)[1] for group in GROUPS}
         current = max(driver.ratio(group) * abs(through) / sqrt(2.0) for group, through in stages.items())
-        return suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
+        return stock.suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
 
     def _values(self, driver: Driver, share: float) -> dict[str, float]:
         """Return the settings of the network."""
@@ -610,7 +595,7 @@ class _Search:
             return {}
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
         for group in GROUPS:
-            most = largest_inductance(driver.frequency, driver.winding(group))
+            most = stock.largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
@@ -619,18 +604,18 @@ class _Search:
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
-                coil = min(nearest(total - leakage, E12), _largest(most))
+                coil = min(nearest(total - leakage, stock.E12), _largest(most))
             excess = omega * (coil + leakage) - wanted
             capacitor = NO_CAPACITOR
             if excess > _DETUNED * omega * (coil + leakage) and excess > 0.0 and (filtering or wanted < 0.0):
-                capacitor = nearest(1.0 / (omega * excess), E24)
+                capacitor = nearest(1.0 / (omega * excess), stock.E24)
             values[f"{label}.{prefix}inductance"] = coil
-            values[f"{label}.{prefix}resistance"] = max(omega * coil / WINDING_QUALITY, 1e-2)
+            values[f"{label}.{prefix}resistance"] = max(omega * coil / stock.WINDING_QUALITY, 1e-2)
             values[f"{label}.{prefix}capacitance"] = capacitor
             if driver.network == "llcc":
                 values |= self._across(group, most)
             isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
-            values[f"{label}.bleeder"] = nearest(BLED / (omega * capacitor), E12) if isolated else NO_BLEEDER
+            values[f"{label}.bleeder"] = nearest(BLED / (omega * capacitor), stock.E12) if isolated else NO_BLEEDER
         return values
 
     def _across(self, group: str, most: float) -> dict[str, float]:
@@ -642,11 +627,11 @@ class _Search:
         if middle > 0.0:
             coil = _largest(min(most, 1.0 / (omega * middle)))
             capacitor = 1.0 / (omega**2 * coil) - middle / omega
-        capacitor = NO_PARALLEL if capacitor < SMALLEST_CAPACITANCE else nearest(capacitor, E24)
+        capacitor = NO_PARALLEL if capacitor < stock.SMALLEST_CAPACITANCE else nearest(capacitor, stock.E24)
         label = f"llcc_{group}.parallel_"
         return {
             f"{label}inductance": coil, f"{label}capacitance": capacitor,
-            f"{label}resistance": min(max(omega * coil / WINDING_QUALITY, 1e-2), 1e4),
+            f"{label}resistance": min(max(omega * coil / stock.WINDING_QUALITY, 1e-2), 1e4),
         }  # fmt: skip
 
     def _supplied(self, driver: Driver) -> Driver:
@@ -717,22 +702,25 @@ class _Search:
         rise = self.states[OPERATING].temperature_rise_k
         return min(rise, 0.5 * limits.curie_temperature_c - limits.ambient_c) if rise > 0.0 else 0.0
 
-    def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
-        """Return a sentence for each pin whose voltage leaves the band, and for a motor that brakes."""
-        notes = []
-        for point in points:
-            for group in GROUPS:
-                volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
-                if abs(volts / wanted - 1.0) > PIN_BAND:
-                    notes.append(
-                        f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; the "
-                        f"limit is {100.0 * PIN_BAND:.0f} %."
-                    )
+    def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> Iterator[str]:
+        """Yield a sentence for each pin whose voltage leaves the band, a motor that brakes, an amplifier's overload."""
+        for point, group in product(points, GROUPS):
+            volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
+            if abs(volts / wanted - 1.0) > PIN_BAND:
+                yield (
+                    f"At {point.state} group {group.upper()} gets {volts:.4g} V instead of {wanted:.4g} V; the limit "
+                    f"is {100.0 * PIN_BAND:.0f} %."
+                )
         middle = next(point for point in points if point.state == OPERATING)
         spare = copysign(1.0, middle.speed_rad_s) * (middle.torque_n_m - _SPARE * self.load_torque)
         if abs(middle.speed_rad_s) > STANDS and spare < 0.0:
-            notes.append(f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m.")
-        return [*notes, *_overdriven(driver, points)]
+            yield f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m."
+        for group in GROUPS if driver.kind == "linear" else ():
+            pins = [point.group(group) for point in points]
+            currents = [at_stage(driver, group, pin.voltage_v, pin.voltage_v / pin.impedance_ohm)[1] for pin in pins]
+            limit, most = driver.setting("amplifier.current_limit"), max(map(abs, currents)) * driver.ratio(group)
+            if most > limit:
+                yield f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A."
 
     def _explanation(self, points: tuple[RangePoint, ...], share: float) -> str:
         """Return the explanation of a feasible network."""
@@ -749,21 +737,7 @@ class _Search:
         return notes
 
 
-def _overdriven(driver: Driver, points: tuple[RangePoint, ...]) -> list[str]:
-    """Return a sentence for each linear amplifier whose current exceeds its limit."""
-    notes = []
-    for group in GROUPS if driver.kind == "linear" else ():
-        limit, most = driver.setting("amplifier.current_limit"), 0.0
-        for point in points:
-            volts = point.group(group).voltage_v
-            _, through = at_stage(driver, group, volts, volts / point.group(group).impedance_ohm)
-            most = max(most, abs(through) * driver.ratio(group))
-        if most > limit:
-            notes.append(f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A.")
-    return notes
-
-
 def _largest(limit: float) -> float:
     """Return the largest inductance in H of the series E12, from 1 µH on, up to a limit."""
-    values = (float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in E12)
+    values = (float(f"{value * 10.0**decade:.6g}") for decade in range(-6, 1) for value in stock.E12)
     return max(value for value in values if value <= limit)

@@ -145,20 +145,14 @@ class Driver(Stated, Source):
 
     def __init__(self, *values: Any, **named: Any) -> None:
         super().__init__(*values, **named)
+        kinds = get_args(DriverKind)
+        for name, known, own in (("kind", kinds, "a subcircuit"), ("mosfet", MOSFETS, "a .subckt or .model")):
+            value, allowed = getattr(self, name), f"{', '.join(known)} or FILE:NAME of {own}"
+            require(value in known or is_reference(value), f"Driver: {name}", value, allowed)
         if is_reference(self.kind):
             self._stage = read_driver(self.kind)
-        elif self.kind not in get_args(DriverKind):
-            raise ParameterError(
-                f"Driver: kind = {quoted(self.kind)} is not valid: it must be {', '.join(get_args(DriverKind))} or "
-                "FILE:NAME of a subcircuit."
-            )
         if is_reference(self.mosfet):
             self._transistor = read_mosfet(self.mosfet)
-        elif self.mosfet not in MOSFETS:
-            raise ParameterError(
-                f"Driver: mosfet = {quoted(self.mosfet)} is not valid: it must be {', '.join(MOSFETS)} or FILE:NAME of "
-                "a .subckt or .model."
-            )
         elif self.mosfet != IRF610:
             self._transistor = ratings(self.mosfet).library
         self._check()

@@ -12,9 +12,10 @@ network with the group.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import inf, pi, radians
 from typing import Any
 
@@ -24,15 +25,7 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.circuit.source import GROUPS, Pins
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
-from pyspice_runner.drivers.parts import (
-    CABLE,
-    FEWEST_TIMES,
-    MOSFETS,
-    NO_CAPACITOR,
-    WINDING_CAPACITANCE,
-    beyond,
-    ratings,
-)
+from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
@@ -80,20 +73,18 @@ class PartLoad:
         )
 
 
-def load_vectors(driver: Driver) -> list[str]:
-    """Return the vectors that :func:`part_loads` takes, beside the voltages and currents of stages and pins."""
-    names = []
+def load_vectors(driver: Driver) -> Iterator[str]:
+    """Yield the vectors that :func:`part_loads` takes, beside the voltages and currents of stages and pins."""
     for group in GROUPS:
         for part, before, _ in _behind(driver, group):
-            names.append(f"v({before})")
+            yield f"v({before})"
             if part.label == CABLE:
-                names.append(f"i(v.xcable_{group}.vcurrent)")
-        names += [vector for vectors in _drains(driver, group) for vector in vectors]
+                yield f"i(v.xcable_{group}.vcurrent)"
+        yield from chain.from_iterable(_drains(driver, group))
         if driver.network != "none":
-            names.append(f"v(xnetwork_{group}.inner)")
+            yield f"v(xnetwork_{group}.inner)"
             places = ("current", "coil", *(["parallel"] if driver.network == "llcc" else []))
-            names += [f"i(v.xnetwork_{group}.v{place})" for place in places]
-    return names
+            yield from (f"i(v.xnetwork_{group}.v{place})" for place in places)
 
 
 def part_loads(driver: Driver, samples: Mapping[str, Array]) -> tuple[PartLoad, ...]:
@@ -124,54 +115,50 @@ def _peak(values: Array) -> float:
     return float(np.abs(values).max())
 
 
-def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
-    """Return a part behind the stage of a group, between two voltages."""
+def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> Iterator[PartLoad]:
+    """Yield the values of a part behind the stage of a group, between two voltages."""
     of_group = f"group {group.upper()}"
     if part.label == "transformer":
         name = f"{TRANSFORMER}, {of_group}, turns secondary to primary"
-        turns = PartLoad(name, part.values["ratio"], "1", _peak(after), _peak(samples[groups.current("out", group)]))
-        return [turns, *_winding(part, group, _peak(after))]
-    if part.label == CABLE:
+        yield PartLoad(name, part.values["ratio"], "1", _peak(after), _peak(samples[groups.current("out", group)]))
+        yield from _winding(part, group, _peak(after))
+    elif part.label == CABLE:
         through = _peak(samples[f"i(v.xcable_{group}.vcurrent)"])
-        return [
-            PartLoad(f"cable inductance, {of_group}", part.values["inductance"], "H", _peak(before - after), through),
-            PartLoad(f"cable capacitance, {of_group}", part.values["capacitance"], "F", _peak(after), None),
-        ]
-    return _of_network(part, group, before, after, samples)
+        yield PartLoad(f"cable inductance, {of_group}", part.values["inductance"], "H", _peak(before - after), through)
+        yield PartLoad(f"cable capacitance, {of_group}", part.values["capacitance"], "F", _peak(after), None)
+    else:
+        yield from _of_network(part, group, before, after, samples)
 
 
-def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> list[PartLoad]:
-    """Return supplies, transistors and dead time."""
-    found: list[PartLoad] = []
+def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> Iterator[PartLoad]:
+    """Yield supplies, transistors and dead time."""
     of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
         if current in samples and volts:
-            found.append(PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), _peak(samples[current])))
+            yield PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), _peak(samples[current]))
     if driver.kind in BRIDGES:
         borne_v, current_a = driver.swing(group), _peak(samples[groups.current("out", group)])
         if driver.kind == "push-pull":
             name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
             line_v = _peak(samples[groups.voltage("line", group)])
-            found.append(PartLoad(name, driver.ratio(group), "1", line_v, current_a))
-            found += _winding(driver.parts(group)[0], group, line_v)
+            yield PartLoad(name, driver.ratio(group), "1", line_v, current_a)
+            yield from _winding(driver.parts(group)[0], group, line_v)
             current_a *= driver.ratio(group)
         # beside the current of the output, a transistor withstands the reverse current of the diode that it commutates
         currents, voltages = ([_peak(samples[name]) for name in names if name in samples] for names in
                               _drains(driver, group))  # fmt: skip
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
         peaks = max([borne_v, *voltages]), max([current_a, *currents])
-        found.append(PartLoad(name, BRIDGES[driver.kind], "1", *peaks))
+        yield PartLoad(name, BRIDGES[driver.kind], "1", *peaks)
         dead_time = driver.setting(f"bridge_{group}.dead_time")
-        found.append(PartLoad(f"dead time, {of_group}", dead_time, "s", None, None))
-    return found
+        yield PartLoad(f"dead time, {of_group}", dead_time, "s", None, None)
 
 
-def _winding(part: Part, group: str, volts: float) -> list[PartLoad]:
-    """Return the capacitance of a transformer's winding, if it is stated."""
-    capacitance = part.values["winding_capacitance"]
-    name = f"{TRANSFORMER}, group {group.upper()}, winding capacitance"
-    return [PartLoad(name, capacitance, "F", volts, None)] if capacitance else []
+def _winding(part: Part, group: str, volts: float) -> Iterator[PartLoad]:
+    """Yield the capacitance of a transformer's winding, if it is stated."""
+    if capacitance := part.values["winding_capacitance"]:
+        yield PartLoad(f"{TRANSFORMER}, group {group.upper()}, winding capacitance", capacitance, "F", volts, None)
 
 
 def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
@@ -227,12 +214,11 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
     frequency = driver.frequency
-    resonances = {group: driver.transformer_resonance(group) for group in GROUPS}
     notes = [
         f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
         f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."
-        for group, resonance in resonances.items()
-        if resonance < FEWEST_TIMES * frequency
+        for group in GROUPS
+        if (resonance := driver.transformer_resonance(group)) < FEWEST_TIMES * frequency
     ]
     for part in parts:
         volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
@@ -240,8 +226,8 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if part.name.startswith(TRANSISTOR) and volts > breakdown:
             notes.append(f"The {part.name} is at {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
-            winding = driver.winding(part.name[-1].lower()) if part.name.startswith("series") else WINDING_CAPACITANCE
-            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, winding)
+            winding = [driver.winding(part.name[-1].lower())] if part.name.startswith("series") else []
+            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, *winding)
     return notes
 
 
@@ -276,19 +262,14 @@ class _Switch:
     helping: float  # sign of that current where it moves the leg towards this transistor
 
 
-def _switches(driver: Driver) -> list[_Switch]:
-    """Return the transistors of the bridges of both groups; none for another stage."""
-    found: list[_Switch] = []
+def _switches(driver: Driver) -> Iterator[_Switch]:
+    """Yield the transistors of the bridges of both groups; none for another stage."""
     for group in GROUPS if driver.kind in BRIDGES else ():
         stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
         if driver.kind == "push-pull":
-            found += [
-                _Switch(
-                    f"{group}.{own}", f"v({stage}.ramp)", own == "p", f"v({stage}.drain_{own})", None, 0.0,
-                    f"i(v.{stage}.vdrain_{other})", 1.0,
-                )
-                for own, other in ("pn", "np")
-            ]  # fmt: skip
+            for own, other in ("pn", "np"):
+                drain, current = f"v({stage}.drain_{own})", f"i(v.{stage}.vdrain_{other})"
+                yield _Switch(f"{group}.{own}", f"v({stage}.ramp)", own == "p", drain, None, 0.0, current, 1.0)
             continue
         out, line, back = groups.current("out", group), groups.voltage("line", group), groups.voltage("return", group)
         if driver.kind == "half-bridge":
@@ -296,9 +277,8 @@ def _switches(driver: Driver) -> list[_Switch]:
         else:
             legs = [(f"v({stage}.ramp_p)", line, 1.0, "ph", "pl"), (f"v({stage}.ramp_n)", back, -1.0, "nh", "nl")]
         for ramp, voltage, sign, high, low in legs:
-            found.append(_Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign))
-            found.append(_Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign))
-    return found
+            yield _Switch(f"{group}.{high}", ramp, True, voltage, top, bottom, out, -sign)
+            yield _Switch(f"{group}.{low}", ramp, False, voltage, None, bottom, out, sign)
 
 
 def switching_vectors(driver: Driver) -> list[str]:

@@ -19,18 +19,10 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers import loads
 from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
-from pyspice_runner.drivers.loads import (
-    PartLoad,
-    TurnOn,
-    driver_events,
-    event_cautions,
-    load_vectors,
-    maxima,
-    switching_vectors,
-    turn_ons,
-)
+from pyspice_runner.drivers.loads import PartLoad, TurnOn
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
@@ -367,8 +359,8 @@ def drive_report(
         mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
         settling=window.settling(power),
         to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
-        maxima=maxima(motor, driver, samples),
-        switching=turn_ons(driver, samples, window),
+        maxima=loads.maxima(motor, driver, samples),
+        switching=loads.turn_ons(driver, samples, window),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
@@ -378,15 +370,15 @@ def drive_report(
     )
     runs = [report.maxima]
     if events:
-        found = driver_events(setup, driver, vectors)
-        report = replace(report, events=found, event_faults=event_cautions(setup, found))
+        found = loads.driver_events(setup, driver, vectors)
+        report = replace(report, events=found, event_faults=loads.event_cautions(setup, found))
         runs += found.values()
     peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in GROUPS}
     if design:
         reached = None if speed is not None else report.mean_rotor_speed_rad_s
-        loads = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
+        parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in GROUPS}
-        report = replace(report, design=design.ran(loads, reached, most, motor))
+        report = replace(report, design=design.ran(parts, reached, most, motor))
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
@@ -413,7 +405,7 @@ def _vectors(setup: Point, driver: Driver) -> list[str]:
             names += [groups.voltage(rail, group), groups.current(rail, group)] if volts else []
         for part in driver.parts(group):
             names += part.power_vectors
-    names += [*load_vectors(driver), *switching_vectors(driver)]
+    names += [*loads.load_vectors(driver), *loads.switching_vectors(driver)]
     return list(dict.fromkeys([*names, *Recording(setup, setup.discretisation).vectors(_judged(setup))]))
 
 

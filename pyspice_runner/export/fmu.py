@@ -18,19 +18,7 @@ from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree
 
-from pyspice_runner.averaged.c_code import (
-    CORE,
-    HEADER,
-    MOUNTS,
-    OF_SPRINGS,
-    PHASE,
-    START,
-    Variable,
-    phase_source,
-    start_header,
-    state_names,
-    variables,
-)
+from pyspice_runner.averaged import c_code
 from pyspice_runner.averaged.library import SUBCIRCUIT, require_averaged
 from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.motor.motor import Motor
@@ -69,7 +57,7 @@ KINDS = {
 
 def c_files(version: Version) -> tuple[str, ...]:
     """Return the C files that a compiler is given."""
-    return CORE, f"piezomotor_fmi{version}.c"
+    return c_code.CORE, f"piezomotor_fmi{version}.c"
 
 
 def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, version: Version = 2) -> dict[str, str]:
@@ -80,15 +68,15 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
     require(version in VERSIONS, "fmi", version, "2 or 3")
     identifier = check_name(name) if name else SUBCIRCUIT
     require_averaged(motor)
-    known = variables(motor, thermal)
+    known = c_code.variables(motor, thermal)
     behavioral = data_path("behavioral")
     compiled = c_files(version)
-    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, HEADER, SHARED)}
-    sources[PHASE] = phase_source()
-    start = start_header(motor, known)
+    sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, c_code.HEADER, SHARED)}
+    sources[c_code.PHASE] = c_code.phase_source()
+    start = c_code.start_header(motor, known)
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))
     defined = f'#define GUID "{token}"\n#define STATE_COUNT {state_count(motor)}\n#define MODES'
-    sources[START] = start.replace("#define MODES", defined, 1)
+    sources[c_code.START] = start.replace("#define MODES", defined, 1)
     described = Description(motor, known, identifier, token, compiled, version)
     build = {"sources/buildDescription.xml": described.build_text()} if version == 3 else {}
     return {
@@ -127,7 +115,7 @@ def fmu_archive(texts: Mapping[str, str]) -> bytes:
 
 def state_count(motor: Motor) -> int:
     """Return the number of states in the C code; its compilation checks it."""
-    return len(state_names(len(motor.modes), len(carriers(motor.mount))))
+    return len(c_code.state_names(len(motor.modes), len(carriers(motor.mount))))
 
 
 @dataclass(frozen=True)
@@ -135,7 +123,7 @@ class Description:
     """What a model description is made of."""
 
     motor: Motor
-    known: list[Variable]
+    known: list[c_code.Variable]
     identifier: str
     token: str  # which binary and description have in common
     sources: tuple[str, ...]  # C files that a compiler is given
@@ -172,8 +160,9 @@ class Description:
                     ElementTree.SubElement(files, "File", {"name": file})
 
     @property
-    def _shown(self) -> list[Variable]:
-        hidden = {f"{prefix}{name}" for prefix in MOUNTS[len(carriers(self.motor.mount)) :] for name in OF_SPRINGS}
+    def _shown(self) -> list[c_code.Variable]:
+        idle = c_code.MOUNTS[len(carriers(self.motor.mount)) :]
+        hidden = {f"{prefix}{name}" for prefix in idle for name in c_code.OF_SPRINGS}
         return [item for item in self.known if item.name not in hidden]
 
     def _add_units(self, root: ElementTree.Element) -> None:

@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-r"""The stator's electrical two-port, from ngspice's AC analysis, and the equivalent circuit of each mode.
+"""The stator's electrical two-port, from ngspice's AC analysis, and the equivalent circuit of each mode.
 
-.. math::
-    \begin{pmatrix} i_A \\ i_B \end{pmatrix} =
-    \begin{pmatrix} Y_{AA} & Y_{AB} \\ Y_{BA} & Y_{BB} \end{pmatrix}
-    \begin{pmatrix} U_A \\ U_B \end{pmatrix}
-
-:mod:`.spectrum` defines the connections of the groups. In the preloaded state the contact is linearised at its
-operating point, where the tip sticks.
+:mod:`.spectrum` defines the admittance matrix and the connections of the groups. In the preloaded state the contact is
+linearised at its operating point, where the tip sticks.
 """
 
 from __future__ import annotations

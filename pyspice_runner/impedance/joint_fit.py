@@ -45,15 +45,12 @@ _LARGEST = 0.5  # limit of the law: softening at the maximum charge
 
 
 @dataclass(frozen=True)
-class SoftArm:
+class SoftArm(MotionalArm):
     """One motional arm at small amplitude, and its change with the charge amplitude."""
 
-    resistance_ohm: float  # R at small amplitude
-    inductance_h: float  # L
-    capacitance_f: float  # C at small amplitude
     softening_per_c2: float  # γ_q
     damping_growth_per_c2: float  # κ_q
-    standard_errors: dict[str, float]  # of the five values above
+    standard_errors: dict[str, float]  # of the five values
 
     def of_mode(self, coupling_n_per_v: float) -> dict[str, float]:
         """Return ``softening_per_m2`` and ``damping_growth_per_m2`` of a mode with a coupling θ in N/V."""

@@ -25,7 +25,7 @@ from pyspice_runner.impedance.identify.problem import Problem
 from pyspice_runner.impedance.identify.selection import Candidate, Outcome, Progress, fit_arms, missing, select
 from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
 from pyspice_runner.impedance.spectrum import HalfPower, Spectrum, band_of, half_power
-from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit
+from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.one_thread import one_thread_of_scipy
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering, unit_in
@@ -46,15 +46,10 @@ _LEAST_CAPACITANCE = 1e-3  # clamped over motional capacitance; a strongly coupl
 
 
 @dataclass(frozen=True)
-class FittedArm:
+class FittedArm(MotionalArm):
     """One motional arm of a fit."""
 
-    resistance_ohm: float  # R
-    inductance_h: float  # L
-    capacitance_f: float  # C
-    series_resonance_hz: float  # 1/(2π√(LC))
-    quality_factor: float  # Qm = √(L/C)/R
-    # of the five values above, same names and units; ``None`` for a value at the limit of its range.
+    # of R, L, C, series resonance and Qm, by their names; ``None`` for a value at the limit of its range.
     standard_errors: dict[str, float | None]
     in_band: bool  # whether the series resonance lies in the measured band
     characteristics: Characteristics  # fs, fp, fm, fn, fr, fa, k_eff and M of the fitted device behind its leads
@@ -147,7 +142,7 @@ class SpectrumFit(Fit):
         main = self.main_arm.characteristics
         arms = []
         for arm, definitions in zip(self.arms, self.circuit.definitions(), strict=True):
-            entry = asdict(arm)
+            entry = {name: getattr(arm, name) for name in errors.ARM_NAMES} | asdict(arm)
             arms.append(entry | entry.pop("characteristics") | {"definitions": definitions})
         circuit = asdict(self.circuit)
         del circuit["arms"]
@@ -275,21 +270,21 @@ def fit_one_port(
     whole.far, whole.ridge = problem.far, problem.ridge
     if len(whole.w) > len(problem.w):
         best = whole.descend(best, steps=_LAST_STEPS)
-    circuit = errors.circuit_of(whole, best)
+    solution, circuit, global_errors, arm_errors, correlation = errors.estimates(whole, best, outcome.shifts)
     if circuit.clamped_capacitance_f < _LEAST_CAPACITANCE * sum(arm.capacitance_f for arm in circuit.arms):
         raise SpectrumError(f"{name} shows a resonance but no clamped capacitance; a piezoelectric resonator has one.")
-    solution, circuit, global_errors, values, correlation = errors.estimates(whole, best, outcome.shifts)
     low, high = spectrum.frequency_hz[[0, -1]].tolist()
     leads_ohm = circuit.lead_resistance_ohm + 2j * np.pi * spectrum.frequency_hz * circuit.lead_inductance_h
     device = np.asarray(1.0 / (spectrum.impedance_ohm - leads_ohm), dtype=complex)
     arms = tuple(
         FittedArm(
-            **arm,
-            in_band=low <= arm["series_resonance_hz"] <= high,
+            **asdict(arm),
+            standard_errors=deviations,
+            in_band=low <= arm.series_resonance_hz <= high,
             characteristics=characteristics,
-            half_power=half_power(spectrum.frequency_hz, device, arm["series_resonance_hz"], arm["quality_factor"]),
+            half_power=half_power(spectrum.frequency_hz, device, arm.series_resonance_hz, arm.quality_factor),
         )
-        for arm, characteristics in zip(values, circuit.characteristics(), strict=True)
+        for arm, deviations, characteristics in zip(circuit.arms, arm_errors, circuit.characteristics(), strict=True)
     )
     cautions = [*spectrum.cautions, *_uncertain_arms(spectrum, arms), *_misfits(whole, solution, arms, modes)]
     if _undecided(outcome.shifts, np.argsort(best.columns[0]), arms):

@@ -59,6 +59,8 @@ class Recording:
             ParameterError: for an unknown channel or an invalid sensitivity.
             SpectrumError: if the recording has too few periods or points for a fit.
         """
+        from scipy.optimize import minimize_scalar  # takes long to load
+
         for name, value in (("ampere_per_volt", ampere_per_volt), ("volt_per_volt", volt_per_volt)):
             require(np.isfinite(value) and value != 0.0, name, value, "a number other than 0")
         volts, amperes = volt_per_volt * self.channel(voltage), ampere_per_volt * self.channel(current)
@@ -71,7 +73,13 @@ class Recording:
                 f"{self.source} has {1.0 / (rough * step):.3g} points in a period of {rough:.6g} Hz; record at least 8."
             )
         orders = np.arange(1, min(HARMONICS, int(0.5 / (rough * step))) + 1)
-        fundamental = self._fundamental(volts, rough, orders) if frequency_hz is None else rough
+        fundamental, reach = rough, 0.6 / length
+        if frequency_hz is None:
+            found = minimize_scalar(
+                lambda f: _harmonics(self.time_s, volts, f, orders)[1], method="bounded",
+                bounds=(max(rough - reach, 0.1 * rough), rough + reach), options={"xatol": 1e-8 * rough},
+            )  # fmt: skip
+            fundamental = float(found.x)
         fits = [_harmonics(self.time_s, values, fundamental, orders) for values in (volts, amperes)]
         return Phasors(fundamental, fits[0][0], fits[1][0], fits[0][1], fits[1][1])
 
@@ -113,17 +121,6 @@ class Recording:
         quality = pi * frequency / decay
         error = quality * float(np.hypot(spread[1] / best.x[1], spread[0] / best.x[0]))
         return RingDown(frequency, quality, float(rough * spread[0]), error)
-
-    def _fundamental(self, values: Array, rough: float, orders: NDArray[np.int_]) -> float:
-        """Return the frequency in Hz at which a fundamental with harmonics fits best, near a rough one."""
-        from scipy.optimize import minimize_scalar  # takes long to load
-
-        reach = 0.6 / (self.time_s[-1] - self.time_s[0])
-        found = minimize_scalar(
-            lambda f: _harmonics(self.time_s, values, f, orders)[1],
-            bounds=(max(rough - reach, 0.1 * rough), rough + reach), method="bounded", options={"xatol": 1e-8 * rough},
-        )  # fmt: skip
-        return float(found.x)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +36,7 @@ COUPLING: dict[Connection, tuple[float, float]] = {
     "A+B": (1.0, 1.0),
     "A-B": (1.0, -1.0),
 }
+TWO_PORT = tuple(f"y_{into}{by}_{part}_s" for into, by, part in product("ab", "ab", ("real", "imag")))  # columns
 _REACH = 2.0  # bandwidths on each side in which the points are searched
 _ROUND = 0.15  # of the width on each side of the peak: there it is a parabola to 1 %
 _FEWEST = 5  # points within the half-power width, below which they do not show the peak
@@ -219,12 +221,8 @@ def columns_of(frequency_hz: NDArray[np.float64], matrix_s: NDArray[np.complex12
     columns = {"frequency_hz": frequency_hz}
     if matrix_s.shape[-1] == 1:
         return columns | {"conductance_s": matrix_s[:, 0, 0].real, "susceptance_s": matrix_s[:, 0, 0].imag}
-    for row, into in enumerate("ab"):
-        for column, driven in enumerate("ab"):
-            entry = matrix_s[:, row, column]
-            columns[f"y_{into}{driven}_real_s"] = entry.real
-            columns[f"y_{into}{driven}_imag_s"] = entry.imag
-    return columns
+    parts = [part for entry in matrix_s.reshape(-1, 4).T for part in (entry.real, entry.imag)]
+    return columns | dict(zip(TWO_PORT, parts, strict=True))
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,17 @@ Levenberg–Marquardt steps (:mod:`.descent`) use the exact Jacobian: with
 for the modes there. With a given number of arms that cannot follow the spectrum to the noise, arms may lie up to a
 decade outside the band, and the coupling has its highest rank.
 
-**Start**. Vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999,
-doi:10.1109/61.772353) gives the poles, non-negative least squares the amplitudes. A matched filter over frequency and
-bandwidth then searches the residuals for a missing arm: it is added, the least certain arm is removed, and the better
-fit is kept. The coupling starts from the leading eigenvectors of the off-diagonal damping of one
-linear step.
+**Start**. Vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999, doi:10.1109/61.772353) gives the
+poles, non-negative least squares the amplitudes. A matched filter over frequency and bandwidth then searches the
+residuals for a missing arm: it is added, the least certain arm is removed, and the better fit is kept. The coupling
+starts from the leading eigenvectors of the off-diagonal damping of one linear step.
 
-**Choice** (:mod:`.selection`). Schwarz's criterion, BIC = 2 n ln σ² + p ln 2n, of n independent points
-and p parameters, selects the number of arms, the rank of the coupling, the parts of the loss and the leads. If the
-circuit cannot follow a real device, the residuals are correlated, and n is the equivalent number of independent points;
-standard errors grow accordingly (:mod:`.errors`). Descriptions of the loss and the leads of similar probability (a
-difference d of the criterion makes one less probable by exp(d/2)) add the spread of their values to the errors. Leads
-are searched only if the fit with them follows the spectrum to the noise; larger residuals hide leads.
+**Choice** (:mod:`.selection`). Schwarz's criterion, BIC = 2 n ln σ² + p ln 2n, of n independent points and p
+parameters, selects the number of arms, the rank of the coupling, the parts of the loss and the leads. Where residuals
+are correlated, n is the equivalent number of independent points, and standard errors grow accordingly
+(:mod:`.errors`). Descriptions of similar probability add the spread of their values to the errors. Leads are searched
+only if the fit with them follows the spectrum to the noise; larger residuals hide leads.
 
-**Long spectra.** The search time is proportional to the number of points. For more than ``MOST_SEARCHED`` points, the
-search takes those of :func:`.problem.thinning`; a last descent takes all points.
+**Long spectra.** For more than ``MOST_SEARCHED`` points, the search takes those of :func:`.problem.thinning`; a last
+descent takes all points.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import log, pi
-from typing import Any
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ def independent(problem: Problem, solution: Solution) -> float:
     """Return the number of independent points: fewer than measured if the residuals are not noise."""
     if is_exact(problem, solution):
         return float(len(problem.w))
-    return descent.independent_points(problem.residual(solution))
+    return descent.independent_points(problem.device_residual(solution)[1])
 
 
 def is_exact(problem: Problem, solution: Solution) -> bool:
@@ -173,11 +173,11 @@ def circuit_of(problem: Problem, solution: Solution) -> EquivalentCircuit:
 
 def estimates(
     problem: Problem, solution: Solution, shifts: Vector
-) -> tuple[Solution, EquivalentCircuit, Errors, list[dict[str, Any]], Vector]:
+) -> tuple[Solution, EquivalentCircuit, Errors, list[Errors], Vector]:
     """Return the solution and its circuit with arms by rising frequency, and errors.
 
-    These are the standard errors of ``GLOBAL_NAMES``, the values ``ARM_NAMES`` and ``standard_errors`` of each arm, and
-    the correlations of all. They contain the spread over the descriptions (see :mod:`.selection`).
+    These are the standard errors of ``GLOBAL_NAMES``, those of ``ARM_NAMES`` of each arm, and the correlations of all.
+    They contain the spread over the descriptions (see :mod:`.selection`).
     """
     order = np.argsort(solution.columns[0])
     places = [0, 1, 2, 3, *(4 + 5 * arm + k for arm in order for k in range(5))]
@@ -201,11 +201,10 @@ def estimates(
         items = zip(names, units, deviation[first:], known[first:], strict=False)
         return {name: float(unit * error) if sure else None for name, unit, error, sure in items}
 
-    arms = []
-    for index, arm in enumerate(circuit.arms):
-        values = {name: float(getattr(arm, name)) for name in ARM_NAMES}
-        deviations = errors(ARM_NAMES, len(GLOBAL_NAMES) + 5 * index, tuple(values.values()))
-        arms.append({**values, "standard_errors": deviations})
+    arms = [
+        errors(ARM_NAMES, len(GLOBAL_NAMES) + 5 * index, attrgetter(*ARM_NAMES)(arm))
+        for index, arm in enumerate(circuit.arms)
+    ]
     units = (circuit.clamped_capacitance_f, 1.0, 1.0 / problem.unit_s, problem.unit_henry)
     divisor = np.where(deviation > 0.0, deviation, 1.0)
     correlation = np.clip(spread / np.outer(divisor, divisor), -1.0, 1.0)

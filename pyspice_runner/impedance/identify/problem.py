@@ -109,10 +109,6 @@ class Problem:
         found, slope = difference(self.noise.domain, y * unit, self.y * unit)
         return found * self.weight, slope * (unit * self.weight)
 
-    def residual(self, solution: Solution) -> Complexes:
-        """Return the weighted residual."""
-        return self._residual(self.admittance(solution))[0]
-
     def device_residual(self, solution: Solution) -> tuple[Values, Complexes, Complexes]:
         """Return the values of the model, the weighted residual and its derivative by Y behind the leads."""
         values = self.model.at(solution)

@@ -20,9 +20,7 @@ FORMATS = (
     (tabular.read_e4990a, ("trace",)),
     (tabular.read_mfia, ("trace",)),
     (touchstone.read, ("through",)),
-    (tabular.read_bode100, ()),
-    (tabular.read_waveforms, ()),
-    (tabular.read_nanovna, ()),
+    (tabular.read, ()),
     (tabular.read_aim, ()),
     (plain.read, ()),
 )

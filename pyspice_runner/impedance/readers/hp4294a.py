@@ -17,9 +17,9 @@ from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, wants
 from pyspice_runner.impedance.readers.text import Floats, Table, Text, describe, quote, read_table
 
 FORMAT = "4294A ASCII"
-Traces = tuple[dict[str, Floats], Floats, Table]  # quantity → values, frequencies, and a table with their lines
 _MODEL = re.compile(r'\s*"?\s*(?:HP |AGILENT )?4294A\b', re.IGNORECASE)
 _SETTING = re.compile(r'\s*"([^":]+):\s*(.*?)\s*"\s*')
+_HEADER = 60  # lines that may hold settings
 _MNEMONICS = {  # of the manuals (GPIB): the quantities of traces A and B
     "IMPH": "abs_z phase", "IRIM": "r x", "LSR": "ls r", "LSQ": "ls q", "CSR": "cs r", "CSQ": "cs q", "CSD": "cs d",
     "AMPH": "abs_y phase", "ARIM": "g b", "LPG": "lp g", "LPQ": "lp q", "CPG": "cp g", "CPQ": "cp q", "CPD": "cp d",
@@ -33,22 +33,25 @@ def read(text: Text, trace: str | None) -> Reading | None:
     """Read the file; ``None`` if it is in another format."""
     if not _MODEL.match(text.lines[0]):
         return None
-    settings = _settings(text)
+    settings, starts = _settings(text)
     index, parameter = settings.get("MEASURE PARAMETER", (None, ""))
     if index is None:
         raise text.refusal(0, "no line “MEASURE PARAMETER: …” follows", "one, since it names the two traces")
-    tables = _traces(text, settings)
-    measured = _measured_array(tables)
+    tables = _traces(text, settings, starts)
+    saved = [(table, places) for table in tables.values() if len(places := _places(table, "data")) == 2]
     has_memory = any(_places(item, "memory trace") for item in tables.values())
     memory = wants_memory(text, trace, has_memory)
     described = [("instrument", text.lines[0]), *((key.capitalize(), value) for key, (_, value) in settings.items())]
     cautions = []
-    if measured is None or memory:
+    if saved and not memory:  # R and X beside the displayed trace
+        table, places = saved[0]
+        frequency, r, x = table.numbers([0, *places])
+        columns = {"r": r, "x": x}
+    else:
         if (pair := parameters(parameter)) is None:
             raise text.refusal(index, f"the parameters {quote(parameter)} are not known", _EXPECTED)
-        measured = _displayed(text, tables, pair, "memory" if memory else "data", index)
+        columns, frequency, table = _displayed(text, tables, pair, "memory" if memory else "data", index)
         cautions = [MEMORY_NOTE] if has_memory and not memory else []
-    columns, frequency, table = measured
     unit = "rad" if "RAD" in parameter.upper() else "deg"
     if unit == "deg":
         columns = {kind: np.deg2rad(values) if kind == "phase" else values for kind, values in columns.items()}
@@ -82,31 +85,24 @@ def parameters(named: str) -> tuple[str, str] | None:
     return (first, second) if second else None
 
 
-def _setting(line: str) -> re.Match[str] | None:
-    """Match a line ``"KEY: value"``."""
-    return _SETTING.fullmatch(line) if len(line) < 300 else None
-
-
-def _settings(text: Text) -> dict[str, tuple[int, str]]:
-    """Return key → (line, value) of the settings above the first trace."""
+def _settings(text: Text) -> tuple[dict[str, tuple[int, str]], list[tuple[str, int]]]:
+    """Return key → (line, value) of the settings above the first trace, and name and line of each trace."""
     settings: dict[str, tuple[int, str]] = {}
-    for index, line in enumerate(text.lines[:60]):
-        if match := _setting(line):
-            if match[1].strip().upper() == "TRACE":
-                break
-            settings.setdefault(match[1].strip().upper(), (index, match[2]))
-    return settings
+    starts: list[tuple[str, int]] = []
+    for index, line in enumerate(text.lines):
+        if len(line) < 300 and (match := _SETTING.fullmatch(line)):
+            key = match[1].strip().upper()
+            if key == "TRACE":
+                starts.append((match[2].strip().upper(), index))
+            elif not starts and index < _HEADER:
+                settings.setdefault(key, (index, match[2]))
+    return settings, starts
 
 
-def _traces(text: Text, settings: dict[str, tuple[int, str]]) -> dict[str, Table]:
+def _traces(text: Text, settings: dict[str, tuple[int, str]], starts: list[tuple[str, int]]) -> dict[str, Table]:
     """Return the tables of traces A and B, of equal length and as long as NUMBER of POINTS says."""
     line, stated = settings.get("NUMBER OF POINTS", (0, ""))
     points = int(stated) if stated.isdecimal() and len(stated) < 7 else None
-    starts = [
-        (match[2].strip().upper(), index)
-        for index, row in enumerate(text.lines)
-        if (match := _setting(row)) and match[1].strip().upper() == "TRACE"
-    ]
     tables: dict[str, Table] = {}
     for place, (name, start) in enumerate(starts):
         stop = starts[place + 1][1] if place + 1 < len(starts) else None
@@ -132,17 +128,10 @@ def _places(table: Table, array: str) -> list[int]:
     return [cells.index(name) for name in (f"{array} real", f"{array} imag") if name in cells]
 
 
-def _measured_array(tables: dict[str, Table]) -> Traces | None:
-    """Return R and X if the data array was saved beside the displayed trace."""
-    for table in tables.values():
-        if len(places := _places(table, "data")) == 2:
-            frequency, r, x = table.numbers([0, *places])
-            return {"r": r, "x": x}, frequency, table
-    return None
-
-
-def _displayed(text: Text, tables: dict[str, Table], pair: tuple[str, str], wanted: str, index: int) -> Traces:
-    """Return the displayed traces by quantity."""
+def _displayed(
+    text: Text, tables: dict[str, Table], pair: tuple[str, str], wanted: str, index: int
+) -> tuple[dict[str, Floats], Floats, Table]:
+    """Return the displayed traces by quantity, their frequencies, and a table with their lines."""
     columns: dict[str, Floats] = {}
     frequencies = []
     for name, kind in zip("AB", pair, strict=True):

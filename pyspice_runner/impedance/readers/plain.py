@@ -8,7 +8,6 @@ Examples: ``frequency_hz,conductance_s,susceptance_s``, ``Frequency (kHz); |Z| (
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from pyspice_runner.impedance.readers.text import (
     separator,
     split,
 )
+from pyspice_runner.impedance.spectrum import TWO_PORT
 from pyspice_runner.motor.refusal import check_keys
 
 FORMAT = "plain CSV"
@@ -39,7 +39,6 @@ _STATED = (  # suggested names; every known heading is valid too
     "imaginary_s", "rs_ohm", "xs_ohm", "cs_f", "ls_h", "rp_ohm", "xp_ohm", "cp_f", "lp_h", "d", "q", "phase_z_deg",
     "phase_y_deg",
 )  # fmt: skip
-_TWO_PORT = tuple(f"y_{into}{by}_{part}_s" for into, by, part in product("ab", "ab", ("real", "imag")))
 
 
 def read(text: Text) -> Reading | None:
@@ -51,7 +50,7 @@ def read(text: Text) -> Reading | None:
     lines[header] = lines[header].lstrip(_COMMENT)
     text = Text(text.name, tuple(lines), text.ended)
     mark = separator(lines[header])
-    if set(_TWO_PORT) <= {name.lower() for name in split(lines[header], mark)}:
+    if set(TWO_PORT) <= {name.lower() for name in split(lines[header], mark)}:
         return _two_port(read_table(text, header, header + 1, None, mark), described(lines[:header]))
     return from_header(text, header, FORMAT)
 
@@ -149,9 +148,9 @@ def _two_port(table: Table, metadata: dict[str, str]) -> Reading:
     names = [name.lower() for name in table.names]
     if "frequency_hz" not in names:
         raise table.text.refusal(table.indices[0] - 1, "no column frequency_hz", "one beside those of the two-port")
-    frequency, *parts = table.numbers([names.index(name) for name in ("frequency_hz", *_TWO_PORT)])
+    frequency, *parts = table.numbers([names.index(name) for name in ("frequency_hz", *TWO_PORT)])
     entries = [real + 1j * imag for real, imag in zip(parts[::2], parts[1::2], strict=True)]
     return Reading(
-        table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), dict(zip(_TWO_PORT, parts, strict=True)),
+        table.text, TWO_PORT_FORMAT, frequency, np.array(table.indices), dict(zip(TWO_PORT, parts, strict=True)),
         matrix_s=np.stack(entries, axis=-1).reshape(-1, 2, 2), metadata=metadata, cautions=table.cut,
     )  # fmt: skip

@@ -14,17 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import SpectrumError
-from pyspice_runner.impedance.readers.quantities import (
-    DIMENSION,
-    POLAR,
-    Complexes,
-    Heading,
-    admittance,
-    contradiction,
-    heading,
-    pair_of,
-    with_named_phase,
-)
+from pyspice_runner.impedance.readers import quantities
+from pyspice_runner.impedance.readers.quantities import DIMENSION, POLAR, Complexes, Heading, heading
 from pyspice_runner.impedance.readers.text import Floats, Table, Text, described, quote, read_table, separator
 from pyspice_runner.impedance.spectrum import COUPLING, Spectrum, connect
 
@@ -107,7 +98,7 @@ def from_headings(
     quantity differ, or a cell is not a number.
     """
     frequency = _the_frequency(table, headings, header)
-    usable = [i for i, h in enumerate(headings) if h.kind and h.scale is not None and not h.wrong and i != frequency]
+    usable = [i for i, h in enumerate(headings) if h.kind and not h.fault and i != frequency]
     values = table.numbers([frequency, *usable])
     scale = headings[frequency].scale or 1.0
     reading = Reading(table.text, format_name, values[0] * scale, np.array(table.indices), metadata=metadata)
@@ -127,8 +118,8 @@ def from_headings(
         reading.columns[kind] = converted
         if DIMENSION[kind] == "angle":
             reading.angle_unit = "rad" if item.scale == 1.0 else "deg"
-    reading.columns = with_named_phase(reading.columns)
-    if pair_of(reading.columns) is None:
+    reading.columns = quantities.with_named_phase(reading.columns)
+    if quantities.pair_of(reading.columns) is None:
         raise _no_quantities(table.text, header, headings)
     return reading
 
@@ -147,10 +138,10 @@ def _the_frequency(table: Table, headings: list[Heading], header: int) -> int:
 def _no_quantities(text: Text, header: int, headings: list[Heading]) -> SpectrumError:
     """Return the error for a header without two quantities that make an admittance."""
     expected = f"{A_PAIR}, or {STATED}"
-    quantities = [item for item in headings if item.kind and item.kind != "frequency"]
-    if why := next((item.fault for item in quantities if item.fault), ""):
+    named = [item for item in headings if item.kind and item.kind != "frequency"]
+    if why := next((item.fault for item in named if item.fault), ""):
         return text.refusal(header, why, expected)
-    known = [quote(item.cell) for item in quantities]
+    known = [quote(item.cell) for item in named]
     found = f"of the columns only {' and '.join(known[:4])}" if known else "no column of a quantity that is known"
     return text.refusal(header, found, expected)
 
@@ -160,7 +151,12 @@ def _no_quantities(text: Text, header: int, headings: list[Heading]) -> Spectrum
 
 def spectrum_of(reading: Reading) -> Spectrum:
     """Return the spectrum of a reading. Raise SpectrumError if the columns do not make one."""
-    _reject_swapped(reading)
+    for kind, values in reading.columns.items():
+        if steady(values) and not steady(reading.frequency_hz):
+            raise SpectrumError(
+                f"{reading.text.name}: the frequencies jump about while {_word(kind)} runs steadily; "
+                "the columns may be swapped."
+            )
     matrix, polar = _one_port(reading) if reading.matrix_s is None else (reading.matrix_s, False)
     frequency, matrix = _ordered(reading, *_finite(reading, matrix))
     if matrix.shape[-1] == 1:
@@ -171,7 +167,7 @@ def spectrum_of(reading: Reading) -> Spectrum:
 
 def _one_port(reading: Reading) -> tuple[Complexes, bool]:
     """Return the admittance matrix of the columns, and whether they are modulus and phase."""
-    columns, pair = reading.columns, pair_of(reading.columns)
+    columns, pair = reading.columns, quantities.pair_of(reading.columns)
     assert pair is not None  # as every format makes sure
     angles = [kind for kind in columns if DIMENSION[kind] == "angle"]
     if angles:
@@ -180,8 +176,8 @@ def _one_port(reading: Reading) -> tuple[Complexes, bool]:
     if pair[0].startswith("abs") and below.any():
         index = int(reading.indices[below.argmax()])
         raise reading.text.refusal(index, "a magnitude below zero", "positive ones (columns may be swapped)")
-    y = admittance(pair, reading.frequency_hz, columns)
-    if (odd := contradiction(pair, y, columns)) is not None:
+    y = quantities.admittance(pair, reading.frequency_hz, columns)
+    if (odd := quantities.contradiction(pair, y, columns)) is not None:
         raise SpectrumError(
             f"{reading.text.name}: the column of {_word(odd)} contradicts those of {_word(pair[0])} and "
             f"{_word(pair[1])}; columns may be swapped, or a unit wrong."
@@ -346,18 +342,6 @@ def _reject_nonsense(reading: Reading, matrix: Complexes) -> None:
         of_device = matrix.shape[-1] == 2 and reading.format == "Touchstone"
         hint = " (if one device lies between the ports, specify through = series or shunt)" if of_device else ""
         raise SpectrumError(f"{reading.text.name}: {fault}{hint}.")
-
-
-def _reject_swapped(reading: Reading) -> None:
-    """Raise an error for frequencies that jump while another column runs steadily: the two are swapped."""
-    if steady(reading.frequency_hz):
-        return
-    for kind, values in reading.columns.items():
-        if steady(values):
-            raise SpectrumError(
-                f"{reading.text.name}: the frequencies jump about while {_word(kind)} runs steadily; "
-                "the columns may be swapped."
-            )
 
 
 # --- properties of every passive part, which reveal swapped columns and reversed signs ---

@@ -30,25 +30,6 @@ from pyspice_runner.impedance.readers.quantities import Heading, heading
 from pyspice_runner.impedance.readers.reading import MEMORY_NOTE, Reading, from_header, swept, wants_memory
 from pyspice_runner.impedance.readers.text import Floats, Text, clean, number, quote, read_table, separator, split
 
-
-def _tabular(
-    name: str, header: Callable[[Text], int | None], meaning: Callable[[str], Heading], sweeps: bool = False
-) -> Callable[[Text], Reading | None]:
-    """Return the reader of a format by its header line (``None`` in another format) and the meaning of a heading.
-
-    ``sweeps``: whether the instrument always sweeps steadily, so that a frequency that does not is another column.
-    """
-
-    def read(text: Text) -> Reading | None:
-        line = header(text)
-        if line is None:
-            return None
-        reading = from_header(text, line, name, meaning)
-        return swept(reading) if sweeps else reading
-
-    return read
-
-
 _E4990A_BEGIN = re.compile(r"BEGIN CH[0-9]+_DATA")
 _E4990A_MEMORY = re.compile(r"[)\]]\s*-\s*mem", re.IGNORECASE)
 
@@ -115,6 +96,7 @@ def _waveforms_column(cell: str) -> Heading:
     return heading(cell) if cell.lower().startswith("frequency") else Heading(cell)
 
 
+_NANOVNA_FORMAT = "NanoVNA CSV"
 _NANOVNA = {
     "frequency(hz)": ("frequency", 1.0), "rs": ("r", 1.0), "xs": ("x", 1.0), "|z|": ("abs_z", 1.0),
     "theta": ("phase_z", pi / 180),
@@ -229,6 +211,18 @@ def _mfia_values(text: Text, index: int, cells: list[str]) -> Floats:
     return np.array(values, dtype=float)
 
 
-read_bode100 = _tabular("Omicron Bode 100 CSV", lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column)
-read_waveforms = _tabular("Digilent WaveForms CSV", _waveforms_header, _waveforms_column)
-read_nanovna = _tabular("NanoVNA CSV", _nanovna_header, _nanovna_column, sweeps=True)
+# of the formats that are one table: the line of the header, ``None`` in another format; the meaning of a heading
+_TABLES: dict[str, tuple[Callable[[Text], int | None], Callable[[str], Heading]]] = {
+    "Omicron Bode 100 CSV": (lambda text: text.find(_BODE_HEADER.match, 0, 200), _bode_column),
+    "Digilent WaveForms CSV": (_waveforms_header, _waveforms_column),
+    _NANOVNA_FORMAT: (_nanovna_header, _nanovna_column),
+}
+
+
+def read(text: Text) -> Reading | None:
+    """Read a Bode 100, WaveForms or NanoVNA file; ``None`` if it is in another format."""
+    for name, (header, meaning) in _TABLES.items():
+        if (line := header(text)) is not None:
+            reading = from_header(text, line, name, meaning)
+            return swept(reading) if name == _NANOVNA_FORMAT else reading  # which always sweeps steadily
+    return None
