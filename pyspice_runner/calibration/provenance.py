@@ -95,7 +95,7 @@ def of_spectra(motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], tar
     """
     document, provenance = motor.model_dump(), dict(motor.provenance)
     errors = _errors_of_modes(motor, fit, relative.get("mass_kg", 0.0))
-    errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items()}
+    errors |= {f"piezo.{key}": error for key, error in fit.standard_errors.items() if getattr(fit, key)}
     note = f"fitted to {words_of(targets)} by steady_state"
     for path, deviation in relative.items():
         if path == "mass_kg":
