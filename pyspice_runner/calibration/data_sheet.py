@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import copysign, inf, sqrt
 
 import numpy as np
 
@@ -14,11 +14,15 @@ from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.drive import TwoPhaseDrive
 
 GROUPS = 2
+_SIGNED = "no_load_speed", "stall", "rated_speed", "rated_load", "low_speed"
 
 
 @dataclass(frozen=True)
 class DataSheet:
-    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N; all at one drive."""
+    """Numbers of a rotary motor in rad/s and N·m, of a linear stage in m/s and N; all at one drive.
+
+    Speeds and loads are negative where the motor turns in the negative direction.
+    """
 
     linear: bool  # whether the motor pushes a slider
     no_load_speed: float | None = None
@@ -30,12 +34,17 @@ class DataSheet:
     speed_error: float = 0.02  # relative standard deviation of speeds
     load_error: float = 0.02  # likewise of torques and forces
     current_error: float = 0.05  # likewise of current and power
+    low_speed: float | None = None  # without load, at a lower voltage
+    low_voltage: float | None = None  # V
 
     def __post_init__(self) -> None:
         stall = f"stall_{'force' if self.linear else 'torque'}"
         for key, value in vars(self).items():
-            name = stall if key == "stall" else key
-            require(key == "linear" or value is None or 0.0 < value < 1e9, name, value, "a number > 0")
+            name, sign = stall if key == "stall" else key, self.sign if key in _SIGNED else 1.0
+            allowed = "a number > 0" if sign > 0.0 else "a number < 0, like the other speeds and loads"
+            require(key == "linear" or value is None or 0.0 < sign * value < 1e9, name, value, allowed)
+        if (self.low_speed is None) != (self.low_voltage is None):
+            raise ParameterError("low_speed is the no-load speed at low_voltage: give both, or leave both out.")
         at_point = [name for name in ("rated_current", "rated_power") if getattr(self, name) is not None]
         if at_point and self.rated_speed is None and self.rated_load is None:
             raise ParameterError(f"{at_point[0]} holds at a rated point; give its rated_load or rated_speed too.")
@@ -47,11 +56,12 @@ class DataSheet:
         for name, value, most, limit in (
             ("rated_speed", self.rated_speed, "no_load_speed", self.no_load_speed),
             ("rated_load", self.rated_load, stall, self.stall),
+            ("low_speed", self.low_speed, "no_load_speed", self.no_load_speed),
         ):
-            if value is not None and limit is not None and value >= limit:
+            if value is not None and limit is not None and abs(value) >= abs(limit):
                 raise ParameterError(
                     f"{name} = {value:g} {self.unit(name)} contradicts {most} = {limit:g} {self.unit(name)}: a motor "
-                    "turns slower under load, and stands at stall. Check both, and their units."
+                    "turns slower under load and at a low voltage, and stands at stall. Check both, and their units."
                 )
 
     def drive(self, at: Mapping[str, float | None], phase_deg: float) -> TwoPhaseDrive | None:
@@ -66,6 +76,8 @@ class DataSheet:
             raise ParameterError(
                 "A speed or a torque is measured at one drive; give its voltage and its frequency too."
             )
+        if self.low_voltage is not None:
+            require(0.0 < self.low_voltage < voltage, "low_voltage", self.low_voltage, f"> 0 and < {voltage:g} V")
         drive = TwoPhaseDrive(voltage=voltage, frequency=frequency, phase_deg=phase_deg if phase is None else phase)
         most, source = inf, ""
         if self.rated_current is not None:
@@ -97,6 +109,11 @@ class DataSheet:
         return "N" if self.linear else "N·m"
 
     @property
+    def sign(self) -> float:
+        """Direction of the motor at the drive, that of the first number with a sign."""
+        return copysign(1.0, next((one for name in _SIGNED if (one := getattr(self, name)) is not None), 1.0))
+
+    @property
     def measured(self) -> dict[str, float]:
         """The numbers that a motor has to show: name with its unit → value."""
         return {name: value for name, value, *_ in self._numbers if value is not None}
@@ -108,6 +125,7 @@ class DataSheet:
         rated_load = self.rated_load if self.rated_speed is not None else None
         return [
             (f"no_load_speed_{speed}", self.no_load_speed, "no load", SPEED, self.speed_error),
+            (f"low_speed_{speed}", self.low_speed, "low", SPEED, self.speed_error),
             (f"stall_{load}", self.stall, "stall", "torque_n_m", self.load_error),
             (f"rated_{load}", rated_load, "rated", LOAD, self.load_error),
             ("rated_current_rms_a", self.rated_current, "rated", CURRENT, self.current_error),
@@ -124,6 +142,7 @@ class DataSheet:
         _, values, loads, quantities, errors = zip(*(one for one in self._numbers if one[1] is not None), strict=True)
         conditions: dict[str, dict[str, float | None]] = {
             "no load": {"load.torque": 0.0, "load.speed": None},
+            "low": {"load.torque": 0.0, "load.speed": None, "drive.voltage": self.low_voltage},
             "stall": {"load.torque": 0.0, "load.speed": 0.0},
             "rated": {"load.torque": self.rated_load, "load.speed": None},
         }
@@ -132,6 +151,6 @@ class DataSheet:
         used = list(dict.fromkeys(loads))
         return Points(
             "the data sheet", tuple(conditions[load] for load in used), tuple(map(used.index, loads)), quantities,
-            np.log(values) if logarithmic else np.array(values), np.array(errors), errors_given=True,
-            logarithmic=logarithmic,
+            np.log(np.abs(values)) if logarithmic else np.array(values), np.array(errors), errors_given=True,
+            logarithmic=logarithmic, signs=np.sign(values),
         )  # fmt: skip

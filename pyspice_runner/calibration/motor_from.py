@@ -30,7 +30,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
-from math import inf, log, sqrt
+from math import copysign, inf, log, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +57,18 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
+from pyspice_runner.steady.harmonic_balance import balanced_states
+from pyspice_runner.steady.steady import STANDS
 
 _CAPACITANCES = (1.0, 0.25, 0.5, 2.0, 4.0)  # factors to start from
 _LINEAR = 2e-4  # relative shift of a resonance by losses, which the linear contact does not have
 _MISSED = 3.0  # standard deviations of a measured number from that of the motor: one in 400 is beyond by chance
 # a further step of the fit gains 0.01, and of the difference to ngspice 0.1 standard errors
 _ENDS = Tolerances(gain=1e-4, settled=1e-2, refinements=10)
-_STIFFNESS = "contact.normal_stiffness_n_per_m15"
+_PRELOAD, _STIFFNESS = "contact.preload_n", "contact.normal_stiffness_n_per_m15"
 _COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangential_compliance_rotor_m_per_n23"
+_LOWER = 0.35, 0.5, 0.7, 0.85  # of the voltage of the data sheet, at which the direction is checked
+_OTHER = 1e3  # distance, as a logarithm of frequencies, of a mode that the groups drive in another way
 _MASS, _FORCE, _SPEED = "mass_kg", "force", "speed"
 
 Pairs = Sequence[tuple[float, float]]
@@ -127,6 +131,8 @@ def motor_from(
     no_load_speed: float | None = None,
     stall_torque: float | None = None,
     stall_force: float | None = None,
+    low_speed: float | None = None,
+    low_voltage: float | None = None,
     rated_speed: float | None = None,
     rated_load: float | None = None,
     rated_current: float | None = None,
@@ -157,6 +163,8 @@ def motor_from(
         no_load_speed: rad/s, or m/s, at ``voltage`` and ``frequency``.
         stall_torque: N·m at the same.
         stall_force: N, in place of the torque.
+        low_speed: rad/s, or m/s, without load at a lower voltage; with spectra it determines the preload.
+        low_voltage: amplitude on each group there, V, about half of ``voltage``.
         rated_speed: rad/s, or m/s, of a point at the same voltage and frequency.
         rated_load: N·m, or N, at that speed.
         rated_current: RMS current of a group at the rated point, A; where the groups differ, the root mean square.
@@ -195,6 +203,7 @@ def motor_from(
     sheet = DataSheet(
         foundation.slider is not None, no_load_speed, stall_torque if stall_force is None else stall_force, rated_speed,
         rated_load, rated_current, rated_power, speed_error, torque_error, current_error,
+        low_speed, low_voltage,
     )  # fmt: skip
     at = {"voltage": voltage, "frequency": frequency, "phase_deg": phase_deg}
     if spectra is None:
@@ -216,7 +225,9 @@ def motor_from(
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": family.drive.phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
         origins |= dict.fromkeys(("drive.voltage", "drive.frequency"), Origin("data sheet"))
-    cautions = (*(family.fit.cautions if family.fit else ()), *family.missed(computed))
+    cautions = (
+        *(family.fit.cautions if family.fit else ()), *family.assumed, *family.missed(computed), *family.turned(motor),
+    )  # fmt: skip
     return MotorFrom(motor, errors, family.measured(sheet), computed, origins, family.fit, cautions)
 
 
@@ -243,6 +254,7 @@ class _Family:
     fit: TwoPortFit | None = None
     resonances: _Resonances | None = None
     start: Array | None = None  # coordinates, if not those of the values
+    assumed: tuple[str, ...] = ()  # a caution
 
     def measured(self, sheet: DataSheet) -> dict[str, float]:
         """Return the numbers of a data sheet and the measured resonances by name."""
@@ -274,13 +286,30 @@ class _Family:
                 f"The motor has no steady state at this drive, {load}. Check frequency and phase_deg, or start from "
                 "another base."
             )
-        if not all(value > 0.0 for value in computed.values()):
-            numbers = ", ".join(f"{key} = {value:.3g}" for key, value in computed.items())
+        if not all(value * every[key] > 0.0 for key, value in computed.items()):
+            numbers = ", ".join(f"{key} = {value:.3g}, measured {every[key]:.3g}" for key, value in computed.items())
             raise SimulationError(
-                f"The motor does not run in the positive direction at this drive: {numbers}. "
-                "Check frequency, phase_deg and the tips of the modes, or start from a base that is closer."
+                f"The motor does not run in the measured direction at this drive: {numbers}. Check the signs of the "
+                "numbers and of phase_deg (of group B ahead of A), whether A and B are exchanged, and frequency and "
+                "tips, or start from a base that is closer."
             )
         return computed
+
+    def turned(self, motor: Motor) -> list[str]:
+        """Return a sentence for the lower voltages at which a motor turns against its number at the sheet's voltage."""
+        if self.drive is None:
+            return []
+        voltages = [share * self.drive.voltage for share in _LOWER]
+        setups = [Point.of(motor, self.drive.updated({"voltage": one}), audit=False) for one in voltages]
+        states = zip(voltages, balanced_states(setups, [None] * len(setups)), strict=True)
+        speeds = {one: state.values["speed_rad_s"] for one, state in states if state}
+        against = {one: speed for one, speed in speeds.items() if self.sheet.sign * speed < -STANDS}
+        found = ", ".join(f"{speed:.3g} {self.sheet.unit('speed')} at {one:.4g} V" for one, speed in against.items())
+        told = (
+            f"The motor turns against its measured direction at lower voltages: {found}. A control loop for such a "
+            "motor may run away. Measure the speed there, or start from a base that is closer."
+        )
+        return [told] if found else []
 
     def missed(self, computed: Mapping[str, float]) -> list[str]:
         """Return a sentence for each number to which the values were fitted and that the motor does not have."""
@@ -380,6 +409,8 @@ def _of_spectra(
     contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
         values[FRICTION] = contact.friction
+    if sheet.low_speed is not None:  # the dead band is that of the preload
+        values[_PRELOAD] = contact.preload_n
     if mass_kg is None:
         values[_MASS] = base.modes[0].mass_kg
     if values or resonances:  # the contact decides on both
@@ -398,18 +429,34 @@ def _of_spectra(
         return found.model_copy(update={"provenance": {**found.provenance, **origins}})
 
     priors = dict.fromkeys((_STIFFNESS, _COMPLIANCES[0]), provenance.STIFFNESS_ERROR)
+    priors[_PRELOAD] = provenance.WIDTHS["preload_n"]
     fitted = sheet if mass_kg is None else replace(sheet, no_load_speed=None)
-    return _Family(motor, base, sheet, fitted, drive, values, priors, fit, resonances)
+    told = (
+        f"{base.name} has no modes like those of the spectra: all modes have one mass, and the signs of the couplings "
+        "give the motion of the tip. Other voltages and loads are uncertain. Give tips and mass_kg, or a closer base."
+    )
+    assumed = () if borrowed or tips or mass_kg is not None else (told,)
+    return _Family(motor, base, sheet, fitted, drive, values, priors, fit, resonances, assumed=assumed)
 
 
 def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
-    """Return the tips of another motor's modes, scaled to one modal mass; ``None`` if its groups drive other modes."""
+    """Return the tips of the equivalent modes of another motor, scaled to one modal mass; ``None`` if it lacks one.
+
+    Equivalent is the closest mode in frequency that the groups drive in the same way, alike or opposed. The fitted
+    coupling to group A is positive; where that of the other motor is negative, its tip is reversed.
+    """
+    if len(fit.modes) > len(base.modes):
+        return None
     here = [mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 for mode in fit.modes]
     there = [mode.coupling_a_n_per_v * mode.coupling_b_n_per_v >= 0.0 for mode in base.modes]
-    if here != there:
+    other = np.not_equal.outer(here, there)
+    frequencies = [mode.series_resonance_hz for mode in fit.modes], [mode.frequency_hz for mode in base.modes]
+    rows, places = linear_sum_assignment(np.abs(np.subtract.outer(*map(np.log, frequencies))) + _OTHER * other)
+    if other[rows, places].any():
         return None
-    scales = [sqrt(base.modes[0].mass_kg / mode.mass_kg) for mode in base.modes]
-    return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, base.modes, strict=True)]
+    modes = [base.modes[place] for place in places]
+    scales = [copysign(sqrt(modes[0].mass_kg / mode.mass_kg), mode.coupling_a_n_per_v) for mode in modes]
+    return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, modes, strict=True)]
 
 
 def _resonances(preloaded: Spectrum | None, connection: Connection) -> _Resonances | None:

@@ -96,6 +96,7 @@ class Points:
     errors: Array  # their standard errors
     errors_given: bool  # whether the errors are those of the measurement; if not, only their ratios count
     logarithmic: bool = False  # whether values and predictions are logarithms, and errors relative
+    signs: Array | float = 1.0  # of the values whose logarithms these are
 
     def __len__(self) -> int:
         return len(self.conditions)

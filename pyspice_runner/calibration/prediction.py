@@ -272,7 +272,10 @@ class Predictor:
                 for place, (row, quantity, measured) in
                 enumerate(zip(points.rows, points.quantities, points.values.tolist(), strict=True))
             ])  # fmt: skip
-            parts.append(np.log(np.where(own > 0.0, own, np.nan)) if points.logarithmic else own)
+            if points.logarithmic:  # of the other sign there is none
+                own = points.signs * own
+                own = np.log(np.where(own > 0.0, own, np.nan))
+            parts.append(own)
         lost: ParameterError | SimulationError | None = None
         for one in self.curves:
             try:

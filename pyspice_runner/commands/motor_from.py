@@ -11,7 +11,7 @@ from pyspice_runner.commands import common, measured
 from pyspice_runner.commands.options import Call, Option, argument, command, option
 from pyspice_runner.impedance.spectrum import Connection
 
-_SHEET = "no_load_speed stall_torque stall_force voltage frequency"
+_SHEET = "no_load_speed low_speed low_voltage stall_torque stall_force voltage frequency"
 _RATED = "rated_speed rated_load rated_current rated_power"
 _ERRORS = "speed_error torque_error current_error"
 
@@ -31,6 +31,8 @@ def _sheet(text: str, default: float | None = None) -> Option:
     preloaded=option(Path | None, None, "Spectrum of the stator pressed on its rotor."),
     connection=option(Connection, "A", "Connection of the groups in a preloaded two-port."),
     no_load_speed=_sheet("rad/s, or m/s of a linear stage."),
+    low_speed=_sheet("The same at --low-voltage."),
+    low_voltage=_sheet("Amplitude below --voltage, V."),
     stall_torque=_sheet("N·m."),
     stall_force=_sheet("Of a linear stage, N."),
     voltage=_sheet("Amplitude on each group, V."),
