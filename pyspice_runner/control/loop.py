@@ -48,7 +48,8 @@ CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response las
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
 SMALL_DEG = 0.2  # step of the phase
 _RUN = 50e-3  # s from rest, after which the friction has stopped the rotor, or it turns
-_HALVINGS = 8  # of the interval from 0 V to the drive, in the search of the dead band
+_PARTS, _HALVINGS = 8, 5  # of the interval from 0 V to the drive, then of one part, in the search of the dead band
+_FALL = 0.01  # of the maximum speed: a fall by less is the settling of a run
 _OF_POINT = ("load.", "temperature", "speed")  # of the paths of a spread, those that are not of the motor
 # quantity → names and units of the gains
 GAINS: dict[str, dict[str, str]] = {
@@ -101,7 +102,7 @@ class ControlLoop(Result):
         step_predicted: the response by the small signals over the step.
         step_simulated: that of the averaged motor.
         trusted: whether the averaged motor's own check passes throughout the step.
-        model_cautions: the cautions of the simulated step.
+        model_cautions: those of the signs of the gains, and of the simulated step.
         provenance: motor, drive, operating point and settings, JSON-ready.
         spread: the loop at other operating points, which is a schedule of the gains as well.
         dead_band_v: amplitude of group A below which the motor stands at this load; ``None`` for a phase.
@@ -218,6 +219,11 @@ def dead_band(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> float:
 
     Group B has its ratio. Each run begins at rest. Raise SimulationError if the equations have no solution.
     """
+    return _over_amplitudes(motor, drive, load_torque)[0]
+
+
+def _over_amplitudes(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[float, dict[float, float]]:
+    """Return the dead band in V, and amplitudes up to that of the drive with the speed that each gives from rest."""
     running = AveragedMotor(motor)
 
     def speed(voltage: float) -> float:
@@ -230,12 +236,31 @@ def dead_band(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> float:
         running.advance(0.5 * _RUN, _RUN)
         return (running.get("position") - half) / (0.5 * _RUN)
 
-    direction = copysign(1.0, speed(drive.voltage))
-    low, high = 0.0, drive.voltage
+    speeds = {voltage: speed(voltage) for voltage in (drive.voltage * np.arange(1, _PARTS + 1) / _PARTS).tolist()}
+    direction = copysign(1.0, speeds[drive.voltage])
+    high = min(voltage for voltage, one in speeds.items() if direction * one > STANDS or voltage == drive.voltage)
+    low = high - drive.voltage / _PARTS
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if direction * speed(middle) > STANDS else (middle, high)
-    return 0.5 * (low + high)
+    return 0.5 * (low + high), speeds
+
+
+def _wrong_signs(gain: float, speed: float, drive: TwoPhaseDrive, speeds: Mapping[float, float]) -> Iterator[str]:
+    """Yield a caution for a motor that turns against its phase, and one for amplitudes that need the opposite gain."""
+    if speed * sin(radians(drive.phase_deg)) < 0.0:
+        yield (
+            f"The motor turns at {speed:.3g} rad/s, against the sign of the phase of {drive.phase_deg:g}°: the gains "
+            f"are {'negative' if gain < 0.0 else 'positive'}. A motor that turns the other way runs away with them: "
+            "check the direction at this drive. If it differs, exchange groups A and B."
+        )
+    rises = gain * np.diff([0.0, *speeds.values()])
+    if (rises < -_FALL * max(map(abs, speeds.values()))).any():
+        found = ", ".join(f"{one:.3g} rad/s at {voltage:.3g} V" for voltage, one in speeds.items() if abs(one) > STANDS)
+        yield (
+            f"The effect of the amplitude changes its sign below the drive: {found}. Where it is opposite, the loop "
+            "runs away. Choose a frequency and a phase at which the speed rises with the amplitude."
+        )
 
 
 @dataclass(frozen=True)
@@ -306,6 +331,10 @@ def sampled_loop(
         )
     plant = _plant(motor, drive, load_torque, quantity, sample_time)
     gain, ratio = _gains(plant, crossover, margin)
+    band, cautions = None, list[str]()
+    if quantity != "phase":
+        band, speeds = _over_amplitudes(motor, drive, load_torque)
+        cautions = list(_wrong_signs(gain, plant.point["speed"], drive, speeds))
     frequency = np.geomspace(LOWEST * crossover, 0.5 / sample_time, POINTS)
     responses = plant.response(frequency)
     loop = _controller(plant, gain, ratio, frequency) * responses
@@ -319,8 +348,7 @@ def sampled_loop(
         overshoot=max(0.0, float(predicted.max()) - 1.0), overshoot_simulated=0.0,
         frequency_hz=frequency, plant=responses, loop_gain=loop,
         time_s=np.linspace(0.0, sample_time * (count - 1), count), step_predicted=predicted, step_simulated=np.zeros(0),
-        trusted=False, model_cautions=(),
-        dead_band_v=None if quantity == "phase" else dead_band(motor, drive, load_torque),
+        trusted=False, model_cautions=tuple(cautions), dead_band_v=band,
         provenance={
             "motor": motor.to_dict(),
             "drive": drive.model_dump(),
@@ -522,5 +550,5 @@ def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> Control
     unstable = stability_cautions(motor, drive, speed, run["operating_point"]["tip_y_amplitude"])
     return replace(
         loop, step_simulated=response, overshoot_simulated=max(0.0, float(response.max()) - 1.0),
-        trusted=result.trusted, model_cautions=(*unstable, *result.cautions),
+        trusted=result.trusted, model_cautions=(*loop.model_cautions, *unstable, *result.cautions),
     )  # fmt: skip

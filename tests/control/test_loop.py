@@ -91,6 +91,19 @@ def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhas
         pr.control_loop(motor, weak, **DESIGNS["slow speed"])
 
 
+def test_gains_against_the_drive_or_of_a_changing_sign_have_a_caution(motor: pr.Motor) -> None:
+    """At 40 kHz the motor turns forwards up to 75 V, then backwards; at 40.7 kHz its speed rises."""
+    design = {"quantity": "position", "crossover": 20.0, "margin": 90.0, "sample_time": 0.5e-3}
+    told = {}
+    for frequency in (40.0e3, 40.7e3):
+        at = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency, phase_deg=62.0)
+        loop = pr.control_loop(motor, at, **design)  # type: ignore[arg-type]
+        told[loop.gains["proportional"] > 0.0] = " ".join(loop.cautions)
+    assert "-3.13 rad/s, against the sign of the phase of 62°: the gains are negative" in told[False]
+    assert "changes its sign below the drive: 1.88 rad/s at 62.5 V, 0.705 rad/s at 75 V, -1.72 rad/s" in told[False]
+    assert not any(words in told[True] for words in ("against", "its sign"))
+
+
 def beam() -> tuple[pr.Motor, pr.TwoPhaseDrive]:
     """Return the beam, whose contact does not creep, with its drive."""
     motor = pr.load_motor(BEAM40)
