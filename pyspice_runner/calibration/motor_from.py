@@ -10,6 +10,7 @@ measured                            fitted
 ==================================  ==============================================
 stall torque                        ``contact.friction``
 no-load speed                       the modal mass, one for all modes, unless given
+no-load speed at a lower voltage    ``contact.preload_n``
 resonances under preload            ``contact.normal_stiffness_n_per_m15``, and the
                                     tangential compliances of tip and rotor together
 ==================================  ==============================================
@@ -18,10 +19,6 @@ A preloaded resonance gives the ratio of stiffness and mass; speed and torque se
 contact stiffnesses of the base motor, which follow from its materials, have a prior width of 20 %. All other values of
 contact and rotor are those of the base motor. Current and power at a rated point are further measurements of the same
 values.
-
-Without spectra the motor is a member of the class of the base motor (:mod:`.provenance`): stall and no-load speed
-give the factors of force and speed, and current and power at a rated point decide on quality factors, capacitances and
-friction, whose priors are the widths of the class.
 """
 
 from __future__ import annotations
@@ -225,9 +222,7 @@ def motor_from(
         table = {"kind": "two-phase", "voltage": voltage, "frequency": frequency, "phase_deg": family.drive.phase_deg}
         motor = motor.model_copy(update={"drive": {**(foundation.drive or {}), **table}})
         origins |= dict.fromkeys(("drive.voltage", "drive.frequency"), Origin("data sheet"))
-    cautions = (
-        *(family.fit.cautions if family.fit else ()), *family.assumed, *family.missed(computed), *family.turned(motor),
-    )  # fmt: skip
+    cautions = (*(family.fit.cautions if family.fit else ()), *family.missed(computed), *family.turned(motor))
     return MotorFrom(motor, errors, family.measured(sheet), computed, origins, family.fit, cautions)
 
 
@@ -254,7 +249,6 @@ class _Family:
     fit: TwoPortFit | None = None
     resonances: _Resonances | None = None
     start: Array | None = None  # coordinates, if not those of the values
-    assumed: tuple[str, ...] = ()  # a caution
 
     def measured(self, sheet: DataSheet) -> dict[str, float]:
         """Return the numbers of a data sheet and the measured resonances by name."""
@@ -406,6 +400,12 @@ def _of_spectra(
         raise ParameterError("Spectra do not determine the modal mass. Give the no-load speed, or mass_kg.")
     fit = fit_groups(spectra, modes)
     borrowed = _tips(fit, base) if tips is None and mass_kg is None else None
+    if borrowed is None and tips is None and mass_kg is None:
+        told = (
+            f"{base.name} has no modes like those of the spectra: all modes have one mass, and the signs of the "
+            "couplings give the motion of the tip. Give tips and mass_kg, or a closer base."
+        )
+        fit = replace(fit, cautions=(*fit.cautions, told))
     contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
         values[FRICTION] = contact.friction
@@ -431,12 +431,7 @@ def _of_spectra(
     priors = dict.fromkeys((_STIFFNESS, _COMPLIANCES[0]), provenance.STIFFNESS_ERROR)
     priors[_PRELOAD] = provenance.WIDTHS["preload_n"]
     fitted = sheet if mass_kg is None else replace(sheet, no_load_speed=None)
-    told = (
-        f"{base.name} has no modes like those of the spectra: all modes have one mass, and the signs of the couplings "
-        "give the motion of the tip. Other voltages and loads are uncertain. Give tips and mass_kg, or a closer base."
-    )
-    assumed = () if borrowed or tips or mass_kg is not None else (told,)
-    return _Family(motor, base, sheet, fitted, drive, values, priors, fit, resonances, assumed=assumed)
+    return _Family(motor, base, sheet, fitted, drive, values, priors, fit, resonances)
 
 
 def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:

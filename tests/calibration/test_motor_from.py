@@ -17,6 +17,7 @@ from pyspice_runner.calibration.provenance import WIDTHS, Origin
 from pyspice_runner.calibration.similar import Factors, as_stage, scaled
 from pyspice_runner.cli import run
 from pyspice_runner.run.point import Point
+from pyspice_runner.spice.compiler import find_compiler
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.steady.harmonic_balance import balanced_states
 from tests.motors import BEAM40
@@ -228,9 +229,10 @@ def test_firmware_for_the_motor_of_the_bench_runs_the_hidden_full_motor(seed: in
     page = (Path(__file__).parents[2] / "docs" / "tutorial_tracking.md").read_text(encoding="utf-8")
     source = page.split('write_text("""')[1].split('""")')[0].replace("phase = 90.0f", "phase = 62.0f")
     (tmp_path / "loop.c").write_text(source, encoding="utf-8")
-    constants = {**loop.gains, "dead_band": loop.dead_band_v}
-    words = ["cc", "-shared", "-fPIC", "-I", data_path("behavioral"), "-o", tmp_path / "loop.so", tmp_path / "loop.c"]
-    subprocess.run([*words, *(f"-D{name.upper()}={value:.6e}f" for name, value in constants.items())], check=True)
+    gains = {**loop.gains, "dead_band": loop.dead_band_v}
+    constants = [f"-D{name.upper()}={value:.6e}f" for name, value in gains.items()]
+    words = [find_compiler(), "-shared", "-fPIC", "-I", data_path("behavioral"), *constants, tmp_path / "loop.c"]
+    subprocess.run([*words, "-o", tmp_path / "loop.so"], check=True)
     run = pr.simulate_controlled(
         truth, BENCH, str(tmp_path / "loop.so"), 0.06, sample_time=0.5e-3, averaged=False,
         courses={"reference": [(0.0, 0.0), (1e-3, 0.0), (1.5e-3, 0.05)]},
