@@ -242,6 +242,15 @@ def test_firmware_for_the_motor_of_the_bench_runs_the_hidden_full_motor(seed: in
     assert run.position_rad.max() < 0.055
 
 
+@pytest.mark.soak
+def test_a_motor_that_turns_the_other_way_at_lower_voltages_has_a_caution() -> None:
+    truth, at = pr.load_motor("bimodal40"), {"voltage": 100.0, "frequency": 40e3, "phase_deg": 62.0}
+    speed = pr.steady_state(truth, pr.TwoPhaseDrive(**at), load_torque=0.0).speed_rad_s
+    found = pr.motor_from(measured(truth, 600, 1, (30e3, 50e3)), **at, no_load_speed=speed, base="bimodal40")  # type: ignore[arg-type]
+    assert speed < -3.0
+    assert any("against its measured direction at lower voltages" in caution for caution in found.cautions)
+
+
 # --- from a data sheet alone ---
 
 STAGE = {"stall_force": 4.0, "no_load_speed": 0.3, "voltage": 100.0, "frequency": 39.6e3}
