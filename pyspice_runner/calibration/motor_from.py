@@ -406,6 +406,9 @@ def _of_spectra(
             "couplings give the motion of the tip. Give tips and mass_kg, or a closer base."
         )
         fit = replace(fit, cautions=(*fit.cautions, told))
+    if mass_kg is None and sheet.low_speed is None:
+        told = f"The preload is that of {base.name}, and with it the dead band. For a control loop give low_speed too."
+        fit = replace(fit, cautions=(*fit.cautions, told))
     contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
         values[FRICTION] = contact.friction
