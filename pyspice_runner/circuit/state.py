@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Literal
@@ -72,7 +72,7 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     contact, found = motor.contact, {}
     if law and contact.series_compliance_m_per_n:
         found["stem"] = contact.series_compliance_m_per_n
-    if law and law.spring and contact.tangential_series_compliance_m_per_n:
+    if law and contact.tangential_series_compliance_m_per_n and law.spring:
         found["stem_x"] = contact.tangential_series_compliance_m_per_n
     return found
 
@@ -250,10 +250,20 @@ def state_vectors(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None 
 
 def recorded_states(
     values: Mapping[str, Array], motor: Motor, law: Law | None, discretisation: Discretisation, kind: Kind
-) -> Iterator[tuple[float, float, Array]]:
-    """Yield each state of a kind in a run: its value at preloaded rest, the SI value of 1 V or 1 A, and its vector."""
-    for state in motor_states(motor, law, (kind,)):
-        yield state.at_rest(discretisation), state.scale(discretisation), values[state.within("xmotor")]
+) -> list[tuple[float, float, Array]]:
+    """Return each state of a kind in a run: its value at preloaded rest, the SI value of 1 V or 1 A, and its vector."""
+    return [
+        (state.at_rest(discretisation), state.scale(discretisation), values[state.within("xmotor")])
+        for state in motor_states(motor, law, (kind,))
+    ]
+
+
+def recorded_motion(
+    values: Mapping[str, float], motor: Motor, law: Law | None, discretisation: Discretisation
+) -> Motion:
+    """Return the motion that the vectors of :func:`state_vectors` hold at one time."""
+    states = motor_states(motor, law)
+    return motion_of(states, [values[state.within("xmotor")] * state.scale(discretisation) for state in states])
 
 
 def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:

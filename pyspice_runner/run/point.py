@@ -14,7 +14,7 @@ from pydantic import Field
 from pyspice_runner.circuit.bench import FREE, Bench, motor_bench
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of
 from pyspice_runner.circuit.source import Excitation, Source, source_of
-from pyspice_runner.circuit.state import Discretisation, Motion, motion_of, motor_states, state_vectors
+from pyspice_runner.circuit.state import Discretisation, Motion, recorded_motion, state_vectors
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.drive import Drive, Load
 from pyspice_runner.motor.motor import Motor, derived
@@ -214,8 +214,7 @@ class Point:
 
     def motion(self, values: Mapping[str, float]) -> Motion:
         """Return the motion that the values of :meth:`state_vectors` at one time stand for, to go on from."""
-        states = motor_states(self.motor, self.law)
-        return motion_of(states, [values[one.within("xmotor")] * one.scale(self.discretisation) for one in states])
+        return recorded_motion(values, self.motor, self.law, self.discretisation)
 
     def with_step(self, step: float) -> Point:
         """Return the same with a time step in s."""
