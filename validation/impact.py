@@ -30,7 +30,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from pydantic import model_validator
 
-from pyspice_runner.circuit.bench import Bench, contact_bench
+from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, touching_law
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import contact as contact_law
@@ -44,6 +44,7 @@ from pyspice_runner.units import engineering
 from pyspice_runner.view import plots
 from pyspice_runner.view.draw import Panel, Sheet, draw_lines, dress
 from pyspice_runner.view.style import BLUE, LABELS, VERMILION, Label
+from validation.contact_bench import contact_bench
 
 STEPS = 1000  # of an impact without loss; the error of ψ₂ from the steps is then some 1e-5
 FEWEST_STEPS = 50

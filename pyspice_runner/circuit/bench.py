@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benches: a motor with its source, load and contact, a dynamometer, meters, the contact alone, a two-port."""
+"""Benches: a motor with its source, load and contact, a dynamometer, meters, a two-port."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.circuit.evaluated import Derived, plotted_nodes
-from pyspice_runner.circuit.law import PAPER_LAW, PINS, Law, contact_library, contact_values
+from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
-from pyspice_runner.circuit.source import GROUPS, TRANSIENT_OPTIONS, Source, not_below_rounding
+from pyspice_runner.circuit.source import GROUPS, Source, not_below_rounding
 from pyspice_runner.circuit.state import (
     Discretisation,
     Motion,
@@ -25,7 +25,6 @@ from pyspice_runner.motor import groups
 from pyspice_runner.motor.dielectric import Branch
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import definitions, read_library
@@ -134,30 +133,6 @@ def dynamometer_bench(
     if meters:
         add_meters(circuit, motor, law, {"lag": discretisation.slider_time} if discretisation else {})
     return _bench(circuit, motor, source, law, start, discretisation, {})
-
-
-def contact_bench(
-    lines: Sequence[str],
-    law: Law,
-    contact: Contact,
-    *,
-    radius: float,
-    span: float,
-    step: float,
-    title: str,
-) -> Bench:
-    """Return a bench of the contact alone, the instance ``Xcontact``.
-
-    Its pins ``x`` and ``shaft`` are grounded; each other pin is a node of the same name. ``lines`` are elements that
-    move the tip, at the nodes ``y``, ``vx`` and ``vy``. The radius of the rotor and the largest penetration ``span``
-    are in m. The time constant of a slider is half of the step in s.
-    """
-    circuit = Circuit(title)
-    library = contact_library(law, contact)
-    values = contact_values(law, contact, radius=radius, preload=contact.preload_n, slider_time=step / 2.0, span=span)
-    circuit.raw_spice += "\n".join([definitions(library), *lines, ""])
-    instantiate(circuit, "contact", library, ["0" if pin in ("x", "shaft") else pin for pin in PINS], **values)
-    return Bench(circuit, TRANSIENT_OPTIONS)
 
 
 def _bench(

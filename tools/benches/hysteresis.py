@@ -8,7 +8,7 @@ from math import pi, radians
 
 import numpy as np
 
-from pyspice_runner.circuit.bench import Bench, contact_bench
+from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.circuit.law import ContactLaw, Law, touching_law
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
@@ -19,6 +19,7 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_contact
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.waveforms import Array
+from validation.contact_bench import contact_bench
 
 PERIODS = 2  # the second loop is closed: a brush forgets the motion before its last reversal
 STEPS = 1000  # a period
