@@ -521,6 +521,7 @@ def motor_library(
             for mode in motor.modes
         ),
         _mount_line(motor),
+        *_clamped_lines(motor),
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
         "* CHECK  the node check is 0, or 1 for a parameter out of its range, a step longer than STEP and, after",
         f"*        {550 * step:.2g} s of .tran, pins that carry no alternating drive, as when com floats. If the drive",
@@ -582,6 +583,21 @@ def _mount_line(motor: Motor) -> str:
         f"damping {mount.damping_n_s_per_m:g} N.s/m: the preload is a force"
         + (f"; along the rotor {mount.tangential_stiffness_n_per_m:g} N/m" if mount.tangential else "")
     )
+
+
+def _clamped_lines(motor: Motor) -> list[str]:
+    """Return the clamped capacitances at the last mode, and the copies that a tracker subtracts (:func:`.sensing`)."""
+    frequency = motor.modes[-1].frequency_hz
+    (a, between), (_, b) = 1e9 * dielectric_matrix(motor, frequency).imag / (2.0 * pi * frequency)
+    lines = [f"* CLAMPED at {frequency:.6g} Hz: C of A {a:.4g} nF, of B {b:.4g} nF, C_AB between {-between:.4g} nF"]
+    if not between:
+        return lines
+    return [
+        *lines,
+        "*        The copy whose current a tracker subtracts (tracker_sense) is not C, but for modes driven",
+        f"*        in antiphase: C + C_AB = {a - between:.4g} nF (A), {b - between:.4g} nF (B)",
+        f"*        in phase:     C - C_AB = {a + between:.4g} nF (A), {b + between:.4g} nF (B)",
+    ]
 
 
 def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, dict[str, float]]:
