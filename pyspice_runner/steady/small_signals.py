@@ -205,8 +205,11 @@ def small_signals(
     return linearised(Point.of(motor, drive, **settings), frequencies)
 
 
-def linearised(point: Point, frequencies: Sequence[float] | Array) -> SmallSignals:
-    """Return the small signals about an operating point; the arguments are those of :func:`small_signals`."""
+def linearised(point: Point, frequencies: Sequence[float] | Array, *, transfers: bool = True) -> SmallSignals:
+    """Return the small signals about an operating point; the arguments are those of :func:`small_signals`.
+
+    Without ``transfers`` they have the admittances only, from fewer copies.
+    """
     motor, drive, step, timeout = point.motor, point.drive, point.solver.step, point.solver.timeout
     if not isinstance(drive, TwoPhaseDrive):
         raise ParameterError("Small signals are those about a drive with one frequency: give a TwoPhaseDrive.")
@@ -225,17 +228,19 @@ def linearised(point: Point, frequencies: Sequence[float] | Array) -> SmallSigna
     fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
     map_step = state.step_s / FINER
     starts = [state.solution.moved(number / OFFSETS * map_step, map_step) for number in range(OFFSETS)]
-    every = [_Linear.about(start, map_step, fineness, timeout).responses(modulation) for start in starts]
-    smaller = [_Linear.about(start, map_step, SMALLER * fineness, timeout).responses(modulation) for start in starts]
-    transfers, hot, image = map(_stacked, zip(*every, strict=True))
-    transfers_smaller, hot_smaller, _ = map(_stacked, zip(*smaller, strict=True))
+    every = [_Linear.about(start, map_step, fineness, timeout).responses(modulation, transfers) for start in starts]
+    smaller = [
+        _Linear.about(start, map_step, SMALLER * fineness, timeout).responses(modulation, transfers) for start in starts
+    ]
+    found, hot, image = map(_stacked, zip(*every, strict=True))
+    found_smaller, hot_smaller, _ = map(_stacked, zip(*smaller, strict=True))
     probed = np.array(sorted(hot))
     return SmallSignals(
-        state, modulation, {pair: copies.mean(axis=0) for pair, copies in transfers.items()}, probed,
+        state, modulation, {pair: copies.mean(axis=0) for pair, copies in found.items()}, probed,
         np.array([hot[at].mean(axis=0) for at in probed.tolist()]),
         np.array([cold_admittance(motor, at) for at in probed.tolist()]),
         np.array([image[at].mean(axis=0) for at in probed.tolist()]),
-        {pair: _error(copies, transfers_smaller[pair]) for pair, copies in transfers.items()},
+        {pair: _error(copies, found_smaller[pair]) for pair, copies in found.items()},
         np.array([_error(hot[at], hot_smaller[at]) for at in probed.tolist()]),
     )  # fmt: skip
 
@@ -288,14 +293,14 @@ class _Linear:
         base = _signals(point.plant, point.trace)
         return cls(point, period_map, base, np.array(slopes) / size, at_start / size, at_end / size, fineness)
 
-    def responses(self, modulation: Array) -> tuple[dict[tuple[str, str], Complex], Matrices, Matrices]:
-        """Return the transfer functions, the hot admittance and its image."""
+    def responses(self, modulation: Array, whole: bool) -> tuple[dict[tuple[str, str], Complex], Matrices, Matrices]:
+        """Return the transfer functions (none if not ``whole``), the hot admittance and its image."""
         plant = self.point.plant
         drive = plant.drive
         assert isinstance(drive, TwoPhaseDrive)
         frequency = drive.frequency
-        sides = (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if plant.turns else ()))
-        turning = np.concatenate([[0.0], modulation])
+        sides = (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if whole and plant.turns else ()))
+        turning = np.concatenate([[0.0] * whole, modulation])
         probes = [(place, shift * frequency + at) for at in turning.tolist() for place, shift in sides]
         responses = dict(zip(probes, self._responses(probes, turning.repeat(len(sides))), strict=True))
         assert self.point.trace is not None
@@ -310,12 +315,14 @@ class _Linear:
         image = {}
         # A constant phase of both groups changes no output. What it seems to change is an error of the derivatives,
         # which the integral from frequency to phase would amplify.
-        up, down = ({group: responses[group, side * frequency] for group in "ab"} for side in (1, -1))
-        resting = _outputs(self._modulated(drive, up, down, None)["frequency"], carriers, "frequency", plant)
+        if whole:
+            up, down = ({group: responses[group, side * frequency] for group in "ab"} for side in (1, -1))
+            resting = _outputs(self._modulated(drive, up, down, None)["frequency"], carriers, "frequency", plant)
         for at in modulation.tolist():
             up = {group: responses[group, frequency + at] for group in "ab"}
             down = {group: responses[group, at - frequency] for group in "ab"}
-            for of, response in self._modulated(drive, up, down, responses.get(("shaft", at))).items():
+            modulated = self._modulated(drive, up, down, responses.get(("shaft", at))) if whole else {}
+            for of, response in modulated.items():
                 for output, value in _outputs(response, carriers, of, plant).items():
                     # phase = 2π ∫ frequency
                     found = (value - resting[output]) / (1j * at) if of == "frequency" else value

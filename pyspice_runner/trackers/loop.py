@@ -198,7 +198,7 @@ def _free(point: Point, modulation: Array) -> _Answer:
 
 def _running(point: Point, modulation: Array) -> _Answer:
     """Return the currents of the full motor about its steady state."""
-    found = linearised(point, modulation)
+    found = linearised(point, modulation, transfers=False)
     waves, frequency = found.state.waveforms, point.drive.frequency
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
