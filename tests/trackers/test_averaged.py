@@ -134,6 +134,33 @@ def test_ten_minutes_of_warm_up_take_less_than_a_second(motor: pr.Motor) -> None
     assert found.frequency_hz[-1] / early - 1.0 == pytest.approx(drift, rel=0.02)
 
 
+def started(voltage: float, target: float, start: float, **settings: Any) -> pr.Tracking:
+    """The plate from a frequency that is off; the middle of the oscillator's range is that of the drive."""
+    motor, middle = pr.load_motor("bimodal40"), 40.73e3
+    chosen = pr.Tracker(
+        kind="pll", voltage=voltage, frequency=middle, offset=start / middle - 1.0, target_deg=target, phase_deg=90.0
+    )
+    return pr.track(motor, chosen, **{"averaged": True, "margin": False, **settings})
+
+
+@pytest.mark.parametrize("voltage", [25.0, 150.0])
+@pytest.mark.parametrize("target", [-60.0, -30.0, 0.0])
+def test_a_loop_locks_from_either_side_whatever_its_target(voltage: float, target: float) -> None:
+    """4 % below, where the motor sticks and its current leads by nearly 90 degrees, and 4 % above."""
+    for start in (39.0e3, 42.5e3):
+        found = started(voltage, target, start, duration=20e-3)
+        assert found.locked, start
+
+
+@pytest.mark.soak
+def test_full_motor_and_both_averaged_ones_lock_from_below_alike() -> None:
+    settings: tuple[dict[str, Any], ...] = ({"averaged": False}, {"engine": "compiled"}, {"engine": "spice"})
+    found = [started(70.0, -30.0, 39.2e3, **changes) for changes in settings]
+    assert all(one.locked for one in found)
+    for one in found[1:]:
+        assert one.end_frequency_hz == pytest.approx(found[0].end_frequency_hz, abs=10.0)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -3,18 +3,21 @@
 
 from __future__ import annotations
 
-from math import atan, degrees, pi, sqrt
+from math import atan, cos, degrees, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.spice.library import read_library
 from pyspice_runner.spice.ngspice import BatchSimulator
 from pyspice_runner.trackers.tracker import (
     Disturbance,
@@ -128,6 +131,45 @@ def test_errors_name_the_value(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(pr.ParameterError) as caught:
         tracker(**values)
     assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize("target", [-60.0, 0.0, 45.0])
+def test_the_detector_and_its_mean_measure_leads_from_both_sides(target: float) -> None:
+    """Over 20 periods of 200 steps; an edge is seen at the end of a step, each of two by up to 1.8° late."""
+    leads = (-150.0, -90.0, -30.0, 30.0, 90.0, 150.0, 180.0)
+    circuit = Circuit("detectors")
+    parts = ("tracker_detector", "tracker_averaged")
+    circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
+    circuit.V("target", "target", 0, target)
+    circuit.V("force", "force", 0, "SIN(0 1 50k 0 0 0)")
+    circuit.V("ahead", "ahead", 0, "SIN(0 1 50k 0 0 90)")
+    for at, lead in enumerate(leads):
+        circuit.V(f"motional{at}", f"motional{at}", 0, f"SIN(0 1 50k 0 0 {lead})")
+        own = (f"motional{at}", "force", "ahead", "target", f"m{at}")
+        instantiate(circuit, f"detector{at}", "tracker_detector", own)
+        lines = []
+        for group, volts in (("a", 1.0), ("b", -1.0)):
+            for part, volt in (("re", volts), ("im", 0.0)):
+                circuit.V(f"{group}_{part}{at}", f"line_{group}_{part}{at}", 0, volt)
+                turned = volts * (cos(radians(lead)) if part == "re" else sin(radians(lead)))
+                circuit.I(f"{group}_{part}{at}", f"{group}_{part}{at}", 0, turned)
+                lines += [f"line_{group}_{part}{at}", f"{group}_{part}{at}"]
+        pins = (*lines, "target", "middle", f"n{at}", f"f{at}", f"p{at}", 0)
+        instantiate(circuit, f"averaged{at}", "tracker_averaged", pins, capacitance_a=1e-15, capacitance_b=1e-15)
+        for kind in "mn":
+            circuit.V(f"{kind}{at}", f"{kind}{at}", "middle", 0.0)
+    circuit.V("middle", "middle", 0, 2.5)
+    simulator = BatchSimulator(circuit)
+    simulator.save(*(f"i(v{kind}{at})" for kind in "mn" for at in range(len(leads))))
+    simulator.transient(step_time=100e-9, end_time=420e-6, max_time=100e-9, use_initial_condition=True)
+    assert simulator.result is not None
+    found = {name: np.asarray(values, float) for name, values in simulator.result.raw.vectors.items()}
+    late = found["time"] >= 20e-6
+    for at, lead in enumerate(leads):
+        wanted = 20e-6 * ((lead if lead < 165.0 else -165.0) - target) / 360.0
+        of_pulses = np.trapezoid(found[f"i(vm{at})"][late], found["time"][late]) / 400e-6
+        assert of_pulses == pytest.approx(wanted, abs=20e-6 * 3.6 / 360.0), lead
+        assert found[f"i(vn{at})"][-1] == pytest.approx(wanted, abs=1e-10), lead
 
 
 # --- lag and filter --------------------------------------------------------------------------------------------
