@@ -19,16 +19,18 @@ from pyspice_runner.commands.options import (
     command,
     option,
 )
+from pyspice_runner.errors import require
 from pyspice_runner.trackers.tracker import DisturbanceKind, TrackerKind
 
 START_OFFSET = 0.03  # relative to the centre
 
 
 @command(
-    "motor tracker disturb voltage ratio_b phase frequency span offset target bandwidth period step_size reverse",
+    "motor tracker mode disturb voltage ratio_b phase frequency span offset target bandwidth period step_size reverse",
     "load_torque preload_change target_step drift drift_time all_drift compensate", DRIVER,
     "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
     tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
+    mode=option(str | None, None, "Name of the mode to track; default: the last.", "--mode", metavar="NAME"),
     disturb=option(DisturbanceKind, "start", "Disturbance of the motor."),
     voltage=VOLTAGE,
     ratio_b=option(float, 1.0, "Amplitude of group B relative to group A."),
@@ -61,7 +63,7 @@ START_OFFSET = 0.03  # relative to the centre
     averaged=option(bool, False, "Track the averaged motor: minutes of motor time in seconds.", "--averaged"),
 )  # fmt: skip
 def track(call: Call) -> None:
-    """Track the last mode of a motor under a disturbance. The exit status is 0 whether or not the tracker locked.
+    """Track a mode of a motor under a disturbance. The exit status is 0 whether or not the tracker locked.
 
     Writes .json (result), .csv (frequency, phase and speed of each period) or .cir (the deck).
 
@@ -78,8 +80,11 @@ def track(call: Call) -> None:
         **call.pick("span", kind="tracker", target_deg="target", bandwidth_hz="bandwidth", period_s="period",
                     step_hz="step_size"),
     )  # fmt: skip
+    names = [mode.name for mode in motor.modes]
+    require(call.mode is None or call.mode in names, "--mode", call.mode, f"one of {', '.join(names)}")
+    mode = None if call.mode is None else names.index(call.mode)
     if call.frequency is None:
-        tracker = centred(motor, tracker, contact=call.law is not None)
+        tracker = centred(motor, tracker, mode=mode, contact=call.law is not None)
     with common.busy(f"The motor runs with the tracker {call.tracker}"):
         driver = None
         if call.driver:
@@ -88,39 +93,35 @@ def track(call: Call) -> None:
         result = pr.track(
             motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
             **call.pick("disturb begin duration load_torque preload_change drift drift_time target_step"),
-            **call.pick("averaged engine timeout audit"),
+            mode=mode, **call.pick("averaged engine timeout audit"),
         )  # fmt: skip
     call.deliver(result, motor.name)
 
 
-def centred(motor: pr.Motor, tracker: pr.Tracker, *, contact: bool = True) -> pr.Tracker:
+def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, contact: bool = True) -> pr.Tracker:
     """Return a tracker with the resonance of the running motor in the middle of its range."""
     from pyspice_runner.trackers.tracker import running_resonance
 
-    return tracker.updated({"frequency": running_resonance(motor, tracker, contact=contact).resonance_hz})
+    return tracker.updated({"frequency": running_resonance(motor, tracker, mode=mode, contact=contact).resonance_hz})
 
 
-_OF_TRACKERS: dict[str, set[str]] = {
-    "bandwidth target": {"pll"},
-    "period step_size": {"observe-current", "observe-power"},
-    "reverse": {*get_args(TrackerKind)} - {"none"},
-    "compensate": {"pll", "observe-current"},
-}
-_OF_DISTURBANCES: dict[str, set[str]] = {
-    "load_torque": {"load"},
-    "preload_change": {"preload"},
-    "target_step": {"target"},
-    "drift drift_time all_drift": {"temperature"},
-    "compensate": {"temperature", "warm-up"},
-    "begin": {*get_args(DisturbanceKind)} - {"start", "warm-up"},
-}
+_NEEDS: tuple[tuple[str, str, set[str]], ...] = (
+    ("tracker", "bandwidth target", {"pll"}),
+    ("tracker", "period step_size", {"observe-current", "observe-power"}),
+    ("tracker", "reverse", {*get_args(TrackerKind)} - {"none"}),
+    ("tracker", "compensate", {"pll", "observe-current"}),
+    ("disturb", "load_torque", {"load"}),
+    ("disturb", "preload_change", {"preload"}),
+    ("disturb", "target_step", {"target"}),
+    ("disturb", "drift drift_time all_drift", {"temperature"}),
+    ("disturb", "compensate", {"temperature", "warm-up"}),
+    ("disturb", "begin", {*get_args(DisturbanceKind)} - {"start", "warm-up"}),
+)
 
 
 def _refuse_idle(call: Call) -> None:
     """Refuse options of another tracker, of another disturbance, or of a driver without ``--driver``."""
     call.check_driver()
-    for name, table in (("tracker", _OF_TRACKERS), ("disturb", _OF_DISTURBANCES)):
-        kind = call.values[name]
-        for names, kinds in table.items():
-            if kind not in kinds:
-                call.refuse_idle(f"on --{name} {kind}", names)
+    for name, options, kinds in _NEEDS:
+        if call.values[name] not in kinds:
+            call.refuse_idle(f"on --{name} {call.values[name]}", options)

@@ -56,9 +56,8 @@ def averaged_tracked_bench(
     """Return a bench with an averaged motor behind a tracker.
 
     Nodes: ``tuned`` (Hz, the frequency), ``phase`` (rad, of the motional current against the target), ``control`` (V),
-    ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance; a ``"warm-up"`` heats the motor by its
-    losses. ``end`` are the vectors at the end of a run: the loop is then open, for ``.ac`` from the oscillator's input,
-    and target, speed and temperature are those there.
+    ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance. With the vectors of the ``end`` of a run
+    the loop is open, for ``.ac`` from the oscillator's input, at the target, the speed and the temperature there.
     """
     tracker, disturbance, drifting = source.tracker, source.disturbance, source.disturbance.drifting
     circuit = Circuit(f"{motor.name}: averaged over the period of the drive, tracked")
@@ -126,10 +125,8 @@ class TrackedRun:
 class AveragedTrack:
     """A run of the averaged motor with a loop: over time, and at the end; by either engine.
 
-    Over time, by the names of an averaged run: time, frequency, speed, temperature, tip towards the rotor, normal
-    force, heat, ``check`` and ``separated``; ``phase_deg`` is that of the mode's velocity ahead of the force. At the
-    end: phasors of the voltages of the groups (V) and of the currents into them (A), amplitudes of the modes (m) and
-    the loop.
+    Over time: the names of an averaged run, and ``phase_deg`` of the mode's velocity ahead of the force. At the end:
+    phasors of the voltages (V) and currents (A) of the groups, amplitudes of the modes (m) and the loop.
     """
 
     curves: Mapping[str, Array]
@@ -149,16 +146,12 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
     setup, source, disturbance = run.setup, run.source, run.source.disturbance
-    if source.tracker.kind not in ("pll", "none"):
-        raise ParameterError(
-            f"The tracker {source.tracker.kind!r} has no averaged model: it must be 'pll' or 'none'. Leave "
-            "averaged out."
-        )
-    if disturbance.kind not in AVERAGED_DISTURBANCES:
-        raise ParameterError(
-            f"disturb = {disturbance.kind!r} has no averaged model: it must be one of "
-            f"{', '.join(AVERAGED_DISTURBANCES)}."
-        )
+    known = (("tracker", source.tracker.kind, ("pll", "none")), ("disturb", disturbance.kind, AVERAGED_DISTURBANCES))
+    for name, kind, kinds in known:
+        if kind not in kinds:
+            raise ParameterError(
+                f"{name} = {kind!r} has no averaged model: it must be {' or '.join(kinds)}. Or leave averaged out."
+            )
     least = 2 * SMOOTHED_PERIODS / source.tracker.frequency
     require(least <= run.duration <= LONGEST, "duration", run.duration, f"from {least:.3g} to {LONGEST:g} s", unit="s")
     bench = averaged_tracked_bench(setup.motor, source, setup.load)
@@ -166,9 +159,6 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
     if averaged_engine(engine) == "compiled":
         return _compiled(run, deck_of(lambda: bench, ["all"], timing))
     return _spice(run, run_bench(bench, ["all"], setup.solver.timeout, "transient", timing))
-
-
-# --- the compiled motor ---
 
 
 def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
@@ -195,7 +185,6 @@ def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
     running.set(amplitude_a=stage.voltage, amplitude_b=stage.voltage_b, phase=stage.phase_deg)
     begun = monotonic()
     rows = running.record(courses, run.duration, timeout=setup.solver.timeout or PATIENCE)
-    seconds = monotonic() - begun
 
     def phasors(of: str) -> Complex:
         found = []
@@ -210,7 +199,7 @@ def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
         currents=phasors("current"),
         amplitudes=running.mode_amplitudes(),
         find_loop=partial(_compiled_loop, run, running),
-        seconds=seconds,
+        seconds=monotonic() - begun,
         ngspice_version=None,
         deck=deck,
         deck_sha256=None,
@@ -238,9 +227,6 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
     by_frequency = np.linalg.solve(s * np.eye(len(free)) - opened, by_tuning[:, np.newaxis])
     gain = np.asarray(-by_frequency[:, row, 0], dtype=np.complex128)
     return crossing(tracker, own, frequency, gain)
-
-
-# --- ngspice ---
 
 
 def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:

@@ -176,8 +176,7 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     impedance = source.loop_filter.impedance(2j * pi * frequency)
     gain = -pump * impedance * tracker.gain_hz_per_v * turns
-    # Within the dead time the current sets when the output of a bridge turns. The loop gain leaves out that an edge of
-    # the voltage at the pins, and of the current that answers, may move by its angle.
+    # within the dead time the current sets when a bridge turns; edges of voltage and current may move by its angle
     dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
     return crossing(
         tracker, source.loop_filter, frequency, gain,

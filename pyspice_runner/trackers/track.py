@@ -54,6 +54,7 @@ LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its
 LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
+AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off over the last 50 mV of 5 V
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,7 @@ class Tracking(Result):
     """A run with a tracker.
 
     Attributes:
-        locked: whether the tracker locked before the disturbance, never lost lock, and is locked at the end; false
-            without a tracker.
+        locked: whether it locked before the disturbance, never lost lock, and is locked at the end; false without one.
         lock_time_s: time after which it stays locked until the disturbance; ``None`` if it does not.
         kept_lock: whether the phase came within 20° of its target before the disturbance, and stayed within 60°.
         rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
@@ -85,17 +85,14 @@ class Tracking(Result):
         residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
         static_phase_error_deg: phase of the mode's velocity minus its target, mean at the end.
         end_frequency_hz: mean frequency at the end.
-        resonance_reached_hz: frequency at which the mode's velocity would be in phase with the force, at the end; from
-            the phase there, by the loaded quality factor of the design.
+        resonance_reached_hz: frequency at which the velocity would be in phase, by the phase at the end and ``lag``.
         speed_before_rad_s: speed when the disturbance began.
         speed_after_rad_s: speed at the end.
         speed_lost_rad_s: speed before the disturbance minus the lowest speed after it began.
         stall_torque_n_m: torque on a held shaft; measured only if the load step is to be half of it.
-        to_come: expected further relative change of the speed, extrapolated from the part after the disturbance;
-            ``None`` if that part is too short, or for a held shaft.
+        to_come: expected further relative change of the speed; ``None`` after too short a time or for a held shaft.
         lag: resonance and loaded quality factor of the mode, for which the filter was designed.
-        loop: gain and margin of a locked phase-locked loop in front of the running motor, at the end; ``None`` for
-            other trackers, for one that is not locked, and where there is none.
+        loop: gain and margin of a locked phase-locked loop in front of the running motor at the end, else ``None``.
         settings: motor, tracker, disturbance and run, JSON-ready.
         time_s: middle of each period.
         frequency_hz: frequency of each period.
@@ -177,9 +174,29 @@ class Tracking(Result):
             return None
         return has_settled(self.to_come)
 
+    def _lock(self) -> Iterator[str]:
+        """Yield that the tracker ended at a limit of its oscillator or without lock, and what to do."""
+        tracker, lost = self.settings["tracker"], self.lock_time_s is not None
+        at_limit = abs(self.end_frequency_hz / tracker["frequency"] - 1.0) > AT_LIMIT * tracker["span"]
+        if tracker["kind"] == "none" or (self.locked and not at_limit):
+            return
+        advice = "Run it longer (duration), start nearer to the resonance (offset), or raise the voltage."
+        if at_limit:
+            advice = "Start nearer to the resonance (offset), widen the range (span), or reverse the polarity."
+        elif lost:
+            advice = "Raise the voltage or the bandwidth, or reduce the disturbance."
+        elif tracker["kind"] != "pll":
+            advice = "Run it longer (duration). If it stays there, what it observes has its maximum there: use a pll."
+        yield (
+            f"The tracker {'is locked' if self.locked else 'has lost lock' if lost else 'has not locked'}: it ended at "
+            f"{1e-3 * self.end_frequency_hz:.6g} kHz{', the limit of its oscillator' if at_limit else ''}, "
+            f"{self.static_phase_error_deg:.2g}° from its target, by design {1e-3 * self.design_frequency_hz:.6g} kHz. "
+            + advice
+        )
+
     def _limits(self) -> Iterator[str]:
-        """Yield whether the mode's motion has not built up, and limits of the ceramic."""
-        yield from self.model_cautions
+        """Yield whether it is not locked, whether the mode's motion has not built up, and limits of the ceramic."""
+        yield from (*self._lock(), *self.model_cautions)
         lasted = float(self.time_s[-1] - self.time_s[0])
         if lasted < BUILT_UP * self.lag.time_constant_s:
             yield (
@@ -208,6 +225,7 @@ class Tracking(Result):
         rows = {
             "motor": str(self.settings["motor"]["name"]),
             "tracker": str(self.settings["tracker"]["kind"]),
+            "mode": str(self.settings["motor"]["modes"][self.settings["run"]["mode"]]["name"]),
             "disturbance": str(self.settings["disturbance"]["kind"]),
             **contact_row(self.settings["run"]),
             "locked": "yes" if self.locked else "no",
@@ -403,15 +421,13 @@ def track(
         preload_change: relative change of the preload.
         drift: relative drift of the frequencies.
         drift_time: duration of the drift, s.
-        thermal: coefficients of the drift; by default only the frequencies drift, and in a warm-up those of
-            :meth:`Thermal.of` apply.
+        thermal: coefficients of the drift; by default of frequencies only, in a warm-up those of :meth:`Thermal.of`.
         target_step: step of the target phase of a phase-locked loop, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: circuit between tracker and the motor's pins, where the tracker senses; it sets voltages and phase.
         averaged: whether to track the averaged motor.
-        margin: whether to find the loop gain of a locked loop at the end of the run, from the small signals of the
-            running motor with driver and network; of the full motor this takes some ten seconds.
+        margin: whether to find the loop gain of a locked loop at the end; of the full motor this takes about 10 s.
         engine: of the averaged motor, as in :func:`simulate_averaged`; ngspice runs the full motor.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.

@@ -136,8 +136,7 @@ def slider_cycle(contact: Contact, amplitude_m: float) -> tuple[float, float]:
 
 SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 RAIL = 5.0  # V, range of the control voltage
-# Digital events shorten the steps; ngspice's error control is off, as with uniform steps. The nodes have some volts,
-# and frequencies of some ten thousand hertz.
+# Digital events shorten the steps; ngspice's error control is off, as with uniform steps. Nodes have 1 V to 50 kV.
 TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
 STEP_TIME = 0.2e-3  # s, rise time of a step of load or preload: short for the loop, long for the modes
 
@@ -360,8 +359,7 @@ class TrackedSource(Source):
     tracker: Tracker  # the tracker, its drive and its oscillator
     mode: int  # index of the mode to track, from 0
     loop_filter: LoopFilter  # filter of a phase-locked loop
-    # driver behind the oscillator; ``None`` for ideal sources. It sets voltages and phase, the oscillator the
-    # frequency.
+    # behind the oscillator, sets voltages and phase; ``None`` for ideal sources
     driver: Driver | None = None
     disturbance: Disturbance = UNDISTURBED  # what happens to the loop and the motor
     inject: str = ""  # source between ``control`` and ``tuning``, by default 0 V

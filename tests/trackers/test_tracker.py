@@ -143,33 +143,29 @@ def test_the_detector_and_its_mean_measure_leads_from_both_sides(target: float) 
     circuit.V("target", "target", 0, target)
     circuit.V("force", "force", 0, "SIN(0 1 50k 0 0 0)")
     circuit.V("ahead", "ahead", 0, "SIN(0 1 50k 0 0 90)")
+    circuit.V("middle", "middle", 0, 2.5)
     for at, lead in enumerate(leads):
         circuit.V(f"motional{at}", f"motional{at}", 0, f"SIN(0 1 50k 0 0 {lead})")
-        own = (f"motional{at}", "force", "ahead", "target", f"m{at}")
-        instantiate(circuit, f"detector{at}", "tracker_detector", own)
-        lines = []
-        for group, volts in (("a", 1.0), ("b", -1.0)):
-            for part, volt in (("re", volts), ("im", 0.0)):
-                circuit.V(f"{group}_{part}{at}", f"line_{group}_{part}{at}", 0, volt)
-                turned = volts * (cos(radians(lead)) if part == "re" else sin(radians(lead)))
-                circuit.I(f"{group}_{part}{at}", f"{group}_{part}{at}", 0, turned)
-                lines += [f"line_{group}_{part}{at}", f"{group}_{part}{at}"]
-        pins = (*lines, "target", "middle", f"n{at}", f"f{at}", f"p{at}", 0)
-        instantiate(circuit, f"averaged{at}", "tracker_averaged", pins, capacitance_a=1e-15, capacitance_b=1e-15)
-        for kind in "mn":
+        circuit.I(f"re{at}", f"re{at}", 0, cos(radians(lead)))
+        circuit.I(f"im{at}", f"im{at}", 0, sin(radians(lead)))
+        for kind in "pm":
             circuit.V(f"{kind}{at}", f"{kind}{at}", "middle", 0.0)
-    circuit.V("middle", "middle", 0, 2.5)
+        pins = (f"motional{at}", "force", "ahead", "target", f"p{at}")
+        instantiate(circuit, f"detector{at}", "tracker_detector", pins)
+        ends = ("target", "middle", f"m{at}", f"tuned{at}", f"phase{at}", 0)
+        pins = ("middle", f"re{at}", 0, f"im{at}", 0, f"c{at}", 0, f"d{at}", *ends)
+        instantiate(circuit, f"averaged{at}", "tracker_averaged", pins, capacitance_a=1e-15)
     simulator = BatchSimulator(circuit)
-    simulator.save(*(f"i(v{kind}{at})" for kind in "mn" for at in range(len(leads))))
+    simulator.save(*(f"i(v{kind}{at})" for kind in "pm" for at in range(len(leads))))
     simulator.transient(step_time=100e-9, end_time=420e-6, max_time=100e-9, use_initial_condition=True)
     assert simulator.result is not None
     found = {name: np.asarray(values, float) for name, values in simulator.result.raw.vectors.items()}
     late = found["time"] >= 20e-6
     for at, lead in enumerate(leads):
         wanted = 20e-6 * ((lead if lead < 165.0 else -165.0) - target) / 360.0
-        of_pulses = np.trapezoid(found[f"i(vm{at})"][late], found["time"][late]) / 400e-6
+        of_pulses = np.trapezoid(found[f"i(vp{at})"][late], found["time"][late]) / 400e-6
         assert of_pulses == pytest.approx(wanted, abs=20e-6 * 3.6 / 360.0), lead
-        assert found[f"i(vn{at})"][-1] == pytest.approx(wanted, abs=1e-10), lead
+        assert found[f"i(vm{at})"][-1] == pytest.approx(wanted, abs=1e-10), lead
 
 
 # --- lag and filter --------------------------------------------------------------------------------------------
