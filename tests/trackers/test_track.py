@@ -289,7 +289,6 @@ def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
     assert (tmp_path / "track.png").stat().st_size > 20_000
     assert run([*words, "--duration", "2e-3", "--reverse"]) == 0
     shown = capsys.readouterr().out
-    assert "locked" in shown
     assert "no" in shown.split("lock time")[0]
     assert run(["track", "andersen2002", "--tracker", "none", "--disturb", "target"]) == 2
     assert "only a pll has a target" in " ".join(capsys.readouterr().err.split())
