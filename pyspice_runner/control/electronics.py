@@ -7,7 +7,7 @@ from math import tau
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import require
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated
 
@@ -43,20 +43,17 @@ class Electronics(Stated):
 
     def check(self, sample_time: float, frequency: float) -> None:
         """Raise ParameterError for a delay that is not below the sample time, or a clock too slow for a drive in Hz."""
-        if self.delay_s >= sample_time:
-            raise ParameterError(
-                f"electronics.delay_s = {self.delay_s:g} s is not valid: it must be below the sample time, "
-                f"{sample_time:g} s."
-            )
-        if 0.0 < self.timer_hz < 10.0 * frequency:
-            raise ParameterError(
-                f"electronics.timer_hz = {self.timer_hz:g} Hz is not valid: it must be at least ten times the drive "
-                f"frequency, {10.0 * frequency:g} Hz."
-            )
+        allowed = f"below the sample time, {sample_time:g} s"
+        require(self.delay_s < sample_time, "electronics.delay_s", self.delay_s, allowed, unit="s")
+        allowed, fast = f"at least ten times the drive frequency, {10.0 * frequency:g} Hz", 10.0 * frequency
+        require(not 0.0 < self.timer_hz < fast, "electronics.timer_hz", self.timer_hz, allowed, unit="Hz")
 
-    def resolution(self, sample_time: float, frequency: float) -> dict[str, float]:
-        """Return the steps of what is measured and set, at a drive frequency in Hz; 0 without a step."""
-        edge = self._edge
+    def resolution(self, sample_time: float, frequency: float, *, linear: bool = False) -> dict[str, float]:
+        """Return the steps of what is measured and set, at a drive frequency in Hz; 0 without a step.
+
+        With ``linear`` those of a slider, in m and m/s.
+        """
+        edge = self._edge(linear=linear)
         return {
             "position_rad": edge, "speed_rad_s": edge / sample_time,
             "current_a": _step(self.current_bits, self.current_range_a),
@@ -66,9 +63,8 @@ class Electronics(Stated):
             "phase_deg": 360.0 * frequency / self.timer_hz if self.timer_hz else 0.0,
         }  # fmt: skip
 
-    @property
-    def _edge(self) -> float:
-        return tau / (EDGES * self.encoder_lines) if self.encoder_lines else 0.0
+    def _edge(self, *, linear: bool) -> float:
+        return (1.0 if linear else tau) / (EDGES * self.encoder_lines) if self.encoder_lines else 0.0
 
 
 class Rounding:
@@ -82,7 +78,7 @@ class Rounding:
         parts = self.electronics
         if parts.encoder_jitter_rad:
             value += parts.encoder_jitter_rad * float(self._noise.standard_normal())
-        edge = parts._edge / (tau if linear else 1.0)
+        edge = parts._edge(linear=linear)
         return round(value / edge) * edge if edge else value
 
     def current(self, value: complex) -> complex:

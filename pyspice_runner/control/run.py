@@ -43,12 +43,26 @@ CHECKS = ("check", "separated", "tip_y_amplitude_m")
 OF_AVERAGED = ("heat_w", *CHECKS)
 # sample of each quantity that a controller may control, by the attribute ``quantity`` of the controller
 CONTROLLED = {"speed": "speed_rad_s", "position": "position_rad", "phase": "current_phase_deg"}
+MOST_TURNS = 2  # of a rotor that comes to rest: an overshoot and its correction
 SMALL = 0.02  # share of the largest value, added to the mean that a change is relative to
 
 RECORDS = (
     "time_s", "speed_rad_s", "position_rad", "current_amplitude_a", "current_b_amplitude_a", "temperature_k",
     "load_position_rad",
 )  # fmt: skip
+
+
+def turning_points(position: Array, angle: float) -> int:
+    """Return how often a position turns back by more than an angle, both in rad."""
+    low = high = float(position[0])
+    direction = count = 0
+    for value in position.tolist():
+        low, high = min(low, value), max(high, value)
+        rises, falls = direction <= 0 and value > low + angle, direction >= 0 and value < high - angle
+        if rises or falls:
+            count += direction != 0
+            direction, low, high = 1 if rises else -1, value, value
+    return count
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,14 +91,37 @@ class ControlledRun(RunOverTime):
         seen, running = self.samples, self.provenance["run"]["start"] == "steady"
         amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
         bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
-        step = self.provenance["run"]["resolution"]["position_rad"]
-        angle = max(2.0 * presliding(self.provenance["motor"]), 1.5 * step)  # a step of the encoder is no motion
-        cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, angle)
+        cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, self._still)
         return (*cautions_over_time(self.provenance["motor"], seen), *bursts, *cycles)
 
+    @property
+    def _still(self) -> float:
+        """Angle in rad, of a slider in m, below which a change of the position is no motion."""
+        step = self.provenance["run"]["resolution"]["position_rad"]
+        return float(max(2.0 * presliding(self.provenance["motor"]), 1.5 * step))
+
+    @property
+    def _hunts(self) -> tuple[str, ...]:
+        """Whether the rotor turns back again and again in the second half of the time with the last set point."""
+        time, position, reference = (self.samples[name] for name in ("time_s", "position_rad", "reference"))
+        if self.provenance["run"]["quantity"] != "position" and not reference.any():  # the set point is not known
+            return ()
+        changes = np.flatnonzero(np.diff(reference))
+        begin = ((int(changes[-1]) + 1 if changes.size else 0) + len(time)) // 2
+        late = position[begin:]
+        turns = turning_points(late, self._still)
+        if turns <= MOST_TURNS:
+            return ()
+        caution = (
+            f"The rotor hunts: it turns back {turns} times after {time[begin]:.4g} s, between {late.min():.5g} rad and "
+            f"{late.max():.5g} rad, at a constant set point. Give the controller a dead zone of at least one step of "
+            "the encoder, or lower its gains."
+        )
+        return (caution,)
+
     def _limits(self) -> Iterable[str]:
-        """Return the findings of the averaged motor's own check, and whether the rotor exceeds its limit of speed."""
-        return (*self._model_cautions, *self._too_fast)
+        """Return the findings of the averaged motor's own check, and whether the rotor is too fast or hunts."""
+        return (*self._model_cautions, *self._too_fast, *self._hunts)
 
     @property
     def _watched(self) -> dict[str, str]:

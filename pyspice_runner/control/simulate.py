@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from math import ceil, degrees, isfinite
+from math import ceil, degrees, inf, isfinite
 from pathlib import Path
 from typing import Any, Literal
 
@@ -96,14 +96,11 @@ def simulate_controlled(
             :func:`simulate_averaged`. The commands are then those of its stages.
         controller: called at every sample time with a :class:`Sample`; it returns what changes: ``voltage`` (V, of both
             groups), ``voltage_a``, ``voltage_b``, ``phase_deg``, ``frequency`` (Hz). A negative amplitude turns the
-            phase by 180°. A path is that of a shared library of C code: firmware with
-            the functions of ``piezomotor_firmware.h``, or the function
-            ``void step(double t, const double *in, double *out)``. ``in`` has the values of a
-            :class:`Sample` behind the time, in its order. ``out`` takes amplitude of both groups (V), phase
-            (deg) and frequency (Hz), and has the present values on entry. The library runs in this process: only load
-            code that you trust. If a controller has the attribute ``quantity``, one of ``"speed"``, ``"position"`` and
-            ``"phase"``, the result states its static error. An attribute ``set_point``, a function of the time in s, is
-            the reference.
+            phase by 180°. A path is that of a shared library of C code: firmware with the functions of
+            ``piezomotor_firmware.h``, or a function ``step`` (docs/tracking.md). The library runs in this process: only
+            load code that you trust. If a controller has the attribute ``quantity``, one of ``"speed"``, ``"position"``
+            and ``"phase"``, the result states its static error. An attribute ``set_point``, a function of the time in
+            s, is the reference; ``resolution`` is set to that of the ``electronics``.
         duration: simulated time in s.
         sample_time: time in s between two samples; at least one period of the drive.
         averaged: whether the averaged motor runs, or the full one, cycle by cycle.
@@ -132,13 +129,14 @@ def simulate_controlled(
     stage = run.front.stage
     check_sample_time(sample_time, stage)
     count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0
-    if not 1 <= count <= MOST_SAMPLES:
-        raise ParameterError(
-            f"duration = {duration:g} s is out of range: it must hold 1 to {MOST_SAMPLES} samples of {sample_time:g} s."
-        )
+    allowed = f"1 to {MOST_SAMPLES} samples of {sample_time:g} s"
+    require(1 <= count <= MOST_SAMPLES, "duration", duration, allowed, unit="s")
     quantity, reference = _controlled(controller, course)
     parts = electronics or IDEAL
     parts.check(sample_time, stage.frequency)
+    resolution = parts.resolution(sample_time, stage.frequency, linear=motor.slider is not None)
+    if hasattr(controller, "resolution"):
+        controller.resolution = resolution
     require(1 <= records <= MOST_RECORDS, "records", records, f"a whole number from 1 to {MOST_RECORDS}")
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":
@@ -180,7 +178,7 @@ def simulate_controlled(
         provenance=run.provenance(
             duration_s=duration, sample_time_s=sample_time, averaged=averaged, engine=used, step_s=uniform, start=start,
             electronics=None if electronics is None else electronics.model_dump(),
-            resolution=parts.resolution(sample_time, stage.frequency), reference=[*map(list, course)],
+            resolution=resolution, reference=[*map(list, course)],
             quantity=quantity,
         ),
         write_deck=write_deck,
@@ -190,11 +188,8 @@ def simulate_controlled(
 def _controlled(controller: object, course: Schedule) -> tuple[str | None, Callable[[float], float]]:
     """Return the controlled quantity, ``None`` if it is not known, and the set point over the time in s."""
     quantity = getattr(controller, "quantity", None)
-    if quantity is not None and quantity not in CONTROLLED:
-        raise ParameterError(
-            f"The controller has quantity = {quantity!r}: it must be one of {', '.join(CONTROLLED)}. Leave it out for "
-            "another quantity."
-        )
+    allowed = f"one of {', '.join(CONTROLLED)}, or left out"
+    require(quantity is None or quantity in CONTROLLED, "quantity of the controller", quantity, allowed)
     set_point = getattr(controller, "set_point", None)
     times, values = np.transpose(course)
     if not callable(set_point):
@@ -206,11 +201,8 @@ def _controlled(controller: object, course: Schedule) -> tuple[str | None, Calla
 
 def check_sample_time(sample_time: float, drive: TwoPhaseDrive) -> None:
     """Raise ParameterError for a time between two samples below one period of a drive."""
-    if not (isfinite(sample_time) and sample_time >= drive.period):
-        raise ParameterError(
-            f"sample_time = {sample_time:g} s is out of range: it must be at least one period of the drive, "
-            f"{drive.period:.3g} s."
-        )
+    valid, allowed = drive.period <= sample_time < inf, f"at least one period of the drive, {drive.period:.3g} s"
+    require(valid, "sample_time", sample_time, allowed, unit="s")
 
 
 def _run(

@@ -207,5 +207,5 @@ def test_a_run_says_what_has_settled_and_the_static_error_of_what_is_controlled(
     assert nameless.static_error is None
     assert nameless.settled
     Proportional.quantity = "torque"
-    with pytest.raises(pr.ParameterError, match="quantity = 'torque': it must be one of speed, position, phase"):
+    with pytest.raises(pr.ParameterError, match="= 'torque' is not valid: it must be one of speed, position, phase"):
         run(3e-3, Proportional())
