@@ -128,11 +128,14 @@ CYCLES = 3
 SETTLING = 20  # samples in which a loop of the phase, closed at the steady speed, settles
 
 
-def injected(loop: ControlLoop, motor: pr.Motor, drive: pr.TwoPhaseDrive, *, settles: float, **how: Any) -> complex:
+def injected(
+    loop: ControlLoop, motor: pr.Motor, drive: pr.TwoPhaseDrive, *, settles: float, size: float = 1.0, **how: Any
+) -> complex:
     """Return the loop gain at the designed crossover, by a sine that is added to the controller's output.
 
     The ratio of returned to injected signal is minus the loop gain (R. D. Middlebrook, Int. J. Electronics 38, 1975).
-    ``settles`` in s is the time before the sine, ``how`` goes to ``simulate_controlled``.
+    ``settles`` in s is the time before the sine, ``size`` that of the sine over the usual one; ``how`` goes to
+    ``simulate_controlled``.
     """
     wanted = loop.provenance["run"]
     step, point = wanted["sample_time_s"], wanted["operating_point"]
@@ -150,11 +153,14 @@ def injected(loop: ControlLoop, motor: pr.Motor, drive: pr.TwoPhaseDrive, *, set
             signals.append((0.0, 1.0))
             return {}
         commands = dict(controller(sample))
-        sine = MODULATION[loop.quantity] * np.sin(2.0 * np.pi * number / cycle) if number >= begins else 0.0
+        sine = size * MODULATION[loop.quantity] * np.sin(2.0 * np.pi * number / cycle) if number >= begins else 0.0
         name = "frequency" if loop.quantity == "phase" else "voltage_a"
         before = commands[name]
         signals.append((before, before + sine))
-        return {"frequency": before + sine} if loop.quantity == "phase" else {"voltage": before + sine}
+        if loop.quantity == "phase":
+            return {"frequency": before + sine}
+        turned = {"phase_deg": commands["phase_deg"]} if "phase_deg" in commands else {}
+        return {"voltage": before + sine} | turned
 
     first = begins + 2 * cycle
     pr.simulate_controlled(
@@ -170,14 +176,15 @@ def difference(loop: ControlLoop, measured: complex) -> tuple[float, float]:
     """Return the relative error of the crossover, by the slope of the loop gain there, and that of the margin, deg."""
     wanted = loop.provenance["run"]
     place = np.log(loop.frequency_hz)
-    at = np.log(wanted["crossover_hz"])
+    cycle = round(1.0 / wanted["crossover_hz"] / wanted["sample_time_s"])  # samples of the sine, which is near it
+    at = -np.log(cycle * wanted["sample_time_s"])
     level = np.log(np.abs(loop.loop_gain))
     slope = (np.interp(at + 0.1, place, level) - np.interp(at - 0.1, place, level)) / 0.2
     phase = np.unwrap(np.angle(loop.loop_gain))
     turning = (np.interp(at + 0.1, place, phase) - np.interp(at - 0.1, place, phase)) / 0.2
-    crossover = -np.log(abs(measured)) / slope
-    margin = np.angle(-measured) + turning * crossover
-    return float(crossover), float(np.degrees(margin)) - wanted["margin_deg"]
+    crossover = (np.interp(at, place, level) - np.log(abs(measured))) / slope
+    margin = np.angle(measured * np.exp(-1j * np.interp(at, place, phase))) + turning * crossover
+    return float(crossover), float(np.degrees(margin))
 
 
 def margins(name: str) -> dict[str, float]:

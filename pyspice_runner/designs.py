@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, overload
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
@@ -58,15 +59,18 @@ def control_loop(motor: Motor, drive: TwoPhaseDrive | Tracker, **settings: Any) 
         drive: the drive of the steady state about which a sampled controller is designed; or a tracker, whose loop of
             the phase has the filter of :func:`design` in front of a resonator alone.
         **settings: of a sampled controller ``quantity``, ``crossover``, ``margin``, ``sample_time``, ``load_torque``
-            and ``over``, as of :func:`.sampled_loop`; of a tracker the index ``mode`` of the tracked mode, by default
-            the last one, and whether it is in ``contact``.
+            and ``over``, as of :func:`.sampled_loop`, each with a default; of a tracker the index ``mode`` of the
+            tracked mode, by default the last one, and whether it is in ``contact``.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if there is no such loop.
     """
-    if isinstance(drive, TwoPhaseDrive):
-        return sampled_loop(motor, drive, **settings)
-    if settings.pop("quantity", "phase") != "phase":
-        raise ParameterError("A tracker controls the phase. Leave quantity out, or give a TwoPhaseDrive.")
-    return loop_design(motor, drive, **settings)
+    try:
+        if isinstance(drive, TwoPhaseDrive):
+            return sampled_loop(motor, drive, **settings)
+        if settings.pop("quantity", "phase") != "phase":
+            raise ParameterError("A tracker controls the phase. Leave quantity out, or give a TwoPhaseDrive.")
+        return loop_design(motor, drive, **settings)
+    except ParameterError as error:
+        raise ParameterError(re.sub("^(sampled_loop|loop_design):", "control_loop:", str(error))) from None

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
-from pyspice_runner.control.loop import Quantity
+from pyspice_runner.control.loop import SAMPLE_TIME, Quantity
 
 LONGEST_SAMPLE = 1.0  # s; a motor of this kind runs up in milliseconds
 
@@ -14,9 +14,9 @@ LONGEST_SAMPLE = 1.0  # s; a motor of this kind runs up in milliseconds
 @command(
     "motor", DRIVE, "quantity crossover margin sample load_torque over", CHANGES, TARGETS,
     quantity=option(Quantity, "speed", "Controlled quantity."),
-    crossover=option(float, 40.0, "Frequency at which the loop gain is 1, Hz."),
-    margin=option(float, 60.0, "Phase margin, degrees."),
-    sample=option(float, 0.5e-3, "Time between two samples, s."),
+    crossover=option(float | None, None, "Frequency at which the loop gain is 1, Hz; default: the motor's highest."),
+    margin=option(float | None, None, "Phase margin, degrees; default: 60 or the next possible."),
+    sample=option(float, SAMPLE_TIME, "Time between two samples, s."),
     over=option(
         list[str] | None, None,
         "Other operating points: speed=5,10 (the amplitude follows), load.torque=0,1e-3, drive.voltage=60,80, "

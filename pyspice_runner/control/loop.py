@@ -25,15 +25,15 @@ from numpy.typing import NDArray
 from pyspice_runner.averaged.core import AveragedMotor
 from pyspice_runner.control.run import CONTROLLED
 from pyspice_runner.control.simulate import Sample, check_sample_time, simulate_controlled
-from pyspice_runner.control.state_space import at_speed, by_input, small_signals_at
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.control.state_space import at_speed, by_input, settled, small_signals_at
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result
 from pyspice_runner.steady.steady import STANDS, stability_cautions
-from pyspice_runner.units import linear_unit
+from pyspice_runner.units import linear_words
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -43,6 +43,16 @@ POINTS = 600  # of the loop gain over frequency
 LOWEST = 1e-3  # of the crossover, at which the loop gain begins
 NYQUIST = 0.8  # largest crossover, of half of the sampling rate
 LEAST_MARGIN, MOST_MARGIN = 5.0, 120.0  # deg
+SAMPLE_TIME = 0.5e-3  # s
+# of a loop by default; Åström and Murray, Feedback Systems, 2008, section 9.3: 30 to 60°, and a factor of 2 to 5
+MARGINS = (60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 45.0)  # deg; an integrator alone and a plant without lag: 90°
+LEAST_GAIN_MARGIN = 6.0  # dB
+INTEGRAL_PART = 30.0  # deg, smallest lag of a PI controller at the crossover; a PD controller leads by at most 60°
+TRIED, SLOWEST, STEP_DEG = 90, 2e-4, 5.0  # crossovers that are tried, the lowest of the highest; step of the margins
+ROUNDING = 1.0 + 1e-6  # of a step of the encoder, in the comparison with an error that is a multiple of it
+# ratio of the slopes of the speed, over ± SMALL of the amplitude and at the point, beyond which the first is used: the
+# second jumps by a factor of up to 2 where a phase of the averaged contact sticks or lifts; beyond it the speed jumps
+EVEN, MOST_UNEVEN = 1.05, 2.5
 STEPPED = 5  # samples before the step
 CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its smallest number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
@@ -131,7 +141,7 @@ class ControlLoop(Result):
     def gain_units(self) -> dict[str, str]:
         """Units of the gains."""
         units = GAINS[self.quantity]
-        return {name: linear_unit(unit) if self.linear else unit for name, unit in units.items()}
+        return {name: linear_words(unit) if self.linear else unit for name, unit in units.items()}
 
     def _limits(self) -> Iterator[str]:
         """Yield the cautions of the simulated step, and operating points at which the loop is not stable."""
@@ -181,18 +191,26 @@ class ControlLoop(Result):
 
 
 class LoopController:
-    """A designed controller about its operating point: PI of a speed or a phase, PD of a position.
+    """A designed controller: PI of a speed or a phase about its operating point, PD of a position.
+
+    That of a position adds the dead band to the magnitude of its output, whose sign is that of the phase. It switches
+    the drive off within its dead zone about the set point, ``resolution["position_rad"]``, a step of the encoder.
 
     Args:
         loop: the design.
         set_point: time in s → wanted value of the quantity: rad/s, rad or deg.
+
+    Attributes:
+        resolution: steps of what is measured, as of :meth:`.Electronics.resolution`; set by ``simulate_controlled``.
     """
 
     def __init__(self, loop: ControlLoop, set_point: Callable[[float], float]) -> None:
         run, self._drive = loop.provenance["run"], loop.provenance["drive"]
         self.quantity, self.set_point = loop.quantity, set_point
         self._proportional, self._other = loop.gains.values()
-        self._step, self._speed, self._sum = run["sample_time_s"], run["operating_point"]["speed"], 0.0
+        self._step, self._sum, self._dead_band = run["sample_time_s"], 0.0, loop.dead_band_v or 0.0
+        self._reverses = self._drive["ratio_b"] * abs(sin(radians(self._drive["phase_deg"]))) > 1e-6
+        self.resolution: Mapping[str, float] = {}
 
     def __call__(self, sample: Sample) -> Mapping[str, float]:
         """Return the amplitudes, or of a phase the frequency, until the next sample."""
@@ -201,12 +219,15 @@ class LoopController:
             error = (wanted - sample.current_phase_deg + 180.0) % 360.0 - 180.0
             return {"frequency": self._drive["frequency"] + self._regulated(error)}
         if self.quantity == "speed":
-            output = self._regulated(wanted - sample.speed_rad_s)
-        else:
-            damped = self._other * (sample.speed_rad_s - self._speed)
-            output = self._proportional * (wanted - sample.position_rad) - damped
-        voltage = self._drive["voltage"] + output
-        return {"voltage_a": voltage, "voltage_b": self._drive["ratio_b"] * voltage}
+            voltage = self._drive["voltage"] + self._regulated(wanted - sample.speed_rad_s)
+            return {"voltage_a": voltage, "voltage_b": self._drive["ratio_b"] * voltage}
+        error, zone = wanted - sample.position_rad, self.resolution.get("position_rad", 0.0)
+        output = self._proportional * error - self._other * sample.speed_rad_s
+        rests = abs(error) <= zone * ROUNDING or (not self._reverses and output < 0.0)
+        most = 2.0 * self._drive["voltage"] - self._dead_band  # the gains are those about the voltage of the design
+        voltage = 0.0 if rests else min(self._dead_band + abs(output), most)
+        phase = copysign(self._drive["phase_deg"], output * self._drive["phase_deg"])
+        return {"voltage_a": voltage, "voltage_b": self._drive["ratio_b"] * voltage, "phase_deg": phase}
 
     def _regulated(self, error: float) -> float:
         """Return the output of the PI controller."""
@@ -287,10 +308,10 @@ def sampled_loop(
     motor: Motor,
     drive: TwoPhaseDrive,
     *,
-    quantity: Quantity,
-    crossover: float,
-    margin: float = 60.0,
-    sample_time: float,
+    quantity: Quantity = "speed",
+    crossover: float | None = None,
+    margin: float | None = None,
+    sample_time: float = SAMPLE_TIME,
     load_torque: float = 0.0,
     over: Mapping[str, Sequence[float]] | None = None,
 ) -> ControlLoop:
@@ -298,16 +319,17 @@ def sampled_loop(
 
     The controller of the ``speed`` is u = V₀ + k (e + (T/T_i) Σ e), which sets the amplitude of both groups in
     proportion; e is the error of the mean speed since the last sample, T the sample time. That of the ``position`` is
-    u = V₀ + k (e − T_d Δω); its set point moves at the speed of the steady state, and Δω is the deviation of the mean
-    speed from it. That of the ``phase`` sets the frequency by the phase of the mean current into group A, like that of
-    the speed.
+    u = V_d + |k (e − T_d ω)| with the dead band V_d and the mean speed ω; the set point of the design moves at the
+    speed of the steady state. That of the ``phase`` sets the frequency by the phase of the mean current into group A,
+    like that of the speed.
 
     Args:
         motor: the motor.
         drive: amplitudes, phase and frequency of the steady state.
         quantity: the controlled quantity.
-        crossover: wanted frequency at which the loop gain is 1, Hz.
-        margin: wanted phase margin, degrees.
+        crossover: wanted frequency at which the loop gain is 1, Hz; by default the highest with this margin, 6 dB of
+            gain margin, and at the crossover a lag of the PI controller of 30° or more, or a lead of the PD up to 60°.
+        margin: wanted phase margin, degrees; by default 60°, or the next that the motor allows.
         sample_time: time in s between two samples; at least one period of the drive.
         load_torque: torque in N·m that a load draws from the shaft.
         over: axes of a grid of other operating points: ``drive.voltage``, ``speed`` (rad/s, to which the amplitude of
@@ -320,16 +342,12 @@ def sampled_loop(
     """
     check_sample_time(sample_time, drive)
     highest = 0.5 * NYQUIST / sample_time
-    if not 0.0 < crossover <= highest:
-        raise ParameterError(
-            f"crossover = {crossover:g} Hz is out of range: it must be > 0 and ≤ {highest:.4g} Hz, {NYQUIST:g} times "
-            "half of the sampling rate."
-        )
-    if not LEAST_MARGIN <= margin <= MOST_MARGIN:
-        raise ParameterError(
-            f"margin = {margin:g}° is out of range: it must be from {LEAST_MARGIN:g} to {MOST_MARGIN:g}°."
-        )
+    allowed = f"> 0 and ≤ {highest:.4g} Hz, {NYQUIST:g} times half of the sampling rate"
+    require(crossover is None or 0.0 < crossover <= highest, "crossover", crossover, allowed, unit="Hz")
+    allowed = f"from {LEAST_MARGIN:g} to {MOST_MARGIN:g}°"
+    require(margin is None or LEAST_MARGIN <= margin <= MOST_MARGIN, "margin", margin, allowed, unit="°")
     plant = _plant(motor, drive, load_torque, quantity, sample_time)
+    crossover, margin = _chosen(plant, crossover, margin)
     gain, ratio = _gains(plant, crossover, margin)
     band, cautions = None, list[str]()
     if quantity != "phase":
@@ -434,7 +452,15 @@ def _plant(motor: Motor, drive: TwoPhaseDrive, load_torque: float, quantity: Qua
         row[small.place["charge_2"]] = degrees(turned.real)
     else:
         row[small.place["position"]] = 1.0
-    return _Plant(quantity, sample_time, held[:states, :states], held[:states, states], row, point)
+    plant = _Plant(quantity, sample_time, held[:states, :states], held[:states, states], row, point)
+    if quantity == "phase":
+        return plant
+    around = [drive.model_copy(update={"voltage": (1.0 + side) * drive.voltage}) for side in (-SMALL, SMALL)]
+    low, high = (settled(motor, one, load_torque).get("speed") for one in around)
+    slow = replace(plant, quantity="speed").response(np.array([LOWEST]))[0].real
+    ratio = float((high - low) / (2.0 * SMALL * drive.voltage * slow))
+    uneven = 1.0 / MOST_UNEVEN < ratio < MOST_UNEVEN and not 1.0 / EVEN < ratio < EVEN
+    return replace(plant, held=ratio * plant.held) if uneven else plant
 
 
 def _gains(plant: _Plant, crossover: float, margin: float) -> tuple[float, float]:
@@ -465,6 +491,56 @@ def _gains(plant: _Plant, crossover: float, margin: float) -> tuple[float, float
         )
     ratio = tan(turned) / opposite
     return sign / abs(value * complex(_controller(plant, 1.0, ratio, at)[0])), ratio
+
+
+def _chosen(plant: _Plant, crossover: float | None, margin: float | None) -> tuple[float, float]:
+    """Return crossover in Hz and margin in degrees: what is given, and the rest as :func:`sampled_loop` describes.
+
+    Raise ParameterError for what is given and not possible, SimulationError if no loop is.
+    """
+    highest = 0.5 * NYQUIST / plant.sample_time
+    all_places = [float(f"{at:.2g}") for at in np.geomspace(highest, SLOWEST * highest, TRIED)]
+    all_margins = np.arange(LEAST_MARGIN, MOST_MARGIN + 1.0, STEP_DEG).tolist()
+    places = all_places if crossover is None else [crossover]
+    margins = sorted(all_margins, key=lambda one: abs(one - MARGINS[0])) if margin is None else [margin]
+    tried = product(MARGINS if crossover is margin is None else margins, places)
+    works = _robust if crossover is None else _stable
+    found = next(((at, one) for one, at in tried if works(plant, at, one)), None)
+    if found is not None:
+        return found
+    if crossover is margin is None:
+        raise SimulationError("No loop is stable by the small signals here. Change the drive or the sample time.")
+    possible = []
+    if there := [one for one in all_margins if any(_stable(plant, at, one) for at in places)]:
+        kind = "PD" if plant.quantity == "position" else "PI"
+        possible.append(f"a {kind} controller gives {min(there):g} to {max(there):g}°{' there' if crossover else ''}")
+    if where := [at for at in all_places if any(_stable(plant, at, one) for one in margins)]:
+        possible.append(f"crossovers from {min(where):g} to {max(where):g} Hz are possible")
+    given = [f"crossover = {crossover:g} Hz"] if crossover is not None else []
+    given += [f"margin = {margin:g}°"] if margin is not None else []
+    reason = "; ".join(possible) or "no such loop is stable"
+    raise ParameterError(f"{' with '.join(given)} is not possible: {reason}.")
+
+
+def _stable(plant: _Plant, crossover: float, margin: float) -> bool:
+    """Whether a controller gives crossover and margin, in a loop that is stable."""
+    try:
+        _predicted(plant, *_gains(plant, crossover, margin), 1)
+    except (ParameterError, SimulationError):
+        return False
+    return True
+
+
+def _robust(plant: _Plant, crossover: float, margin: float) -> bool:
+    """Whether such a loop has the margins of a loop by default at every crossing, and its part of integral action."""
+    if not _stable(plant, crossover, margin):
+        return False
+    gain, ratio = _gains(plant, crossover, margin)
+    frequency = np.geomspace(LOWEST * crossover, 0.5 / plant.sample_time, POINTS)
+    _, worst, bound = _margins(frequency, _controller(plant, gain, ratio, frequency) * plant.response(frequency))
+    turned = abs(degrees(np.angle(_controller(plant, 1.0, ratio, np.array([crossover]))[0])))
+    integral = 90.0 - turned if plant.quantity == "position" else turned
+    return integral >= INTEGRAL_PART and worst >= margin - 1.0 and (bound is None or bound >= LEAST_GAIN_MARGIN)
 
 
 def _controller(plant: _Plant, gain: float, ratio: float, frequency: Array) -> Complex:
@@ -535,9 +611,13 @@ def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> Control
         "speed": SMALL * speed, "position": SMALL * speed / (2.0 * pi * run["crossover_hz"]), "phase": SMALL_DEG,
     }[loop.quantity]  # fmt: skip
     rate, start = {"speed": (0.0, speed), "position": (speed, 0.0), "phase": (0.0, phase)}[loop.quantity]
+    lead = 0.0  # of the set point of a moving position
+    if loop.quantity == "position":
+        proportional, derivative = loop.gains.values()
+        lead = (drive.voltage - (loop.dead_band_v or 0.0) + derivative * speed) / proportional
 
     def set_point(time: float) -> float:
-        return float(start + rate * time + step * (time > (STEPPED + 0.5) * period))
+        return float(start + lead + rate * time + step * (time > (STEPPED + 0.5) * period))
 
     result = simulate_controlled(
         motor, drive, LoopController(loop, set_point), duration=(STEPPED + count + 0.5) * period, sample_time=period,

@@ -14,8 +14,10 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.control.loop import dead_band
+from pyspice_runner.control.loop import LoopController, dead_band
 from tests.motors import BEAM40
+
+PLATE = str(Path(__file__).resolve().parents[2] / "examples" / "plate40.toml")
 
 MEASURED = run_path(str(Path(__file__).resolve().parents[2] / "docs" / "averaged_loops.py"))
 DESIGNS: dict[str, dict[str, Any]] = MEASURED["DESIGNS"]
@@ -71,11 +73,17 @@ def test_the_slow_gain_of_the_plant_is_that_of_two_steady_states(motor: pr.Motor
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is out of range: it must be > 0 and ≤ 800 Hz"),
-        ({"margin": 200.0}, pr.ParameterError, "margin = 200° is out of range"),
+        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is not valid: it must be > 0 and ≤ 800 Hz"),
+        ({"margin": 200.0}, pr.ParameterError, "margin = 200 ° is not valid: it must be from 5 to 120°"),
         ({"sample_time": 1e-6}, pr.ParameterError, "at least one period of the drive"),
         ({"crossover": 300.0, "margin": 90.0}, pr.ParameterError, r"is not possible: a PI controller gives .* to .*°"),
+        (
+            {"crossover": 700.0, "margin": None},
+            pr.ParameterError,
+            r"700 Hz is not possible: crossovers from .* are possible",
+        ),
         ({"quantity": "torque"}, pr.ParameterError, "quantity"),
+        ({"torque": 1.0}, pr.ParameterError, "control_loop: there is no argument 'torque'"),
     ],
 )
 def test_a_loop_that_cannot_be_is_an_error(
@@ -83,6 +91,43 @@ def test_a_loop_that_cannot_be_is_an_error(
 ) -> None:
     with pytest.raises(error, match=message):
         pr.control_loop(motor, drive, **(DESIGNS["slow speed"] | changes))
+
+
+@pytest.mark.parametrize("name", ["bimodal40", PLATE])
+@pytest.mark.parametrize("quantity", ["speed", "position", "phase"])
+def test_a_loop_without_options_has_margins_that_modulation_measures(name: str, quantity: Any) -> None:
+    """5 % and 3°, of the plate by sines of 2 %: the contact is open for 62 %, and its small signals jump."""
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor)
+    loop = pr.control_loop(motor, drive, quantity=quantity)
+    assert loop.phase_margin_deg == pytest.approx(60.0, abs=0.1)
+    assert loop.gain_margin_db is not None
+    assert loop.gain_margin_db >= 6.0
+    units = {"speed": "V·s/rad", "position": "V/rad", "phase": "Hz/deg"}
+    assert loop.gain_units["proportional"] == units[quantity].replace("rad", "m" if motor.slider else "rad")
+    size = 4.0 if motor.slider and quantity != "phase" else 1.0
+    crossover, margin = difference(loop, injected(loop, motor, drive, settles=0.3, size=size, start="steady"))
+    assert abs(crossover) <= 0.05
+    assert abs(margin) <= 3.0
+    given = pr.control_loop(motor, drive, quantity=quantity, crossover=loop.crossover_hz, margin=60.0)
+    assert given.gains == pytest.approx(loop.gains, rel=1e-3)
+
+
+def test_a_position_loop_rests_within_a_step_of_the_encoder_and_a_hunting_one_has_a_caution(motor: pr.Motor) -> None:
+    drive = pr.default_drive(motor)
+    loop = pr.control_loop(motor, drive, quantity="position")
+    still = drive.model_copy(update={"voltage": 0.0})
+    for lines, target in ((5000, 0.05), (5000, -0.05), (0, 0.05)):  # the last is an ideal encoder, without a dead zone
+        controller = LoopController(loop, lambda time, target=target: target * (time > 1e-3))
+        run = pr.simulate_controlled(
+            motor, still, controller, 0.3, sample_time=0.5e-3, electronics=pr.Electronics(encoder_lines=lines)
+        )
+        tail = run.position_rad[-100:]
+        hunts = any("The rotor hunts: it turns back" in caution for caution in run.cautions)
+        assert hunts == (lines == 0) == (np.ptp(tail) > 1e-3)
+        if lines:
+            assert abs(tail[-1] - target) <= 1.01 * run.provenance["run"]["resolution"]["position_rad"]
+            assert run.voltage_a_v[-1] == 0.0
 
 
 def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
