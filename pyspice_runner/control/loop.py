@@ -503,11 +503,11 @@ def _chosen(plant: _Plant, crossover: float | None, margin: float | None) -> tup
     all_margins = np.arange(LEAST_MARGIN, MOST_MARGIN + 1.0, STEP_DEG).tolist()
     places = all_places if crossover is None else [crossover]
     margins = sorted(all_margins, key=lambda one: abs(one - MARGINS[0])) if margin is None else [margin]
-    tried = product(MARGINS if crossover is margin is None else margins, places)
-    works = _robust if crossover is None else _stable
-    found = next(((at, one) for one, at in tried if works(plant, at, one)), None)
-    if found is not None:
-        return found
+    tried = [*product(MARGINS if crossover is margin is None else margins, places)]
+    for works in (_robust, _stable) if crossover is None else (_stable,):
+        for one, at in tried:
+            if works(plant, at, one):
+                return at, one
     if crossover is margin is None:
         raise SimulationError("No loop is stable by the small signals here. Change the drive or the sample time.")
     possible = []
@@ -532,7 +532,7 @@ def _stable(plant: _Plant, crossover: float, margin: float) -> bool:
 
 
 def _robust(plant: _Plant, crossover: float, margin: float) -> bool:
-    """Whether such a loop has the margins of a loop by default at every crossing, and its part of integral action."""
+    """Whether such a loop has the margins of one by default at every crossing, and enough integral action."""
     if not _stable(plant, crossover, margin):
         return False
     gain, ratio = _gains(plant, crossover, margin)

@@ -130,6 +130,11 @@ def test_a_position_loop_rests_within_a_step_of_the_encoder_and_a_hunting_one_ha
             assert run.voltage_a_v[-1] == 0.0
 
 
+def test_a_margin_alone_is_used_where_no_robust_loop_has_it(motor: pr.Motor) -> None:
+    loop = pr.control_loop(motor, pr.default_drive(motor), quantity="phase", margin=20.0)
+    assert loop.phase_margin_deg == pytest.approx(20.0, abs=0.5)
+
+
 def test_a_motor_in_its_dead_band_has_no_loop(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
     weak = drive.model_copy(update={"voltage": 20.0})
     with pytest.raises(pr.SimulationError, match="The motor stands still"):
