@@ -52,7 +52,7 @@ TRIED, SLOWEST, STEP_DEG = 90, 2e-4, 5.0  # crossovers that are tried, the lowes
 ROUNDING = 1.0 + 1e-6  # of a step of the encoder, in the comparison with an error that is a multiple of it
 # ratio of the slopes of the speed, over ± SMALL of the amplitude and at the point, beyond which the first is used: the
 # second jumps by a factor of up to 2 where a phase of the averaged contact sticks or lifts; beyond it the speed jumps
-EVEN, MOST_UNEVEN = 1.05, 2.5
+EVEN, MOST_UNEVEN = 1.1, 2.5  # the curvature of the speed above the dead band alone makes 1.06
 STEPPED = 5  # samples before the step
 CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its smallest number of samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
