@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -54,6 +54,21 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "temperature_k": ("K", "temperature of the stator above that at which its parameters hold"),
     "check": ("1", "motion at the harmonics that are left out, relative to static penetration and limit of stick"),
 }
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Estimated errors of an averaged run against the full motor, RMS over the run, by the names of its curves.
+
+    Attributes:
+        errors: of torque (at the speed of the run), speed, amplitudes of both currents, and power; empty if unknown.
+        shares: the same relative to the friction torque μ F₀ R, and to the maximum in the run.
+        unknown: why the errors are not known.
+    """
+
+    errors: Mapping[str, float]
+    shares: Mapping[str, float]
+    unknown: str = ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -150,8 +165,19 @@ class AveragedRun(RunOverTime):
     ngspice_version: str | None
     audit: Audit = field(default_factory=Audit)
     check_stability: Callable[[], tuple[str, ...]] = field(default=tuple, repr=False)
+    find_error: Callable[[], ErrorEstimate] = field(
+        default=partial(ErrorEstimate, {}, {}, "It was not estimated."), repr=False
+    )
 
     units = COLUMNS
+
+    @cached_property
+    def error_estimate(self) -> ErrorEstimate:
+        """Estimated error against the full motor, by its steady states at operating points of the run.
+
+        It is computed when first asked for: in about 1 s, or up to 20 s where the contact sticks throughout.
+        """
+        return self.find_error()
 
     @cached_property
     def _stability_cautions(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from pydantic import SkipValidation
 
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule
 from pyspice_runner.averaged.point import AveragedPoint, ScheduleLike
-from pyspice_runner.averaged.run import COLUMNS, Array, AveragedRun
+from pyspice_runner.averaged.run import COLUMNS, Array, AveragedRun, ErrorEstimate
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -60,7 +60,8 @@ def simulate_averaged(
     """Run the averaged motor from preloaded rest: seconds of motor time in some milliseconds.
 
     Amplitudes and means replace the waveforms; ``docs/tracking.md`` says what that leaves out. The result says by
-    :attr:`AveragedRun.trusted` whether the model's own check passes.
+    :attr:`AveragedRun.trusted` whether the model's own check passes; :attr:`AveragedRun.error_estimate` compares it
+    with the full motor.
 
     Args:
         motor: the motor.
@@ -134,8 +135,15 @@ def simulate_averaged(
             **averaged_ceramic(motor, amplitudes, columns),
         },
         write_deck=write_deck,
+        find_error=partial(_error, run, columns, timeout),
         check_stability=partial(_stability, run, end, timeout),
     )  # fmt: skip
+
+
+def _error(run: AveragedPoint, columns: Mapping[str, Array], timeout: float | None) -> ErrorEstimate:
+    from pyspice_runner.averaged.errors import estimate  # it runs this module
+
+    return estimate(run, columns, timeout)
 
 
 def _stability(run: AveragedPoint, end: dict[str, float], timeout: float | None) -> tuple[str, ...]:

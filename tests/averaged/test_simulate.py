@@ -346,6 +346,24 @@ def test_a_compression_that_remembers_the_force_for_many_periods_begins_at_that_
     assert run.normal_force_n[-1] == pytest.approx(motor.contact.preload_n, rel=1e-3)
 
 
+def test_the_error_against_the_full_motor_is_not_a_matter_of_an_open_contact() -> None:
+    """Both contacts open; the error of the plate's torque is 2 % of the friction torque, that of the flagship 0.1 %."""
+    for name, voltage, close in (("bimodal40", 150.0, True), (PLATE, 100.0, False)):
+        motor = pr.load_motor(name)
+        run = simulate_averaged(motor, pr.default_drive(motor).model_copy(update={"voltage": voltage}), 20e-3)
+        assert run.separated.max() > 0.1
+        assert (max(run.error_estimate.shares.values()) <= 0.02) == close
+        assert not run.error_estimate.unknown
+
+
+def test_the_error_of_a_motor_that_swings_on_its_contact_is_unknown() -> None:
+    """At 10 V the contact of the flagship sticks."""
+    motor = pr.load_motor("bimodal40")
+    run = simulate_averaged(motor, pr.TwoPhaseDrive(voltage=10.0, frequency=40.7e3, phase_deg=90.0), 20e-3)
+    assert run.error_estimate.unknown == "Friction holds the shaft, which swings on the contact in the full motor."
+    assert not run.error_estimate.shares
+
+
 def test_a_plate_whose_contact_opens_is_not_trusted() -> None:
     plate = pr.load_motor(PLATE)
     run = simulate_averaged(plate, pr.default_drive(plate), 5e-3, speed=0.0)
