@@ -617,8 +617,8 @@ def dielectric_branches(motor: Motor, group: str, law: Law | None = None) -> tup
 
     With a law they are those of the netlist (:func:`.held_piezo`).
     """
-    own, loss_tangent = held_piezo(motor, law).capacitance_f(group), motor.piezo.loss_tangent
-    return lossy_capacitance(own, max(loss_tangent, SMALLEST_LOSS), branches=len(PLATES))
+    own = held_piezo(motor, law).capacitance_f(group)
+    return lossy_capacitance(own, max(motor.piezo.loss_tangent, SMALLEST_LOSS), branches=len(PLATES))
 
 
 def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> complex:

@@ -300,7 +300,7 @@ class _Linear:
         assert isinstance(drive, TwoPhaseDrive)
         frequency = drive.frequency
         sides = (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if whole and plant.turns else ()))
-        turning = np.concatenate([[0.0] * whole, modulation])
+        turning = np.concatenate([[0.0] if whole else [], modulation])
         probes = [(place, shift * frequency + at) for at in turning.tolist() for place, shift in sides]
         responses = dict(zip(probes, self._responses(probes, turning.repeat(len(sides))), strict=True))
         assert self.point.trace is not None
