@@ -134,7 +134,7 @@ def injected(
     """Return the loop gain at the designed crossover, by a sine that is added to the controller's output.
 
     The ratio of returned to injected signal is minus the loop gain (R. D. Middlebrook, Int. J. Electronics 38, 1975).
-    ``settles`` in s is the time before the sine, ``size`` that of the sine over the usual one; ``how`` goes to
+    ``settles`` in s is the time before the sine, ``size`` that of the sine relative to the usual one; ``how`` goes to
     ``simulate_controlled``.
     """
     wanted = loop.provenance["run"]

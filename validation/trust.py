@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stated against true errors of averaged transients: ``python -m validation.trust``.
+"""Estimated against true errors of averaged transients: ``python -m validation.trust``.
 
 The first 16 cases are spin-ups and steps of load, direction, preload, frequency and voltage of two motors at 30 to
 150 V; the others are drawn, and no constant of the estimate was fitted to them. True errors are those of samples of
@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.averaged.errors import QUANTITIES, operating_point, settled_at, values_of
+from pyspice_runner.averaged.errors import QUANTITIES, operating_point, values_of
 from pyspice_runner.averaged.point import AveragedPoint
+from pyspice_runner.averaged.simulate import settled_at
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 from validation.campaign import Campaign

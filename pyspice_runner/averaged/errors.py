@@ -9,19 +9,18 @@ error :math:`\delta` of the speed,
     J\,\dot\delta = |\Delta T| + \frac{\tau}{2} \dot T - \left(b - \frac{\partial T}{\partial\omega}\right)\delta,
     \qquad \delta(0) = 0 ,
 
-which changes currents and power by their slopes over the speed.
+which changes currents and power by their slopes versus the speed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import exp, expm1, sqrt
 
 import numpy as np
 
 from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import Array, ErrorEstimate
-from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import ideal_drive
 from pyspice_runner.motor.motor import Motor
@@ -29,17 +28,24 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
 
 POINTS = 7  # operating points along a run
-MARGIN, MARGIN_OF_SPEED = 2.2, 3.2  # stated over estimated error; validation/trust.py has none below the true one
+MARGIN, MARGIN_OF_SPEED = 2.2, 3.2  # by which errors are enlarged; validation/trust.py has none below the true one
 HARDLY = 0.1  # share of the period in slip or open, below which the shaft swings on the contact for long
-DECAYS = 8.0  # decay times of the slowest mode, after which a held averaged motor is settled
 ASIDE = 0.02  # of the maximum speed: between the two speeds of a slope
 SPEED, TORQUE = "rotor_speed_rad_s", "torque_n_m"
 QUANTITIES = (TORQUE, "current_amplitude_a_a", "current_amplitude_b_a", "electrical_power_w")
 CHANGES = (SPEED, "frequency_hz", "amplitude_a_v", "amplitude_b_v", "phase_deg")
 
 
-def estimate(run: AveragedPoint, curves: Mapping[str, Array], timeout: float | None = None) -> ErrorEstimate:
-    """Estimate the errors of a run with the curves of :data:`.COLUMNS`."""
+def estimate(
+    run: AveragedPoint,
+    curves: Mapping[str, Array],
+    settled_at: Callable[[AveragedPoint, Point, float], Mapping[str, float]],
+    timeout: float | None = None,
+) -> ErrorEstimate:
+    """Estimate the errors of a run with the curves of :data:`.COLUMNS`.
+
+    ``settled_at`` returns the settled values of the averaged motor at a point, held at a speed aside by some rad/s.
+    """
     time, free, motor = curves["time_s"], run.point.load.speed is None, run.point.motor
     step = max(ASIDE * float(np.abs(curves[SPEED]).max()), 1e-9) if free else 0.0
     points, places, averaged, slopes = [], [], [], []
@@ -47,7 +53,7 @@ def estimate(run: AveragedPoint, curves: Mapping[str, Array], timeout: float | N
         rows = _rows(curves)
         for row in rows:
             point = operating_point(run, {name: float(values[row]) for name, values in curves.items()}, timeout)
-            here = settled_at(run, point)
+            here = settled_at(run, point, 0.0)
             aside = settled_at(run, point, step) if free else here
             if here["slip"] + here["separated"] >= HARDLY:
                 points.append(point)
@@ -60,9 +66,9 @@ def estimate(run: AveragedPoint, curves: Mapping[str, Array], timeout: float | N
         return ErrorEstimate({}, {}, str(error))
     for point, state in zip(points, states, strict=True):
         if not state.stable:
-            found = f"is unstable ({state.instability})" if state.converged else "was not found"
+            reason = f"is unstable ({state.instability})" if state.converged else "was not found"
             at = f"{point.drive.label} and {point.load.speed:.4g} rad/s"
-            return ErrorEstimate({}, {}, f"The steady state of the full motor at {at} {found}.")
+            return ErrorEstimate({}, {}, f"The steady state of the full motor at {at} {reason}.")
     if rows and not points:
         return ErrorEstimate({}, {}, "Friction holds the shaft, which swings on the contact in the full motor.")
     static = slope = np.zeros((len(QUANTITIES), len(time)))
@@ -105,16 +111,6 @@ def operating_point(run: AveragedPoint, there: Mapping[str, float], timeout: flo
         motor = motor.updated({"contact.preload_n": preload})
     drive = ideal_drive(there["amplitude_a_v"], there["amplitude_b_v"], there["phase_deg"], there["frequency_hz"])
     return Point.of(motor, drive, speed=there[SPEED], contact=run.point.law, audit=False, timeout=timeout)
-
-
-def settled_at(run: AveragedPoint, point: Point, aside: float = 0.0) -> dict[str, float]:
-    """Return the settled values of the averaged motor at a point, held at a speed that is aside by this in rad/s."""
-    assert point.load.speed is not None
-    held = simulate_averaged(
-        point.motor, point.drive, DECAYS * point.motor.decay_s, contact=point.law, speed=point.load.speed + aside,
-        phases=run.phases, harmonics=run.harmonics, timeout=point.solver.timeout,
-    )  # fmt: skip
-    return {name: float(values[-1]) for name, values in held.curves.items()}
 
 
 def values_of(state: SteadyState) -> list[float]:

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import SkipValidation
 
+from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule
 from pyspice_runner.averaged.point import AveragedPoint, ScheduleLike
-from pyspice_runner.averaged.run import COLUMNS, Array, AveragedRun, ErrorEstimate
+from pyspice_runner.averaged.run import COLUMNS, Array, AveragedRun
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -35,6 +36,7 @@ from pyspice_runner.spice.compiler import find_compiler
 from pyspice_runner.steady.steady import stability_cautions
 
 FEWEST_PERIODS = 10
+DECAYS = 8.0  # decay times of the slowest mode, after which a held motor is settled
 LONGEST_STEPS = {"spice": 50, "compiled": 200}  # smallest number of steps of a run; linear in between
 BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
 
@@ -135,15 +137,19 @@ def simulate_averaged(
             **averaged_ceramic(motor, amplitudes, columns),
         },
         write_deck=write_deck,
-        find_error=partial(_error, run, columns, timeout),
+        find_error=partial(estimate, run, columns, settled_at, timeout),
         check_stability=partial(_stability, run, end, timeout),
     )  # fmt: skip
 
 
-def _error(run: AveragedPoint, columns: Mapping[str, Array], timeout: float | None) -> ErrorEstimate:
-    from pyspice_runner.averaged.errors import estimate  # it runs this module
-
-    return estimate(run, columns, timeout)
+def settled_at(run: AveragedPoint, point: Point, aside: float = 0.0) -> dict[str, float]:
+    """Return the settled values of the averaged motor at a point, held at a speed that is aside by this in rad/s."""
+    assert point.load.speed is not None
+    held = simulate_averaged(
+        point.motor, point.drive, DECAYS * point.motor.decay_s, contact=point.law, speed=point.load.speed + aside,
+        phases=run.phases, harmonics=run.harmonics, timeout=point.solver.timeout,
+    )  # fmt: skip
+    return {name: float(values[-1]) for name, values in held.curves.items()}
 
 
 def _stability(run: AveragedPoint, end: dict[str, float], timeout: float | None) -> tuple[str, ...]:

@@ -41,7 +41,10 @@ class DataSheet:
         stall = f"stall_{'force' if self.linear else 'torque'}"
         for key, value in vars(self).items():
             name, sign = stall if key == "stall" else key, self.sign if key in _SIGNED else 1.0
-            allowed = "a number > 0" if sign > 0.0 else "a number < 0, like the other speeds and loads"
+            allowed = "a number > 0" if sign > 0.0 else "a number < 0"
+            allowed += (
+                ", like the other speeds and loads" if key in _SIGNED and self.sign * (value or 0.0) < 0.0 else ""
+            )
             require(key == "linear" or value is None or 0.0 < sign * value < 1e9, name, value, allowed)
         if (self.low_speed is None) != (self.low_voltage is None):
             raise ParameterError("low_speed is the no-load speed at low_voltage: give both, or leave both out.")

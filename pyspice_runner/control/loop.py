@@ -194,23 +194,27 @@ class LoopController:
     """A designed controller: PI of a speed or a phase about its operating point, PD of a position.
 
     That of a position adds the dead band to the magnitude of its output, whose sign is that of the phase. It switches
-    the drive off within its dead zone about the set point, ``resolution["position_rad"]``, a step of the encoder.
+    the drive off within its dead zone about the set point.
 
     Args:
         loop: the design.
         set_point: time in s → wanted value of the quantity: rad/s, rad or deg.
-
-    Attributes:
-        resolution: steps of what is measured, as of :meth:`.Electronics.resolution`; set by ``simulate_controlled``.
+        dead_zone: of a position, rad or m; by default a step of the encoder of the run.
     """
 
-    def __init__(self, loop: ControlLoop, set_point: Callable[[float], float]) -> None:
+    def __init__(
+        self, loop: ControlLoop, set_point: Callable[[float], float], dead_zone: float | None = None
+    ) -> None:  # fmt: skip
         run, self._drive = loop.provenance["run"], loop.provenance["drive"]
         self.quantity, self.set_point = loop.quantity, set_point
         self._proportional, self._other = loop.gains.values()
         self._step, self._sum, self._dead_band = run["sample_time_s"], 0.0, loop.dead_band_v or 0.0
         self._reverses = self._drive["ratio_b"] * abs(sin(radians(self._drive["phase_deg"]))) > 1e-6
-        self.resolution: Mapping[str, float] = {}
+        self._dead_zone, self._encoder_step = dead_zone, 0.0
+
+    def take_encoder_step(self, step: float) -> None:
+        """Take the step of the encoder in rad, or m, from ``simulate_controlled``; 0 for an ideal one."""
+        self._encoder_step = step
 
     def __call__(self, sample: Sample) -> Mapping[str, float]:
         """Return the amplitudes, or of a phase the frequency, until the next sample."""
@@ -221,7 +225,8 @@ class LoopController:
         if self.quantity == "speed":
             voltage = self._drive["voltage"] + self._regulated(wanted - sample.speed_rad_s)
             return {"voltage_a": voltage, "voltage_b": self._drive["ratio_b"] * voltage}
-        error, zone = wanted - sample.position_rad, self.resolution.get("position_rad", 0.0)
+        error, zone = wanted - sample.position_rad, self._dead_zone
+        zone = self._encoder_step if zone is None else zone
         output = self._proportional * error - self._other * sample.speed_rad_s
         rests = abs(error) <= zone * ROUNDING or (not self._reverses and output < 0.0)
         most = 2.0 * self._drive["voltage"] - self._dead_band  # the gains are those about the voltage of the design
@@ -258,8 +263,11 @@ def _over_amplitudes(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> 
         return (running.get("position") - half) / (0.5 * _RUN)
 
     speeds = {voltage: speed(voltage) for voltage in (drive.voltage * np.arange(1, _PARTS + 1) / _PARTS).tolist()}
-    direction = copysign(1.0, speeds[drive.voltage])
-    high = min(voltage for voltage, one in speeds.items() if direction * one > STANDS or voltage == drive.voltage)
+    direction, high = copysign(1.0, speeds[drive.voltage]), drive.voltage
+    for voltage, one in reversed(speeds.items()):  # above it the motor turns in one direction
+        if direction * one <= STANDS:
+            break
+        high = voltage
     low = high - drive.voltage / _PARTS
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)

@@ -44,6 +44,7 @@ OF_AVERAGED = ("heat_w", *CHECKS)
 # sample of each quantity that a controller may control, by the attribute ``quantity`` of the controller
 CONTROLLED = {"speed": "speed_rad_s", "position": "position_rad", "phase": "current_phase_deg"}
 MOST_TURNS = 2  # of a rotor that comes to rest: an overshoot and its correction
+NOISE = 10.0  # standard deviations: the range of 100,000 normal values is 9
 SMALL = 0.02  # share of the largest value, added to the mean that a change is relative to
 
 RECORDS = (
@@ -97,14 +98,16 @@ class ControlledRun(RunOverTime):
     @property
     def _still(self) -> float:
         """Angle in rad, of a slider in m, below which a change of the position is no motion."""
-        step = self.provenance["run"]["resolution"]["position_rad"]
-        return float(max(2.0 * presliding(self.provenance["motor"]), 1.5 * step))
+        run = self.provenance["run"]
+        noise = NOISE * (run["electronics"] or {}).get("encoder_jitter_rad", 0.0)
+        return float(max(2.0 * presliding(self.provenance["motor"]), 1.5 * run["resolution"]["position_rad"] + noise))
 
     @property
     def _hunts(self) -> tuple[str, ...]:
         """Whether the rotor turns back again and again in the second half of the time with the last set point."""
         time, position, reference = (self.samples[name] for name in ("time_s", "position_rad", "reference"))
-        if self.provenance["run"]["quantity"] != "position" and not reference.any():  # the set point is not known
+        quantity = self.provenance["run"]["quantity"]
+        if quantity in ("speed", "phase") or (quantity is None and not reference.any()):  # it need not rest
             return ()
         changes = np.flatnonzero(np.diff(reference))
         begin = ((int(changes[-1]) + 1 if changes.size else 0) + len(time)) // 2
@@ -114,8 +117,8 @@ class ControlledRun(RunOverTime):
             return ()
         caution = (
             f"The rotor hunts: it turns back {turns} times after {time[begin]:.4g} s, between {late.min():.5g} rad and "
-            f"{late.max():.5g} rad, at a constant set point. Give the controller a dead zone of at least one step of "
-            "the encoder, or lower its gains."
+            f"{late.max():.5g} rad, at a constant set point. Give the controller a dead zone (of an encoder's step "
+            "or more), or lower its gains."
         )
         return (caution,)
 

@@ -100,7 +100,7 @@ def simulate_controlled(
             ``piezomotor_firmware.h``, or a function ``step`` (docs/tracking.md). The library runs in this process: only
             load code that you trust. If a controller has the attribute ``quantity``, one of ``"speed"``, ``"position"``
             and ``"phase"``, the result states its static error. An attribute ``set_point``, a function of the time in
-            s, is the reference; ``resolution`` is set to that of the ``electronics``.
+            s, is the reference; a method ``take_encoder_step`` is called with the step of the encoder, rad or m.
         duration: simulated time in s.
         sample_time: time in s between two samples; at least one period of the drive.
         averaged: whether the averaged motor runs, or the full one, cycle by cycle.
@@ -135,8 +135,8 @@ def simulate_controlled(
     parts = electronics or IDEAL
     parts.check(sample_time, stage.frequency)
     resolution = parts.resolution(sample_time, stage.frequency, linear=motor.slider is not None)
-    if hasattr(controller, "resolution"):
-        controller.resolution = resolution
+    if callable(take := getattr(controller, "take_encoder_step", None)):
+        take(resolution["position_rad"])
     require(1 <= records <= MOST_RECORDS, "records", records, f"a whole number from 1 to {MOST_RECORDS}")
     used = averaged_engine(engine) if averaged else "spice"
     if start == "steady" and used == "spice":

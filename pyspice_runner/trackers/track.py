@@ -190,7 +190,7 @@ class Tracking(Result):
         yield (
             f"The tracker {'is locked' if self.locked else 'has lost lock' if lost else 'has not locked'}: it ended at "
             f"{1e-3 * self.end_frequency_hz:.6g} kHz{', the limit of its oscillator' if at_limit else ''}, "
-            f"{self.static_phase_error_deg:.2g}° from its target, by design {1e-3 * self.design_frequency_hz:.6g} kHz. "
+            f"{self.static_phase_error_deg:.3g}° from its target, by design {1e-3 * self.design_frequency_hz:.6g} kHz. "
             + advice
         )
 
@@ -231,7 +231,7 @@ class Tracking(Result):
             "locked": "yes" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
-            "static phase error": f"{self.static_phase_error_deg:.2g}° of the mode",
+            "static phase error": f"{self.static_phase_error_deg:.3g}° of the mode",
             "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
             "frequency reached": f"{1e-3 * self.end_frequency_hz:.6g} kHz, by design "
             f"{1e-3 * self.design_frequency_hz:.6g} kHz",

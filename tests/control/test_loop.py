@@ -117,16 +117,17 @@ def test_a_position_loop_rests_within_a_step_of_the_encoder_and_a_hunting_one_ha
     drive = pr.default_drive(motor)
     loop = pr.control_loop(motor, drive, quantity="position")
     still = drive.model_copy(update={"voltage": 0.0})
-    for lines, target in ((5000, 0.05), (5000, -0.05), (0, 0.05)):  # the last is an ideal encoder, without a dead zone
-        controller = LoopController(loop, lambda time, target=target: target * (time > 1e-3))
+    # an ideal encoder has no step, hence no dead zone unless it is given
+    for lines, target, zone in ((5000, 0.05, None), (5000, -0.05, None), (0, 0.05, None), (0, 0.05, 2e-3)):
+        controller = LoopController(loop, lambda time, target=target: target * (time > 1e-3), zone)
         run = pr.simulate_controlled(
             motor, still, controller, 0.3, sample_time=0.5e-3, electronics=pr.Electronics(encoder_lines=lines)
         )
         tail = run.position_rad[-100:]
         hunts = any("The rotor hunts: it turns back" in caution for caution in run.cautions)
-        assert hunts == (lines == 0) == (np.ptp(tail) > 1e-3)
-        if lines:
-            assert abs(tail[-1] - target) <= 1.01 * run.provenance["run"]["resolution"]["position_rad"]
+        assert hunts == (not lines and not zone) == (np.ptp(tail) > 1e-3)
+        if not hunts:
+            assert abs(tail[-1] - target) <= 1.01 * (zone or run.provenance["run"]["resolution"]["position_rad"])
             assert run.voltage_a_v[-1] == 0.0
 
 

@@ -42,6 +42,30 @@ def test_a_rotor_that_bursts_has_a_caution(motor: pr.Motor) -> None:
     assert "the limit is 1e+05 rad/s" in " ".join(run.cautions)
 
 
+class Turning:
+    """A controller of the phase that also turns back every 5 ms, with an attribute of its own."""
+
+    quantity, resolution = "phase", 12
+
+    def set_point(self, _: float) -> float:
+        return -30.0
+
+    def __call__(self, sample: Sample) -> dict[str, float]:
+        return {"phase_deg": 90.0 if sample.time_s % 10e-3 < 5e-3 else -90.0, "voltage": 5.0 * self.resolution}
+
+
+def test_a_motion_that_is_commanded_and_the_noise_of_an_encoder_are_no_hunting() -> None:
+    motor = pr.load_motor("bimodal40")
+    drive = pr.default_drive(motor)
+    turning = simulate_controlled(motor, drive, Turning(), 60e-3, sample_time=0.5e-3)
+    assert np.ptp(turning.position_rad[60:]) > 1e-2
+    noisy = simulate_controlled(
+        motor, drive, lambda _: {"voltage": 0.0}, 0.1, sample_time=1e-3, courses={"reference": [(0.0, 0.05)]},
+        electronics=pr.Electronics(encoder_lines=5000, encoder_jitter_rad=1e-3),
+    )  # fmt: skip
+    assert not any("hunts" in caution for run in (turning, noisy) for caution in run.cautions)
+
+
 @pytest.mark.parametrize(
     ("controller", "sample_time", "message"),
     [
