@@ -113,7 +113,7 @@ class DataSheet:
 
     @property
     def sign(self) -> float:
-        """Direction of the motor at the drive, that of the first number with a sign."""
+        """Direction of the motor at the drive: the sign of the first number that has one."""
         return copysign(1.0, next((one for name in _SIGNED if (one := getattr(self, name)) is not None), 1.0))
 
     @property
