@@ -107,7 +107,8 @@ def run_deck(
         Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`SpiceRun` that ended too early.
     """
     fault = silent_fault(deck)
-    if processes and not fault and (found := processes.run(deck, partial(_verified_transient, vectors, stop_time))):
+    verified = partial(_verified, vectors, stop_time, stop_frequency)
+    if processes and not fault and (found := processes.run(deck, verified)):
         return found
     executable = find_ngspice()
     version = version_of(executable)
@@ -127,7 +128,7 @@ def run_deck(
                     raise
                 raise _interrupted(folder / "out.raw", vectors, time.perf_counter() - started, version) from interrupt
             _check_status(status, log)
-            raw = _verified(folder / "out.raw", log, vectors, stop_time, stop_frequency)
+            return verified(folder / "out.raw", log, seconds, version)
         except SimulationError as error:
             keep = True
             full = "" if shutil.disk_usage(folder).free > _FULL else f" The disk of {folder} is full. {FREE_SPACE}"
@@ -143,7 +144,6 @@ def run_deck(
         finally:
             if not keep:
                 shutil.rmtree(folder, ignore_errors=True)
-    return SpiceRun(raw, seconds, log, version)
 
 
 def _execute(
@@ -245,16 +245,11 @@ def _check_status(status: int, log: str) -> None:
         raise SimulationError(f"ngspice {how}{_quoted(_spoken(log))}.", log=log)
 
 
-def _verified_transient(
-    vectors: Sequence[str], stop_time: float | None, path: Path, log: str, seconds: float, version: str
-) -> SpiceRun:
-    return SpiceRun(_verified(path, log, vectors, stop_time), seconds, log, version)
-
-
 def _verified(
-    path: Path, log: str, vectors: Sequence[str], stop_time: float | None = None, stop_frequency: float | None = None
-) -> RawFile:
-    """Return the vectors of a raw file; the arguments are those of :func:`run_deck`.
+    vectors: Sequence[str], stop_time: float | None, stop_frequency: float | None,
+    path: Path, log: str, seconds: float, version: str,
+) -> SpiceRun:  # fmt: skip
+    """Return the run that wrote a raw file; the first arguments are those of :func:`run_deck`.
 
     Raises:
         SimulationError: if the log has a complaint, a vector is missing or not finite, or the end was not reached.
@@ -274,7 +269,7 @@ def _verified(
         raise SimulationError(f"ngspice gave values of {spoiled} that are not finite or exceed {LARGEST:g}.", log=log)
     _check_end(raw, "time", stop_time, "s", log)
     _check_end(raw, "frequency", stop_frequency, "Hz", log)
-    return raw
+    return SpiceRun(raw, seconds, log, version)
 
 
 def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: str) -> None:
