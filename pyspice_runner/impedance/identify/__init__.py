@@ -15,10 +15,10 @@ Levenberg–Marquardt steps (:mod:`.descent`) use the exact Jacobian: with
 for the modes there. With a given number of arms that cannot follow the spectrum to the noise, arms may lie up to a
 decade outside the band, and the coupling has its highest rank.
 
-**Start**. Vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999, doi:10.1109/61.772353) gives the
-poles, non-negative least squares the amplitudes. A matched filter over frequency and bandwidth then searches the
-residuals for a missing arm: it is added, the least certain arm is removed, and the better fit is kept. The coupling
-starts from the leading eigenvectors of the off-diagonal damping of one linear step.
+**Start**. The clamped capacitance is fitted alone, then with one arm after the other. A matched filter over frequency
+and bandwidth searches the residuals for a missing arm, in the band and beside it; the two most significant are tried.
+With the arm, a further one is added in the same way and the least certain one removed, and the better fit is kept. The
+coupling starts from the leading eigenvectors of the off-diagonal damping of one linear step.
 
 **Choice** (:mod:`.selection`). Schwarz's criterion, BIC = 2 n ln σ² + p ln 2n, of n independent points and p
 parameters, selects the number of arms, the rank of the coupling, the parts of the loss and the leads. Where residuals

@@ -28,16 +28,7 @@ _RIDGE = 1e-4  # of the sum of squares, for couplings as large as the losses of 
 
 
 class Problem:
-    """The least-squares problem in units of its own: ω of the geometric centre of the band, the median |Y|.
-
-    Attributes:
-        model: the model at the frequencies of the spectrum.
-        y: the spectrum.
-        weight: derivative of a weighted residual by the residual.
-        deviation: relative size of the error of Y.
-        ridge: weight of the squared couplings in the sum of squares.
-        far: whether arms may lie up to a decade from the band.
-    """
+    """The least-squares problem in units of its own: ω of the geometric centre of the band, the median |Y|."""
 
     def __init__(
         self,
@@ -49,8 +40,8 @@ class Problem:
         deadline: float = inf,
     ) -> None:
         self.deadline = deadline  # a time of time.monotonic()
-        self.ridge = 0.0
-        self.far = False
+        self.ridge = 0.0  # weight of the squared couplings in the sum of squares
+        self.far = False  # whether arms may lie up to a decade from the band
         self.reference_hz = sqrt(frequency_hz[0] * frequency_hz[-1])
         self.unit_s = float(np.median(np.abs(y)))
         self.unit_henry = 1.0 / (2.0 * pi * self.reference_hz * self.unit_s)
@@ -68,8 +59,8 @@ class Problem:
         deviation = noise.deviation(smooth_s) / self.unit_s
         size = 1.0 if noise.stated else float(np.median(deviation / np.abs(smooth_s))) * self.unit_s
         slope = np.abs(difference(noise.domain, smooth_s, smooth_s)[1]) * self.unit_s
-        self.deviation = deviation / size
-        self.weight = 1.0 / (self.deviation * slope)
+        self.deviation = deviation / size  # relative size of the error of Y
+        self.weight = 1.0 / (self.deviation * slope)  # derivative of a weighted residual by the residual
 
     def reweighted(self, noise: Noise, smooth_s: Complexes) -> Problem:
         """Return the problem with another error model."""

@@ -11,9 +11,8 @@ import numpy as np
 
 from pyspice_runner.impedance.identify import errors
 from pyspice_runner.impedance.identify.arms import COST, GLOBALS, LEADS, LOSSES, Solution
-from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, inverse, squares
+from pyspice_runner.impedance.identify.descent import FINEST, Vector, inverse, squares
 from pyspice_runner.impedance.identify.problem import MARGIN, PLAUSIBLE_LEADS, Problem, ridge_of
-from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 
 SEARCHED_ARMS = 8  # tried when their number is not given
 MOST_RANK = 2  # of the coupling; each column adds the complex residues of the poles of Y, and more say little
@@ -118,7 +117,7 @@ def _search(
         done = arms > 1 and any(settled(problem, solution) for solution in solutions)
         # if coupling does far better than arms with one resistance each, these need no long search
         quick = shared is not None and shared.cost < 0.5 * plain.cost
-        plain = fit_arms(problem, arms, plain, quick) if only is None else fit_exactly(problem, arms, bare)
+        plain = fit_arms(problem, arms, plain if only is None else bare, quick)
         solutions.append(plain)
         if not settled(problem, plain) and not done:
             behind = with_leads(problem, plain) if leads else plain
@@ -171,34 +170,20 @@ def fit_bare(problem: Problem) -> Solution:
     return problem.descend(Solution(begin, inf, 0))
 
 
-def fit_arms(problem: Problem, arms: int, before: Solution | None = None, quick: bool = False) -> Solution:
-    """Fit a number of arms, from vector fitting and from a solution with one arm less, if given."""
-    best = problem.descend(start(problem, arms))
-    if settled(problem, best):
-        return best
-    if before is not None and before.arms == arms - 1:
-        best = min(best, problem.descend(problem.race(larger(problem, before))), key=COST)
-    candidates = [start(problem, arms + 1)]
+def fit_arms(problem: Problem, arms: int, before: Solution, quick: bool = False) -> Solution:
+    """Fit a number of arms, one after the other from a solution with fewer."""
+    while before.arms < arms - 1:
+        before = fit_arms(problem, before.arms + 1, before, quick)
+    best = problem.descend(problem.race(larger(problem, before)))
     for _ in range(3):
         if quick or settled(problem, best):
             break
-        rival = problem.race(smaller(problem, problem.race(candidates + larger(problem, best))))
+        rival = problem.race(smaller(problem, problem.race(larger(problem, best))))
         if rival.cost > 0.99 * best.cost:
             break
-        cost, best, candidates = best.cost, problem.descend(rival), []
+        cost, best = best.cost, problem.descend(rival)
         if best.cost > cost / 3.0:  # a truly missing arm gains far more
             break
-    return best
-
-
-def fit_exactly(problem: Problem, arms: int, bare: Solution) -> Solution:
-    """Fit a given number of arms: at once, or if they leave the band, one after the other."""
-    best = fit_arms(problem, arms, bare if arms == 1 else None)
-    if arms > 1 and not errors.resonances(problem, best):
-        chained = bare
-        for count in range(1, arms + 1):
-            chained = fit_arms(problem, count, chained)
-        best = min(best, chained, key=COST)
     return best
 
 
@@ -304,32 +289,6 @@ def _leads_promise(problem: Problem, solution: Solution) -> float:
 # --- starts ---
 
 
-def start(problem: Problem, arms: int) -> Solution:
-    """Return start values for a number of arms."""
-    from scipy.optimize import nnls  # takes long to load
-
-    s, w = problem.model.s, problem.w
-    y: Complexes = 1.0 / (1.0 / problem.y - problem.stated_leads[0] - s * problem.stated_leads[1])
-    weight = 1.0 / problem.deviation
-    poles = _relocated_poles(s, y, arms, weight)
-    frequency = np.abs(poles)
-    quality = np.clip(frequency / (2.0 * np.abs(poles.real)), 1.0, 1e5)
-    ratio = w / frequency[:, None]
-    shapes = 1.0 / (1.0 + 1j * quality[:, None] * (ratio - 1.0 / ratio))
-    slope = s * problem.model.constant_loss(0.0, derivative=True)
-    stacked = (np.vstack([s, slope, shapes]) * weight).view(float).T
-    scale = np.linalg.norm(stacked, axis=0)
-    amplitude = nnls(stacked / scale, np.ascontiguousarray(y * weight).view(float))[0] / scale
-    capacitance = max(amplitude[0], 1e-3 * float(np.median(np.abs(y) / w)))
-    found = np.zeros(GLOBALS + 3 * arms)
-    loss = min(max(amplitude[1] / capacitance, 1e-4), 0.5 * LARGEST_LOSS_TANGENT)
-    found[:GLOBALS] = log(capacitance), 0.1 * loss, 0.8 * loss, 0.1 * loss, *problem.stated_leads
-    found[GLOBALS::3] = np.log(frequency)
-    found[GLOBALS + 1 :: 3] = np.log(quality / np.maximum(amplitude[2:], 1e-3))
-    found[GLOBALS + 2 :: 3] = np.log(quality)
-    return Solution(found, inf, arms)
-
-
 def missing(problem: Problem, solution: Solution) -> Asked:
     """Return the arms that the residuals ask for, the most significant first.
 
@@ -376,9 +335,7 @@ def _missing_outside(problem: Problem, solution: Solution) -> Asked:
 def larger(problem: Problem, solution: Solution) -> list[Solution]:
     """Return starts with one more arm, where the residuals ask for it most."""
     head, couplings = np.split(solution.parameters, [solution.last])
-    asked = missing(problem, solution)
-    if solution.rank:
-        asked = sorted(asked + _missing_outside(problem, solution), key=lambda item: -item[0])
+    asked = sorted(missing(problem, solution) + _missing_outside(problem, solution), key=lambda item: -item[0])
     tail = np.append(couplings, np.zeros(solution.rank))
     return [
         replace(solution, parameters=np.concatenate([head, arm, tail]), arms=solution.arms + 1) for _, arm in asked[:2]
@@ -393,52 +350,3 @@ def smaller(problem: Problem, solution: Solution) -> list[Solution]:
         replace(solution, parameters=np.delete(solution.parameters, np.s_[at : at + 3]), arms=solution.arms - 1)
         for at in doubtful
     ]
-
-
-def _relocated_poles(s: Complexes, y: Complexes, count: int, weights: Vector, rounds: int = 12) -> Complexes:
-    """Relocate pole pairs by vector fitting until they settle; return those in the upper half plane."""
-    poles = (-0.01 + 1j) * np.geomspace(s[0].imag, s[-1].imag, count + 2)[1:-1]
-    weight = weights[:, None]
-    background = s[:, None] ** np.arange(3)  # the clamped capacitance is s, its loss s²
-    target = np.ascontiguousarray(y * weight[:, 0]).view(float)
-    for _ in range(rounds):
-        basis = _pole_basis(s, poles)
-        system = np.hstack([basis, background, -y[:, None] * basis]) * weight
-        stacked: Vector = np.ascontiguousarray(system.T).view(float).T
-        # the triangular factor is small and suffices for the least squares
-        triangle: Vector = np.asarray(np.linalg.qr(np.column_stack([stacked, target]), mode="r"))
-        scale = np.maximum(np.linalg.norm(triangle[:, :-1], axis=0), 1e-300)
-        solution = np.linalg.lstsq(triangle[:, :-1] / scale, triangle[:, -1], rcond=None)[0] / scale
-        moved = _only_pairs(_zeros_of_sigma(poles, solution[-2 * count :]), count, s.imag)
-        settled = np.all(np.abs(moved - poles) < 0.02 * np.abs(moved.real))  # half a bandwidth: near enough to descend
-        poles = moved
-        if settled:
-            break
-    return poles
-
-
-def _pole_basis(s: Complexes, poles: Complexes) -> Complexes:
-    """Return two columns for each pair of poles, so that real coefficients give a real impulse response."""
-    below, above = 1.0 / (s[:, None] - poles), 1.0 / (s[:, None] - poles.conj())
-    basis = np.empty((len(s), 2 * len(poles)), dtype=complex)
-    basis[:, ::2], basis[:, 1::2] = below + above, 1j * (below - above)
-    return basis
-
-
-def _zeros_of_sigma(poles: Complexes, residues: Vector) -> Complexes:
-    """Return the zeros of 1 + Σ residues over (s − poles), which are the relocated poles."""
-    matrix = np.zeros((2 * len(poles), 2 * len(poles)))
-    for k, pole in enumerate(poles):
-        matrix[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
-        matrix[2 * k] -= 2.0 * residues
-    return np.asarray(np.linalg.eigvals(matrix), dtype=complex)
-
-
-def _only_pairs(values: Complexes, count: int, w: Vector) -> Complexes:
-    """Return stable pole pairs by rising frequency; a real pole becomes a broad pair in the band."""
-    pairs = values[values.imag > 0.0]
-    pairs = -np.maximum(np.abs(pairs.real), 1e-9 * pairs.imag) + 1j * pairs.imag  # none may lie on a point
-    real = np.sort(np.abs(values[values.imag == 0.0].real))[: count - len(pairs)]
-    spread = 1.0 + 0.01 * np.arange(len(real))  # two of them must not coincide
-    pairs = np.concatenate([pairs, (-0.05 + 1j) * np.clip(real, w[0], w[-1]) * spread])
-    return np.asarray(pairs[np.argsort(pairs.imag)])
