@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
-from math import sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,7 +67,6 @@ class Report(Result):
         drive: the drive of the run and, at several levels, of the curves.
         spectra: state of the tip (``"free"``, ``"preloaded"``) → the stator's two-port.
         run: the motor from rest.
-        coarse: the same run at twice the time step, from which the error is estimated.
         curves: share of the drive's voltage → speed–torque curve.
         free: the steady state of the rotor without load, at the highest of these shares; ``None`` where dry friction of
             the bearing stops it.
@@ -80,7 +78,6 @@ class Report(Result):
     drive: Drive
     spectra: dict[State, Admittance]
     run: Waveforms
-    coarse: Waveforms
     curves: dict[float, xarray.Dataset]
     free: SteadyState | None
     measured: Spectrum | None = None
@@ -95,31 +92,16 @@ class Report(Result):
         return self.motor.slider is not None
 
     @property
-    def discretisation_error(self) -> dict[str, float]:
-        """Estimated error of the run from its time step, relative.
-
-        The integration is of second order: at twice the step the error is four times as large, so that a third of the
-        difference between the two runs is the error of the finer one. Where the motion is irregular, two runs differ
-        at any step, and the estimate is large.
+    def discretisation_error(self) -> dict[str, float | None]:
+        """Estimated error of the run from its time step, relative; ``None`` where it is not known.
 
         Returns:
-            ``tip_path``: RMS distance between the tip's paths over the last drive periods, over the RMS size of the
-            path. ``rotor_speed``: of the mean speed, over the largest speed reached.
+            ``tip_path``: RMS over the motion of the tip. ``rotor_speed``: of the mean speed, over the largest speed
+            reached.
         """
-        fine, coarse = self.run, self.coarse
-        window = coarse.window()
-        time = coarse.time_s[window]
-        distance, size = 0.0, 0.0
-        for name in ("tip_x_m", "tip_y_m"):
-            values = np.interp(time, fine.time_s, getattr(fine, name))
-            distance += float(np.mean((values - getattr(coarse, name)[window]) ** 2))
-            size += float(np.var(values))
-        speed = abs(fine.mean_rotor_speed_rad_s - coarse.mean_rotor_speed_rad_s)
-        largest = float(np.abs(fine.rotor_speed_rad_s).max())
-        return {
-            "tip_path": sqrt(distance / size) / 3.0 if size else 0.0,
-            "rotor_speed": speed / largest / 3.0 if largest else 0.0,
-        }
+        speed, largest = self.run.speed_error_rad_s, float(np.abs(self.run.rotor_speed_rad_s).max())
+        share = speed / largest if speed and largest else speed
+        return {"tip_path": self.run.error_estimate, "rotor_speed": share}
 
     @property
     def key_figures(self) -> dict[str, float | None]:
@@ -187,7 +169,7 @@ class Report(Result):
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
         figures = self.key_figures
-        best = figures["best_efficiency"]
+        best, error = figures["best_efficiency"], self.run.error_estimate
         tracked = self.tracking.summary() if self.tracking else {}
         return self._localised({
             "motor": self.motor.name,
@@ -198,7 +180,7 @@ class Report(Result):
             "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
             "electrical power, no load": engineering(figures["electrical_power_w"], "W"),
             **{name: tracked[name] for name in ("frequency reached", "phase margin") if name in tracked},
-            "error by the step": f"{self.discretisation_error['tip_path']:.1e} of the tip's path",
+            "error by the step": "–" if error is None else f"{error:.1e} of the tip's path",
             "energy residual": f"{self.run.energy_residual:.1e}",
         })  # fmt: skip
 

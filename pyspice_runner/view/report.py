@@ -39,7 +39,7 @@ PATIENCE = 16  # blocks; a point that has not settled by then is marked
 _POINTS_PER_BANDWIDTH = 10
 _FEWEST_POINTS, _MOST_POINTS = 600, 20_000
 _WINDOW = 6.0  # bandwidths on each side of a resonance that keep all points of a spectrum
-_RUNS = 4  # two spectra, the run, and the run at twice the step
+_RUNS = 3  # two spectra and the run
 
 
 @checked
@@ -118,17 +118,12 @@ def report(
             run = simulate(motor, drive, duration=2.0 * float(run.time_s[-1]), timeout=timeout)
         finished["run.nc"] = run.save
         advance()
-        step = run.provenance["run"]["step_s"]
-        # only for the estimate of the error: the audit of the finer run counts
-        coarse = simulate(motor, drive, duration=float(run.time_s[-1]), step=2.0 * step, timeout=timeout, audit=False)
-        advance()
+        step = 2.0 * run.provenance["run"]["step_s"]
         for level, at_level in scaled.items():
             free = no_load_state(motor, at_level, timeout=timeout)
             advance()
             at = _speeds(motor, free, run) if speeds is None else speeds
-            curves[level] = speed_torque(
-                motor, at_level, speeds=at, step=2.0 * step, patience=PATIENCE, timeout=timeout
-            )
+            curves[level] = speed_torque(motor, at_level, speeds=at, step=step, patience=PATIENCE, timeout=timeout)
             finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
             advance(np.size(at))
     except SimulationError as error:
@@ -136,7 +131,7 @@ def report(
             finished["speed_torque_incomplete.nc"] = partial(write_netcdf, dataset=error.partial)
         error.partial = finished
         raise
-    return Report(motor, drive, spectra, run, coarse, curves, free, measured, connection, tracking, record)
+    return Report(motor, drive, spectra, run, curves, free, measured, connection, tracking, record)
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
