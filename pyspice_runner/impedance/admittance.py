@@ -170,12 +170,12 @@ def admittance(
     if audit:
         audited.withhold("result")
     near = [
-        (item, _zoom(sweep, item.frequency_hz, item.bandwidth_hz))
-        for item in _expected(motor, preloaded)
-        if start < item.frequency_hz < stop
+        (mode, _zoom(sweep, mode.frequency_hz, mode))
+        for mode in _expected(motor, preloaded)
+        if start < mode.frequency_hz < stop
     ]
     resonances = {
-        connection: _resonances(sweep, motor, [pair for pair in near if _drives(connection, pair[0].mode)], connection)
+        connection: _resonances(sweep, motor, [pair for pair in near if _drives(connection, pair[0])], connection)
         for connection in get_args(Connection)
     }
     version, deck = outcome.ngspice_version, outcome.deck
@@ -212,23 +212,13 @@ def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float
     return found
 
 
-@dataclass(frozen=True)
-class _Expected:
-    """A mode, where its resonance is expected and how wide it is."""
-
-    mode: Mode
-    frequency_hz: float
-    bandwidth_hz: float
-
-
-def _expected(motor: Motor, preloaded: bool) -> list[_Expected]:
-    """Return every mode with its expected resonance."""
+def _expected(motor: Motor, preloaded: bool) -> Sequence[Mode]:
+    """Return every mode, under preload with the stiffness that gives the resonance expected there."""
     from scipy.optimize import linear_sum_assignment  # takes long to load
 
     modes = motor.on_carrier().modes
-    bandwidth = [mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi) for mode in modes]
     if not preloaded:
-        return [_Expected(mode, mode.frequency_hz, width) for mode, width in zip(modes, bandwidth, strict=True)]
+        return modes
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
     frequencies = motor.pressed_stator.resonances()
     normal = contact_law.normal_stiffness_at_preload(motor.contact)
@@ -238,12 +228,19 @@ def _expected(motor: Motor, preloaded: bool) -> list[_Expected]:
         for mode in modes
     ]
     places = linear_sum_assignment(np.abs(np.subtract.outer(alone, frequencies)))[1]
-    found = zip(modes, frequencies[places].tolist(), bandwidth, strict=True)
-    return [_Expected(*each) for each in found]
+    return [
+        mode.model_copy(update={"stiffness_n_per_m": mode.mass_kg * (2.0 * pi * frequency) ** 2})
+        for mode, frequency in zip(modes, frequencies[places].tolist(), strict=True)
+    ]
+
+
+def _bandwidth(mode: Mode) -> float:
+    """Return the bandwidth of a mode in Hz."""
+    return mode.damping_n_s_per_m / mode.mass_kg / (2.0 * pi)
 
 
 def _resonances(
-    sweep: _Sweep, motor: Motor, near: Sequence[tuple[_Expected, Swept]], connection: Connection
+    sweep: _Sweep, motor: Motor, near: Sequence[tuple[Mode, Swept]], connection: Connection
 ) -> tuple[Resonance, ...]:
     """Return characteristic frequencies and motional arms of the modes that a connection drives; sweep antiresonances.
 
@@ -258,7 +255,7 @@ def _resonances(
         away = min((abs(fs - other.frequency_hz) for other in others), default=inf) if fs is not None else 0.0
         if fs is None or abs(fs - item.frequency_hz) > away:  # it is the maximum of another mode
             continue
-        arm = _motional_arm(frequency, y, fs, item.bandwidth_hz, others)
+        arm = _motional_arm(frequency, y, fs, _bandwidth(item), others)
         if arm.resistance_ohm > 0.0:
             found.append((item, frequency, y, fs, arm))
     if not found:
@@ -272,13 +269,13 @@ def _resonances(
     resonances = []
     for (item, frequency, y, fs, arm), pole in zip(found, circuit.antiresonances(), strict=True):
         expected = abs(pole) / (2.0 * pi)
-        frequency_anti, matrix = _zoom(sweep, expected, item.bandwidth_hz)
+        frequency_anti, matrix = _zoom(sweep, expected, item)
         y_anti = connect(matrix, connection)
         fp = _local_peak(frequency_anti, (1.0 / y_anti).real, expected)
         if fp is not None and fp > fs:
             resonances.append(
                 Resonance(
-                    mode=item.mode.name,
+                    mode=item.name,
                     fs=fs,
                     fp=fp,
                     fm=_local_peak(frequency, np.abs(y), fs),
@@ -291,10 +288,10 @@ def _resonances(
     return tuple(resonances)
 
 
-def _zoom(sweep: _Sweep, centre: float, bandwidth: float) -> Swept:
-    """Return frequencies (Hz) within some bandwidths of a centre, and the admittance matrices there."""
-    low = max(centre - _ZOOM_BANDWIDTHS * bandwidth, 0.5 * centre)
-    return two_port(sweep(low, centre + _ZOOM_BANDWIDTHS * bandwidth, _ZOOM_POINTS))
+def _zoom(sweep: _Sweep, centre: float, mode: Mode) -> Swept:
+    """Return frequencies (Hz) within some bandwidths of a mode about a centre, and the admittance matrices there."""
+    reach = _ZOOM_BANDWIDTHS * _bandwidth(mode)
+    return two_port(sweep(max(centre - reach, 0.5 * centre), centre + reach, _ZOOM_POINTS))
 
 
 def _local_peak(frequency: NDArray[np.float64], values: NDArray[np.float64], expected: float) -> float | None:
@@ -314,7 +311,7 @@ def _motional_arm(
     y: NDArray[np.complex128],
     fs: float,
     bandwidth: float,
-    others: Sequence[_Expected],
+    others: Sequence[Mode],
 ) -> MotionalArm:
     """Fit one arm, those of its neighbours, and a smooth background, which enters linearly."""
     from scipy.optimize import least_squares  # takes long to load
@@ -325,7 +322,7 @@ def _motional_arm(
     reach = _TAILS * (frequency[-1] - frequency[0])
     seen = [other for other in others if abs(other.frequency_hz - fs) < reach]
     centres = np.array([fs, *(other.frequency_hz for other in seen)])
-    widths = np.array([bandwidth, *(other.bandwidth_hz for other in seen)])
+    widths = np.array([bandwidth, *map(_bandwidth, seen)])
 
     def outside(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return values - background @ (background.T @ values)
