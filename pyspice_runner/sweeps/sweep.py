@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
 Quantity = str | Callable[[Any], float]
 
-_DEVIATIONS = 1.96  # standard deviations of an interval of 95 %
 BATCH = 64  # operating points that are solved together, and stored
 FLAGS = {  # kept of every point beside the quantities, where the analysis has them; 1 is yes, 0 is no
     "settled": "whether the means are settled",
@@ -273,6 +272,8 @@ def met(dataset: xarray.Dataset, limits: Mapping[str, tuple[float, float]]) -> d
     Raises:
         ParameterError: for a name that is no quantity of the sweep.
     """
+    from scipy.stats import binomtest  # takes long to load
+
     from pyspice_runner.datasets import Sweep
 
     known = Sweep(dataset).quantities
@@ -283,12 +284,10 @@ def met(dataset: xarray.Dataset, limits: Mapping[str, tuple[float, float]]) -> d
         name: (dataset[name].values >= low) & (dataset[name].values <= high) for name, (low, high) in limits.items()
     }
     count, good = int(np.prod(list(dataset.sizes.values()))), int(np.all([*within.values()], axis=0).sum())
-    share, spread = good / count, _DEVIATIONS**2 / count
-    centre = (share + 0.5 * spread) / (1.0 + spread)
-    half = _DEVIATIONS * np.sqrt(share * (1.0 - share) / count + 0.25 * spread / count) / (1.0 + spread)
+    interval = binomtest(good, count).proportion_ci(method="wilson")
     return {
-        "points": count, "good": good, "yield": share,
-        "interval_95": [max(float(centre - half), 0.0), min(float(centre + half), 1.0)],
+        "points": count, "good": good, "yield": good / count,
+        "interval_95": [float(interval.low), float(interval.high)],
         "limits": {name: json_ready(list(ends)) for name, ends in limits.items()},
         "each": {name: int(points.sum()) for name, points in within.items()},
     }  # fmt: skip
