@@ -13,7 +13,7 @@ from style import canvas, main, write
 
 import pyspice_runner as pr
 from pyspice_runner.motor.load import SETS, stated_solid
-from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.solid.stator import stator_of
 
 NAMES = ("first bending", "torsion", "longitudinal", "second bending")
 SWING_MM = 3.0  # largest displacement in the drawing

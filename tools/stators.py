@@ -13,8 +13,7 @@ from pathlib import Path
 
 from pyspice_runner.motor.load import SETS, stated_solid
 from pyspice_runner.motor.solid.parameters import Solid
-from pyspice_runner.motor.solid.stator import solve_stator
-from pyspice_runner.motor.solid.store import BUNDLED, bundled_name, write_stator
+from pyspice_runner.motor.solid.stator import BUNDLED, bundled_name, solve_stator, write_stator
 
 
 def solids(sets: Iterable[Path]) -> dict[str, Solid]:

@@ -22,7 +22,7 @@ from pyspice_runner.impedance.spectrum import COUPLING, Connection, State, band_
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.one_thread import one_thread_of_scipy
+from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Audit, Result

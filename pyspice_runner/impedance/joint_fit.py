@@ -33,7 +33,7 @@ from pyspice_runner.impedance.noise import estimate
 from pyspice_runner.impedance.one_port_fit import POOR_FIT, SKEWED, Fit, SpectrumFit, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.motor.equivalent import MotionalArm
-from pyspice_runner.motor.one_thread import one_thread_of_scipy
+from pyspice_runner.motor.numerics import one_thread_of_scipy
 
 _ARM = 5  # parameters of an arm: ln f, ln X, ln Q, and softening and growth at the maximum charge
 _DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k", "quality_drift_per_k")

@@ -26,7 +26,7 @@ from pyspice_runner.impedance.identify.selection import Candidate, Outcome, Prog
 from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
 from pyspice_runner.impedance.spectrum import HalfPower, Spectrum, band_of, half_power
 from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit, MotionalArm
-from pyspice_runner.motor.one_thread import one_thread_of_scipy
+from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering, unit_in
 

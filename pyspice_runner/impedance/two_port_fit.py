@@ -34,7 +34,7 @@ from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT, lossy_capacitance
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor, Provenance, assemble
-from pyspice_runner.motor.one_thread import one_thread_of_scipy
+from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.units import engineering
 
 _TRANSFER = "AB"  # current into A per volt on B

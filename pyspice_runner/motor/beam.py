@@ -79,10 +79,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.one_thread import one_thread
+from pyspice_runner.motor.numerics import one_thread, root
 from pyspice_runner.motor.parameters import Beam, Damping, Mode, Patch, Tip
 from pyspice_runner.motor.refusal import build
-from pyspice_runner.motor.roots import root
 from pyspice_runner.motor.stem import STRAINED, Stem, footprint, require_room
 
 Array = NDArray[np.float64]

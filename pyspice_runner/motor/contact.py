@@ -31,8 +31,8 @@ from math import asinh, cbrt, log1p, nan, pi, sinh, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pyspice_runner.motor.numerics import root
 from pyspice_runner.motor.parameters import Contact, Mode
-from pyspice_runner.motor.roots import root
 
 Array = NDArray[np.float64]
 

@@ -59,7 +59,7 @@ from pyspice_runner.motor.parameters import (
 )
 from pyspice_runner.motor.refusal import as_table, build, check_keys, checked, limited, quoted
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
-from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.solid.stator import stator_of
 
 SETS = Path(__file__).parent / "sets"
 

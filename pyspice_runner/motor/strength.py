@@ -38,7 +38,7 @@ from pyspice_runner.motor.contact import contact_radius, stick_limit
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.motor.solid.parameters import Electrode
-from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.solid.stator import stator_of
 from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]

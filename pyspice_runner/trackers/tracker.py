@@ -41,9 +41,9 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.numerics import root
 from pyspice_runner.motor.parameters import Contact, quantity
 from pyspice_runner.motor.refusal import Stated, checked
-from pyspice_runner.motor.roots import root
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import read_library
 

@@ -13,7 +13,7 @@ from scipy.spatial import Delaunay
 from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.motor import Structure
 from pyspice_runner.motor.solid.parameters import Box, Electrode, Solid
-from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.solid.stator import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.style import BLUE, GREEN, GREY, VERMILION
 

@@ -15,7 +15,7 @@ from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.solid.elements import Indices
 from pyspice_runner.motor.solid.geometry import regions_of
 from pyspice_runner.motor.solid.parameters import Solid
-from pyspice_runner.motor.solid.store import stator_of
+from pyspice_runner.motor.solid.stator import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.draw import DASHES, Panel, Sheet, dress
 from pyspice_runner.view.outlines import COLOURS, axes_of

@@ -5,7 +5,7 @@ from math import cos, pi
 
 import pytest
 
-from pyspice_runner.motor.roots import root
+from pyspice_runner.motor.numerics import root
 
 
 @pytest.mark.parametrize("places", [(1.0, 2.0), (2.0, 1.0)])

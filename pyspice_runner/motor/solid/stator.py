@@ -9,20 +9,29 @@ contact positive.
 Everything left out answers at once: the response to a voltage and to a force on the face of contact, less that of the
 computed modes, is the static compliance of all higher ones; computed modes above the range of the motor add their
 static response, and those below it theirs at the mean ω² of the motor's modes. Rigid motion is left to the mount.
+
+The stator of a bundled set is in the package, found by the content of its ``[solid]`` alone, so that the set needs no
+finite elements; a test computes it anew. Others are in the user's cache, which also asks for the same program.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import cache
 from itertools import pairwise
 from math import pi
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.one_thread import one_thread_of_scipy
+from pyspice_runner.files import cache_folder, save_by_ending
+from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.motor.solid.elements import VOLTS, Array, Indices, assemble, assemble_field, factor, strains
 from pyspice_runner.motor.solid.geometry import Geometry, build_geometry
 from pyspice_runner.motor.solid.parameters import Solid
@@ -39,6 +48,8 @@ _EXACT = 1e-11  # of an eigenvalue: its residual
 _PER_GAP = 6.0  # cells of the finer mesh at an edge in the narrowest gap or electrode
 _ONE_EDGE_M = 1e-5  # m, distance of two edges of electrodes, such as that of a rounded number, that is no gap
 _DIRECTIONS = 500  # in the space of modes, in which the largest stress is sought
+BUNDLED = Path(__file__).parents[1] / "sets" / "stators"
+_DRAWN = ("nodes_m", "shapes")  # in single precision in a file
 
 
 @dataclass(frozen=True)
@@ -282,3 +293,51 @@ def _of_field(solid: Solid, finest_m: float) -> Array:
     between = slice(0, size - 2)
     electric = field[between, -2:].toarray()
     return np.asarray(field[-2:, -2:].toarray() - electric.T @ factor(field[between, between])(electric))
+
+
+# --- computed stators: those of the bundled sets in the package, others in the user's cache ---
+
+
+@cache
+def stator_of(solid: Solid) -> Stator:
+    """Return the modes of a stator: bundled, from the user's cache, or computed.
+
+    Raise ParameterError as :func:`solve_stator`.
+    """
+    bundled = _stored(BUNDLED / bundled_name(solid))
+    if bundled is not None:
+        return bundled
+    content = hashlib.sha256(solid.model_dump_json().encode())
+    for source in sorted(Path(__file__).parent.glob("*.*")):
+        content.update(source.read_bytes())
+    stored = None
+    with suppress(ParameterError):
+        stored = cache_folder("stators", ParameterError("no home")) / f"{content.hexdigest()[:32]}.npz"
+    kept = stored and _stored(stored)
+    if kept:
+        return kept
+    found = solve_stator(solid)
+    with suppress(OSError, ParameterError):  # a result that cannot be kept is still one
+        if stored:
+            stored.parent.mkdir(parents=True, exist_ok=True)
+            write_stator(stored, found)
+    return found
+
+
+def bundled_name(solid: Solid) -> str:
+    """Return the name of a bundled stator's file; entries that a later version adds do not change it."""
+    content = solid.model_dump_json(exclude_defaults=True)
+    return f"{hashlib.sha256(content.encode()).hexdigest()[:16]}.npz"
+
+
+def write_stator(path: Path, stator: Stator) -> None:
+    """Write a stator to a compressed .npz. Raise ParameterError for a place that cannot be written."""
+    arrays = vars(stator) | {name: getattr(stator, name).astype(np.float32) for name in _DRAWN}
+    save_by_ending(path, {".npz": lambda place: np.savez_compressed(place, **arrays)})
+
+
+def _stored(path: Path) -> Stator | None:
+    """Return the stator in a file, or None if it is missing or damaged."""
+    with suppress(OSError, ValueError, KeyError, BadZipFile), path.open("rb") as file, np.load(file) as arrays:
+        return Stator(**{field.name: arrays[field.name] for field in fields(Stator)})
+    return None

@@ -17,7 +17,7 @@ from skfem.io.meshio import HEX_MAPPING
 
 import pyspice_runner as pr
 from pyspice_runner.motor.load import load_motor
-from pyspice_runner.motor.solid import stator, store
+from pyspice_runner.motor.solid import stator
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
 from pyspice_runner.motor.solid.stator import Stator, solve_stator
 
@@ -211,7 +211,7 @@ def test_a_changed_file_gives_another_stator(tmp_path: Path, monkeypatch: pytest
     write(other / "bar.msh", mesh, "plate")
     moved = load_motor(motor_file(other))
     assert moved.solid is not None
-    assert store.bundled_name(moved.solid) == store.bundled_name(first.solid)
+    assert stator.bundled_name(moved.solid) == stator.bundled_name(first.solid)
     assert len(list((tmp_path / "cache").rglob("*.npz"))) == 1  # the same content, elsewhere
     mesh.p[0] *= 1.01
     parts = placed("plate")

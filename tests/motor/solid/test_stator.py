@@ -17,7 +17,7 @@ import pyspice_runner as pr
 from pyspice_runner.motor import strength
 from pyspice_runner.motor.load import SETS, changed_motor
 from pyspice_runner.motor.refusal import build
-from pyspice_runner.motor.solid import stator, store
+from pyspice_runner.motor.solid import stator
 from pyspice_runner.motor.solid.elements import assemble, factor
 from pyspice_runner.motor.solid.parameters import Box, Face, Solid, Support, solid_from
 from pyspice_runner.motor.solid.stator import Stator, solve_stator
@@ -182,42 +182,42 @@ def test_a_motor_of_a_solid_knows_its_stress() -> None:
 
 def test_a_stator_is_computed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    store.stator_of.cache_clear()
+    stator.stator_of.cache_clear()
     first = pr.load_motor(PLATE)
-    store.stator_of.cache_clear()
+    stator.stator_of.cache_clear()
     with monkeypatch.context() as without:
-        without.setattr(store, "solve_stator", lambda _: pytest.fail("computed again"))
+        without.setattr(stator, "solve_stator", lambda _: pytest.fail("computed again"))
         assert pr.load_motor(PLATE).to_dict() == first.to_dict()
     (stored,) = tmp_path.rglob("*.npz")
     stored.write_bytes(stored.read_bytes()[:1000])  # a damaged file is computed again
-    store.stator_of.cache_clear()
+    stator.stator_of.cache_clear()
     assert pr.load_motor(PLATE).to_dict() == first.to_dict()
     assert changed_motor(PLATE, {"solid.quality_factor": 200.0}).modes[0].quality_factor == pytest.approx(200.0)
 
 
 def test_a_bundled_stator_needs_no_finite_elements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(store, "BUNDLED", tmp_path)
+    monkeypatch.setattr(stator, "BUNDLED", tmp_path)
     computed = solve_stator(plate())
     (tmp_path / "0123456789abcdef.npz").write_text("of a set that has changed")
     (written,) = write_stators([PLATE], tmp_path)
     assert list(tmp_path.iterdir()) == [written]
     assert written.stat().st_size < 100_000
     monkeypatch.setitem(sys.modules, "skfem", None)
-    store.stator_of.cache_clear()
+    stator.stator_of.cache_clear()
     assert pr.load_motor(PLATE).modes[1].frequency_hz == pytest.approx(39.64e3, rel=3e-4)
-    assert_same(store.stator_of(plate()), computed)
+    assert_same(stator.stator_of(plate()), computed)
     with pytest.raises(pr.ParameterError, match="pip install"):
         changed_motor(PLATE, {"solid.element_m": 0.002})
-    store.stator_of.cache_clear()
+    stator.stator_of.cache_clear()
     assert not (tmp_path / "cache").exists()
 
 
 def test_the_bundled_stators_are_those_of_the_bundled_sets() -> None:
     wanted = solids(sorted(SETS.glob("*.toml")))
-    assert {path.name for path in store.BUNDLED.glob("*")} == set(wanted), "run python -m tools.stators"
+    assert {path.name for path in stator.BUNDLED.glob("*")} == set(wanted), "run python -m tools.stators"
     for solid in wanted.values():
-        assert_same(store.stator_of(solid), solve_stator(solid))
+        assert_same(stator.stator_of(solid), solve_stator(solid))
 
 
 def assert_same(bundled: Stator, found: Stator) -> None:
