@@ -24,19 +24,14 @@ _INSIDE = 1.0 - 1e-6
 
 @dataclass(frozen=True)
 class Outline:
-    """The outlines of all parts of a kind, in the plane of the contact.
+    """The outlines of all parts of a kind, in the plane of the contact."""
 
-    Attributes:
-        name: what it is.
-        colour: as #RRGGBB.
-        line_m: positions along the two axes of the plane, (2, points); NaN between parts.
-        shapes: displacement per modal coordinate, (2, points, modes), of a solid that of the face towards the viewer.
-    """
-
-    name: str
-    colour: str
-    line_m: Array
-    shapes: Array
+    name: str  # what it is
+    colour: str  # as #RRGGBB
+    line_m: Array  # positions along the two axes of the plane, (2, points); NaN between parts
+    shapes: (
+        Array  # displacement per modal coordinate, (2, points, modes), of a solid that of the face towards the viewer
+    )
 
 
 def beam_outlines(structure: Structure, count: int) -> list[Outline]:

@@ -87,20 +87,20 @@ def _solid(motor: model.Motor, solid: Solid) -> Sheet:
 
 def _draw_regions(ax: Axes, solid: Solid, plane: list[int]) -> Array:
     """Draw the cells of the boxes and the faces of the electrodes, and return the middle of the contact in mm."""
-    regions = regions_of(solid)
-    points = 1e3 * regions.points_m
-    for box, cells in zip(solid.boxes, regions.boxes, strict=True):
+    points, boxes, electrodes, contact = regions_of(solid)
+    points = 1e3 * points
+    for box, cells in zip(solid.boxes, boxes, strict=True):
         faces = points[plane][:, _towards_viewer(points, cells, plane)]
         ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor="0.9", edgecolor="0.6", lw=0.2))
         x, y = faces.min(axis=(1, 2))
         ax.annotate(box.material, (x, y), (2, -2), textcoords="offset points", fontsize=7, color="0.3", va="top")
-    for electrode, cells in zip(solid.electrodes, regions.electrodes, strict=True):
+    for electrode, cells in zip(solid.electrodes, electrodes, strict=True):
         if electrode.group != "ground":
             faces, color = points[plane][:, _around(points[plane], cells)], COLOURS[electrode.group]
             ax.add_collection(PolyCollection(list(faces.transpose(2, 1, 0)), facecolor=color, alpha=0.35))
             x, y = faces.mean(axis=(1, 2))
             ax.text(x, y, electrode.group, ha="center", va="center")
-    return np.asarray(1e3 * regions.contact_m[plane])
+    return np.asarray(1e3 * contact[plane])
 
 
 def _towards_viewer(nodes: Array, cells: Indices, plane: list[int]) -> Indices:

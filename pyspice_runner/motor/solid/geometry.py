@@ -86,18 +86,12 @@ def _owned(solid: Solid, finest_m: float | None = None) -> tuple[Places, Indices
     return shape, owner[kept]
 
 
-@dataclass(frozen=True)
-class Regions:
-    """What the parts of a stator cover, by numbers of vertices, (corners, n)."""
+def regions_of(solid: Solid) -> tuple[Array, list[Indices], list[Indices], Array]:
+    """Return the places of the vertices in m, what boxes and electrodes cover, and the middle of the contact in m.
 
-    points_m: Array  # places of the vertices, (axes, vertices)
-    boxes: list[Indices]  # cells of each box
-    electrodes: list[Indices]  # facets of each electrode; of a plate the cells that it covers
-    contact_m: Array  # middle of the face of contact, (axes,)
-
-
-def regions_of(solid: Solid) -> Regions:
-    """Return the regions of boxes, electrodes and contact. Raise ParameterError as :func:`build_geometry`."""
+    A box covers cells, an electrode facets, or cells of a plate, each as numbers of vertices, (corners, n). Raise
+    ParameterError as :func:`build_geometry`.
+    """
     from skfem import Basis
 
     shape, owner = _owned(solid)
@@ -111,7 +105,7 @@ def regions_of(solid: Solid) -> Regions:
     boxes = [mesh.t[:, owner == index] for index in range(len(solid.boxes))]
     basis = Basis(mesh, shape.element)
     touched = basis.doflocs[:, shape.nodes(basis, solid.contact, "contact")]
-    return Regions(mesh.p, boxes, electrodes, touched.mean(axis=1))
+    return mesh.p, boxes, electrodes, touched.mean(axis=1)
 
 
 def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> list[Part]:
