@@ -9,7 +9,6 @@ S₂₁ − S₁₁ = 1 and Z = Z₀ S₂₁/(2 (1 − S₂₁)), by Kirchhoff's
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,15 +27,6 @@ _ASSUMED = {"series": "in series between them", "shunt": "from the line to groun
 _NOISE = 5  # numbers in a line of noise parameters, which may follow the points of a two-port
 
 
-class _Option(NamedTuple):
-    """The option line: factor to Hz, kind of parameter, number format, reference resistance in Ω."""
-
-    hertz: float
-    side: str
-    form: str
-    reference: float
-
-
 def read(text: Text, through: str | None) -> Reading | None:
     """Read the file; ``None`` if it is in another format. ``through`` makes one device of two ports."""
     first = text.find(lambda line: line.strip() and not line.lstrip().startswith("!"), 0, 1000)
@@ -50,24 +40,23 @@ def read(text: Text, through: str | None) -> Reading | None:
     rows, indices = _rows(text, first + 1)
     cautions = text.cut
     ports = _PORTS[len(rows[0])]
-    option = _option(text, first, line)
-    frequency = np.array([row[0] for row in rows]) * option.hertz
-    if through is not None and (ports == 1 or option.side != "s"):
-        found = "one port" if ports == 1 else f"{option.side.upper()} parameters"
+    hertz, side, form, reference = _option(text, first, line)
+    frequency = np.array([row[0] for row in rows]) * hertz
+    if through is not None and (ports == 1 or side != "s"):
+        found = "one port" if ports == 1 else f"{side.upper()} parameters"
         raise text.refusal(first, found, "S parameters of two ports, or through left out")
-    values = _parameters(option.form, rows)
+    values = _parameters(form, rows)
     device = through
-    if device is None and ports == 2 and option.side == "s" and (device := _assumed(values)):
+    if device is None and ports == 2 and side == "s" and (device := _assumed(values)):
         cautions.append(
             f"The two ports are those of one device {_ASSUMED[device]}, and it was read as one port. Specify through = "
             "series or shunt if that is wrong."
         )
     with np.errstate(all="ignore"):
-        matrix = _through(values[:, 1, 0], option.reference, device) if device else _admittance(option, values)
-    if option.side != "s" and option.reference != 1.0:
+        matrix = _through(values[:, 1, 0], reference, device) if device else _admittance(side, values) / reference
+    if side != "s" and reference != 1.0:
         cautions.append(
-            f"The {option.side.upper()} parameters were taken as normalised to {option.reference:g} Ω, "
-            "as Touchstone 1 has it."
+            f"The {side.upper()} parameters were taken as normalised to {reference:g} Ω, as Touchstone 1 has it."
         )
     metadata = described(entry for entry in text.lines if entry.lstrip().startswith("!"))
     reading = Reading(text, FORMAT, frequency, np.array(indices), metadata=metadata, cautions=cautions)
@@ -102,7 +91,8 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int]]:
     return rows, indices
 
 
-def _option(text: Text, index: int, line: str) -> _Option:
+def _option(text: Text, index: int, line: str) -> tuple[float, str, str, float]:
+    """Return factor to Hz, kind of parameter, number format and reference resistance in Ω of an option line."""
     tokens = line[1:].partition("!")[0].lower().split()
     named = {_GROUP[token]: token for token in reversed(tokens) if token in _GROUP}
     if len(named) < sum(token in _GROUP for token in tokens):
@@ -113,7 +103,7 @@ def _option(text: Text, index: int, line: str) -> _Option:
     side = named.get("side", "s")
     if side in "gh":
         raise text.refusal(index, f"{side.upper()} parameters", "S, Y or Z parameters")
-    return _Option(_HERTZ[named.get("unit", "ghz")], side, named.get("form", "ma"), reference)
+    return _HERTZ[named.get("unit", "ghz")], side, named.get("form", "ma"), reference
 
 
 def _parameters(form: str, rows: list[list[float]]) -> Complexes:
@@ -125,14 +115,14 @@ def _parameters(form: str, rows: list[list[float]]) -> Complexes:
     return np.asarray(values.reshape(-1, ports, ports).transpose(0, 2, 1), dtype=np.complex128)
 
 
-def _admittance(option: _Option, values: Complexes) -> Complexes:
-    """Return the admittance matrices in S; not finite at a short circuit."""
-    if option.side == "y":
-        return values / option.reference
-    if option.side == "z":
-        return _inverse(values) / option.reference
+def _admittance(side: str, values: Complexes) -> Complexes:
+    """Return the admittance matrices over that of the reference; not finite at a short circuit."""
+    if side == "y":
+        return values
+    if side == "z":
+        return _inverse(values)
     identity = np.eye(values.shape[-1])
-    return np.asarray((identity - values) @ _inverse(identity + values) / option.reference, dtype=np.complex128)
+    return np.asarray((identity - values) @ _inverse(identity + values), dtype=np.complex128)
 
 
 def _inverse(matrix: Complexes) -> Complexes:
