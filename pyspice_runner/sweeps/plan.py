@@ -58,15 +58,6 @@ class Tolerance:
         return 1.0 + self.relative / 3.0 * np.asarray(norm.ppf(inside))
 
 
-@dataclass(frozen=True)
-class Plan:
-    """The points of a sweep: the changes at each, in the order of the dimensions."""
-
-    shape: dict[str, int]
-    coordinates: dict[str, tuple[str, Array, dict[str, Any]]]
-    changes: list[dict[str, float]]
-
-
 def named(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> list[Parameter]:
     """Return the parameters that a path names: one, or with ``modes.*`` one of each mode.
 
@@ -86,8 +77,11 @@ def plan_of(
     samples: int,
     sampling: Sampling,
     seed: int,
-) -> Plan:
-    """Return the points. Raise ParameterError for a parameter given twice, or invalid values, samples or seed."""
+) -> tuple[dict[str, int], dict[str, tuple[str, Array, dict[str, Any]]], list[dict[str, float]]]:
+    """Return the sizes of the dimensions, the coordinates, and the changes at each point, by dimension.
+
+    Raise ParameterError for a parameter given twice, or invalid values, samples or seed.
+    """
     touched = Counter(canonical(one.path) for several in parameters.values() for one in several)
     if not touched or max(touched.values()) > 1:
         which = f"{touched.most_common(1)[0][0]} twice; name it once" if touched else "nothing; name a parameter"
@@ -112,7 +106,7 @@ def plan_of(
     if prod(shape.values()) > MOST_POINTS:
         raise ParameterError(f"The sweep has {prod(shape.values()):.3g} points; at most {MOST_POINTS:.0e} are allowed.")
     changes = [{path: value for part in parts for path, value in part.items()} for parts in product(*steps.values())]
-    return Plan(shape, coordinates, changes)
+    return shape, coordinates, changes
 
 
 def _scatter(parameters: Sequence[Parameter], tolerance: Tolerance, factors: Array) -> tuple[Array, dict[str, Any]]:

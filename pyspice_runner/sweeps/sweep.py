@@ -30,7 +30,7 @@ from pyspice_runner.run.paths import LOADS, canonical, changed, unit_of_name, un
 from pyspice_runner.run.simulate import simulate
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.speed_torque import held_point, held_points
-from pyspice_runner.sweeps.plan import Plan, Sampling, Tolerance, named, plan_of
+from pyspice_runner.sweeps.plan import Sampling, Tolerance, named, plan_of
 from pyspice_runner.sweeps.store import Store, fingerprint
 from pyspice_runner.sweeps.task import Analysis, Task, drive_document, identity, plain, versions_here
 from pyspice_runner.sweeps.workers import outcomes
@@ -113,9 +113,10 @@ def sweep(
             raise ParameterError(
                 f"run.{name} = {quoted(value)} is not valid: it must be numbers, texts, and lists of them."
             ) from None
-    plan = plan_of(over, {path: named(path, motor, drive, run) for path in over}, samples, sampling, seed)
+    parameters = {path: named(path, motor, drive, run) for path in over}
+    shape, coordinates, changes = plan_of(over, parameters, samples, sampling, seed)
     versions = versions_here()
-    tasks = [Task(analysis, *changed(motor, drive, run, change), functions, versions) for change in plan.changes]
+    tasks = [Task(analysis, *changed(motor, drive, run, change), functions, versions) for change in changes]
     addresses = [task.address for task in tasks]
     found, failed = _answers_to(
         dict(zip(addresses, tasks, strict=True)), wanted, Store(store), workers, executor, progress or (lambda *_: None)
@@ -123,7 +124,7 @@ def sweep(
     refusals = [error for error in failed.values() if isinstance(error, ParameterError)]
     if not found and len(refusals) == len(failed):
         raise refusals[0]
-    dataset = _dataset(plan, addresses, list(wanted), found, failed)
+    dataset = _dataset(shape, coordinates, addresses, list(wanted), found, failed)
     dataset.attrs = {
         "title": f"{motor.name}: {', '.join(wanted)} over {', '.join(over)}",
         "parameter_set": motor.name,
@@ -132,7 +133,7 @@ def sweep(
         "run": json.dumps(plain(run)),
         "cautions": json.dumps(grouped([found[address]["cautions"] for address in addresses if address in found])),
         "analysis": origin["function"],
-        **({"sampling": f"{sampling}, seed {seed}"} if "sample" in plan.shape else {}),
+        **({"sampling": f"{sampling}, seed {seed}"} if "sample" in shape else {}),
         **versions,
         "deck_sha256": fingerprint(dataset["deck_sha256"].values.tolist()),
     }
@@ -220,7 +221,8 @@ def _picked(result: Mapping[str, Any], wanted: Mapping[str, Quantity]) -> dict[s
 
 
 def _dataset(
-    plan: Plan,
+    shape: Mapping[str, int],
+    coordinates: Mapping[str, Any],
     addresses: Sequence[str],
     names: Sequence[str],
     found: Mapping[str, Mapping[str, Any]],
@@ -229,7 +231,7 @@ def _dataset(
     from pyspice_runner.datasets import Dataset
 
     def shaped(values: list[Any]) -> Any:
-        return np.array(values).reshape(tuple(plan.shape.values()))
+        return np.array(values).reshape(tuple(shape.values()))
 
     empty = dict.fromkeys(names, float("nan")) | {"deck_sha256": ""}
     rows = [found.get(address, empty) for address in addresses]
@@ -244,8 +246,8 @@ def _dataset(
     )
     variables["deck_sha256"] = (shaped([row["deck_sha256"] for row in rows]), {"long_name": "hash of the deck"})
     return Dataset(
-        {name: (tuple(plan.shape), values, attributes) for name, (values, attributes) in variables.items()},
-        plan.coordinates,
+        {name: (tuple(shape), values, attributes) for name, (values, attributes) in variables.items()},
+        coordinates,
         {},
     )
 
