@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.document import read_bytes
 from pyspice_runner.motor.parameters import Parameters, quantity
 from pyspice_runner.motor.refusal import as_table, build, quoted
@@ -225,10 +225,8 @@ def solid_from(entry: Any, where: str, folder: Path = Path()) -> Solid:
             table["mesh"] = mesh_file(folder / table["mesh"])
         except ParameterError as error:
             raise ParameterError(f"{where}: solid.mesh: {error}") from None
-    elif "mesh" in table:
-        raise ParameterError(
-            f"{where}: solid.mesh = {quoted(table['mesh'])} is not valid: it must be the path of a file."
-        )
+    else:
+        require("mesh" not in table, f"{where}: solid.mesh", table.get("mesh"), "the path of a file")
     for name, kind in (("boxes", Box), ("electrodes", Electrode), ("supports", Support)):
         given = table.get(name, [])
         if not isinstance(given, list):
