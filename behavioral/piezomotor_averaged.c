@@ -443,7 +443,7 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     struct tracker at = m->tracker;
     f->push = sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b));
     f->velocity = sum((phasor){rate[0], rate[1]}, scaled(2.0 * PI * frequency, turned((phasor){of[0], of[1]})));
-    at.tuning = at.out = state[LOOP], at.inner = state[LOOP + 1];
+    at.tuning = at.out = state[LOOP], at.inner = state[LOOP + 1], at.timer = state[LOOP + 2], at.restart = state[LOOP + 3];
     at.target = p->target, at.temperature = warm;
     at.a_re = u_a.re, at.a_im = u_a.im, at.b_re = u_b.re, at.b_im = u_b.im;
     at.vline_a_re = f->current_a.re, at.vline_a_im = f->current_a.im;
@@ -451,6 +451,8 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     tracker_flows(&at);
     f->rate[LOOP] = at.flow_out / at.store_out;
     f->rate[LOOP + 1] = at.flow_inner / at.store_inner;
+    f->rate[LOOP + 2] = at.flow_timer / at.store_timer;
+    f->rate[LOOP + 3] = at.flow_restart / at.store_restart;
 #endif
 }
 
@@ -562,6 +564,7 @@ void motor_measure(struct motor *motor)
 #if TRACKED
     phasor ahead = product(flow.velocity, (phasor){flow.push.re, -flow.push.im});
     p->control = motor->state[LOOP];
+    p->restart = motor->state[LOOP + 3];
     p->mode_phase = 180.0 / PI * atan2(ahead.im, ahead.re);
 #endif
 }

@@ -29,7 +29,7 @@
 #include "piezomotor_network.h" /* likewise, from driver_averaged.lib */
 #endif
 #if defined TRACKED && TRACKED
-#include "piezomotor_tracker.h" /* written by the package from tracker_averaged.lib and tracker_filter.lib */
+#include "piezomotor_tracker.h" /* written by the package from tracker_averaged, _restart and _filter.lib */
 #endif
 
 #ifndef TRACKED
@@ -86,6 +86,7 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(target, "deg", -360, 360, "phase wanted of the motional current, ahead of the force")
 #define LOOP_OUTPUTS(ENTRY) \
     ENTRY(control, "V", "control voltage of the oscillator") \
+    ENTRY(restart, "1", "1 while a restart returns the oscillator to its start, else 0") \
     ENTRY(mode_phase, "deg", "phase of the velocity of the mode that is followed, ahead of the force of the groups")
 #else
 #define LOOP_INPUTS(ENTRY)
@@ -190,8 +191,9 @@ enum {
     CHARGE,                     /* integrals of the amplitudes of the currents into the groups, A.s: real and imaginary parts */
     DEFLECTION = CHARGE + 4,
     AMPLITUDE = DEFLECTION + MODES,
-    LOOP = AMPLITUDE + 2 * MOVING * HARMONICS, /* voltages of the loop filter, V: at the oscillator, across its capacitance */
-    NETWORK = LOOP + 2 * TRACKED, /* of group A, then of B, real and imaginary parts: currents in series and parallel, A;
+    LOOP = AMPLITUDE + 2 * MOVING * HARMONICS, /* voltages of the loop filter, V: at the oscillator, across its capacitance;
+                                                  of a restart: timer, and 1 while it pulls */
+    NETWORK = LOOP + 4 * TRACKED, /* of group A, then of B, real and imaginary parts: currents in series and parallel, A;
                                      voltages of the capacitance in series and of the group, V */
     STATES = NETWORK + 16 * DRIVEN
 };

@@ -44,6 +44,7 @@ from .steady.working_points import working_points as working_points
 from .sweeps.plan import Tolerance as Tolerance
 from .sweeps.sweep import sweep as sweep
 from .trackers.track import track as track
+from .trackers.tracker import Disturbance as Disturbance
 from .trackers.tracker import Tracker as Tracker
 from .view.report import report as report
 

@@ -176,13 +176,13 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
 def state_names(modes: int, moving: int, harmonics: int = HARMONICS, *, tracked: bool = False) -> list[str]:
     """Return the names of the states of an averaged motor, in their order; the states of a network follow them.
 
-    The carrier moves in ``moving`` directions; a loop has the two voltages of its filter.
+    The carrier moves in ``moving`` directions; a loop has the two voltages of its filter, and a restart.
     """
     bent = [f"deflection_{number}" for number in range(1, modes + 1)] if modes > 1 else ["deflection"]
     moved = [*(f"mode{number}" for number in range(1, modes + 1)), *("carrier", "carrier_x")[:moving]]
     orders = range(1, harmonics + 1)
     vibrating = [f"{name}_harmonic{order}_{part}" for name in moved for order in orders for part in ("re", "im")]
-    return [*_STATES, *bent, *vibrating, *(("control", "filter") if tracked else ())]
+    return [*_STATES, *bent, *vibrating, *(("control", "filter", "timer", "restart") if tracked else ())]
 
 
 def _size(modes: int, moving: int) -> list[str]:

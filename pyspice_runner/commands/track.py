@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Any, get_args
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
@@ -20,18 +20,22 @@ from pyspice_runner.commands.options import (
     option,
 )
 from pyspice_runner.errors import require
-from pyspice_runner.trackers.tracker import DisturbanceKind, TrackerKind
+from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind
 
 START_OFFSET = 0.03  # relative to the centre
 
 
 @command(
-    "motor tracker mode disturb voltage ratio_b phase frequency span offset target bandwidth period step_size reverse",
-    "load_torque preload_change target_step drift drift_time all_drift compensate", DRIVER,
-    "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
+    "motor tracker mode disturb event voltage ratio_b phase frequency span offset target bandwidth period step_size",
+    "reverse no_restart restart_after load_torque preload_change supply_change target_step drift drift_time all_drift",
+    "compensate", DRIVER, "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
     tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
     mode=option(str | None, None, "Name of the mode to track; default: the last.", "--mode", metavar="NAME"),
     disturb=option(DisturbanceKind, "start", "Disturbance of the motor."),
+    event=option(
+        list[str] | None, None, "In place of --disturb, one of several: load=50m@20m is 50 mN.m from 20 ms on. "
+        f"Kinds: {', '.join(CHANGED)}. Repeatable.", "--event", metavar="KIND=VALUE@BEGIN",
+    ),
     voltage=VOLTAGE,
     ratio_b=option(float, 1.0, "Amplitude of group B relative to group A."),
     phase=PHASE,
@@ -47,8 +51,11 @@ START_OFFSET = 0.03  # relative to the centre
     period=option(float, 0.8e-3, "Time between two steps of an observer, s."),
     step_size=option(float, 80.0, "Size of an observer's steps, Hz."),
     reverse=option(bool, False, "Reverse the polarity of the tracker.", "--reverse"),
+    no_restart=option(bool, False, "A loop that has lost lock does not return to its start.", "--no-restart"),
+    restart_after=option(float, 0.0, "Time without lock after which it returns, s; 0: by the loop."),
     load_torque=option(float | None, None, "Load, N.m (slider: N); default: half the stall torque.", *LOAD),
     preload_change=option(float, 0.3, "Relative change of the preload."),
+    supply_change=option(float, -0.3, "Relative change of the supply."),
     target_step=option(float, 10.0, "Step of the target, degrees."),
     drift=option(float, -0.02, "Relative drift of the frequencies."),
     drift_time=option(float, 50e-3, "Duration of the drift, s."),
@@ -73,12 +80,13 @@ def track(call: Call) -> None:
     call.check(".json", ".csv", ".cir")
     motor = call.loaded
     tone = call.recommended_phases() | {"ratio_b": call.ratio_b}
-    offset = START_OFFSET if call.disturb == "start" else 0.0
+    offset = START_OFFSET if call.disturb == "start" and not call.event else 0.0
     tracker = pr.Tracker(
         **tone, offset=offset if call.offset is None else call.offset, polarity=-1 if call.reverse else 1,
+        restart=not call.no_restart,
         copies_drift_per_k=pr.Thermal.of(motor).capacitance_drift_per_k if call.compensate else 0.0,
         **call.pick("span", kind="tracker", target_deg="target", bandwidth_hz="bandwidth", period_s="period",
-                    step_hz="step_size"),
+                    step_hz="step_size", restart_after_s="restart_after"),
     )  # fmt: skip
     names = [mode.name for mode in motor.modes]
     require(call.mode is None or call.mode in names, "--mode", call.mode, f"one of {', '.join(names)}")
@@ -92,10 +100,23 @@ def track(call: Call) -> None:
             driver = call.spec_of(call.driver, pins).built(motor, contact=call.law)
         result = pr.track(
             motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
-            **call.pick("disturb begin duration load_torque preload_change drift drift_time target_step"),
-            mode=mode, **call.pick("averaged engine timeout audit"),
+            **call.pick("disturb begin duration load_torque preload_change supply_change drift drift_time target_step"),
+            disturbances=[_event(text, call) for text in call.event or ()], mode=mode,
+            **call.pick("averaged engine timeout audit"),
         )  # fmt: skip
     call.deliver(result, motor.name)
+
+
+def _event(text: str, call: Call) -> pr.Disturbance:
+    """Return the disturbance that KIND=VALUE@BEGIN names; a drift takes ``--drift-time``."""
+    kind, _, rest = text.partition("=")
+    value, _, begin = rest.partition("@")
+    require(kind in CHANGED and begin, "--event", text, f"KIND=VALUE@BEGIN with one of {', '.join(CHANGED)}")
+    units = {"load": "Load, N.m", "target": "Target, degrees"}.get(kind, "")
+    values: dict[str, Any] = {CHANGED[kind]: common.number(value, units), "begin_s": common.number(begin, "Begin, s")}
+    if kind == "temperature":
+        values |= {"drift_time_s": call.drift_time, "thermal": pr.Thermal.of(call.loaded) if call.all_drift else None}
+    return pr.Disturbance(**{"kind": kind, **values})
 
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, contact: bool = True) -> pr.Tracker:
@@ -109,12 +130,15 @@ _NEEDS: tuple[tuple[str, str, set[str]], ...] = (
     ("tracker", "bandwidth target", {"pll"}),
     ("tracker", "period step_size", {"observe-current", "observe-power"}),
     ("tracker", "reverse", {*get_args(TrackerKind)} - {"none"}),
+    ("tracker", "no_restart restart_after", {"pll"}),
     ("tracker", "compensate", {"pll", "observe-current"}),
     ("disturb", "load_torque", {"load"}),
     ("disturb", "preload_change", {"preload"}),
+    ("disturb", "supply_change", {"supply"}),
     ("disturb", "target_step", {"target"}),
-    ("disturb", "drift drift_time all_drift", {"temperature"}),
-    ("disturb", "compensate", {"temperature", "warm-up"}),
+    ("disturb", "drift", {"temperature"}),
+    ("event", "drift_time all_drift", {"temperature"}),
+    ("event", "compensate", {"temperature", "warm-up"}),
     ("disturb", "begin", {*get_args(DisturbanceKind)} - {"start", "warm-up"}),
 )
 
@@ -122,6 +146,10 @@ _NEEDS: tuple[tuple[str, str, set[str]], ...] = (
 def _refuse_idle(call: Call) -> None:
     """Refuse options of another tracker, of another disturbance, or of a driver without ``--driver``."""
     call.check_driver()
+    events = {text.partition("=")[0] for text in call.event or ()}
+    if events:
+        call.refuse_idle("beside --event", "disturb")
     for name, options, kinds in _NEEDS:
-        if call.values[name] not in kinds:
-            call.refuse_idle(f"on --{name} {call.values[name]}", options)
+        needed = "disturb" if name == "event" else name
+        if not kinds & {call.values[needed], *(events if name == "event" else ())}:
+            call.refuse_idle(f"on --{needed} {call.values[needed]}", options)

@@ -10,7 +10,7 @@ the MOSFETs of a bridge, may be a subcircuit of the user's own (:mod:`.own_devic
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, pairwise
@@ -626,11 +626,14 @@ def of_groups(path: str) -> tuple[str, ...]:
     return () if label.endswith(("_a", "_b")) else tuple(f"{label}_{group}.{name}" for group in GROUPS)
 
 
-def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True) -> None:
+def add_driver(
+    circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, source: bool = True,
+    supply: Sequence[tuple[float, float]] = (),
+) -> None:  # fmt: skip
     """Add both channels of a driver to a circuit, up to the pin of each group.
 
     Without its source, another one drives the nodes ``control_a`` and ``control_b``: 1 V amplitude for a bridge, the
-    voltage over the gain for a linear amplifier.
+    voltage over the gain for a linear amplifier. The rails follow ``supply``: times in s and shares of their voltages.
     """
     source = source and driver.controlled
     libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
@@ -644,7 +647,7 @@ def add_driver(circuit: Circuit, driver: Driver, pins: Mapping[str, str], *, sou
         )  # fmt: skip
         for group in GROUPS:
             add_breakpoints(circuit, driver, group)
-    add_channels(circuit, driver, pins)
+    add_channels(circuit, driver, pins, supply=supply)
 
 
 def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float = 0.0) -> None:
@@ -663,7 +666,10 @@ def add_breakpoints(circuit: Netlist, driver: Driver, group: str, begins: float 
         circuit.V(node, node, circuit.gnd, pulse)
 
 
-def add_channels(circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False) -> None:
+def add_channels(
+    circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, risen: bool = False,
+    supply: Sequence[tuple[float, float]] = (),
+) -> None:  # fmt: skip
     """Add both channels of a driver, without their subcircuits and the control source, up to the pin of each group.
 
     If ``risen``, the supplies have risen before the start of the run.
@@ -673,7 +679,8 @@ def add_channels(circuit: Netlist, driver: Driver, pins: Mapping[str, str], *, r
         if driver.kind != "ideal":
             (stage, nodes), *chain = chain
             for rail, volts in zip(RAILS, driver.rails(group), strict=True):
-                ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r})"
+                later = "".join(f" {time!r} {share * volts!r}" for time, share in supply if time > driver.supply_rise_s)
+                ramp = f"DC {volts!r}" if risen else f"PWL(0 0 {driver.supply_rise_s!r} {volts!r}{later})"
                 if rail in nodes:
                     circuit.V(groups.named(rail, group), nodes[rail], circuit.gnd, ramp if volts else "DC 0")
             instantiate(circuit, stage.instance, stage.library, list(nodes.values()), **stage.values)

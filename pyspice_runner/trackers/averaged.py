@@ -21,6 +21,7 @@ from pyspice_runner.averaged.simulate import LONGEST_STEPS, RECORDED, averaged_e
 from pyspice_runner.circuit.bench import Bench, add_cooling
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers.driver import BRIDGES
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
@@ -33,7 +34,6 @@ from pyspice_runner.spice.library import read_library
 from pyspice_runner.trackers.loop import POINTS_PER_DECADE, Complex, LoopDesign, crossing, swept_hz, volts
 from pyspice_runner.trackers.tracker import RAIL, SMOOTHED_PERIODS, StatorLag, TrackedSource, add_filter, sensing
 
-AVERAGED_DISTURBANCES = ("start", "target", "load", "temperature", "warm-up")
 _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
 
 
@@ -46,7 +46,7 @@ def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
     tracker = source.tracker
     return {
         "drift": tracker.copies_drift_per_k, **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
-        "current": tracker.pump_current_a, "polarity": tracker.polarity, "rail": RAIL,
+        "current": tracker.pump_current_a, "polarity": tracker.polarity, "rail": RAIL, **(source.restart or {}),
     }  # fmt: skip
 
 
@@ -59,9 +59,9 @@ def averaged_tracked_bench(
     ``shaft`` (rad/s), ``temperature`` (K). The load adds to the disturbance. With the vectors of the ``end`` of a run
     the loop is open, for ``.ac`` from the oscillator's input, at the target, the speed and the temperature there.
     """
-    tracker, disturbance, drifting = source.tracker, source.disturbance, source.disturbance.drifting
+    tracker, disturbances, drifting = source.tracker, source.disturbances, source.disturbances.drifting
     circuit = Circuit(f"{motor.name}: averaged over the period of the drive, tracked")
-    parts = ("tracker_averaged", "tracker_filter")
+    parts = ("tracker_restart", "tracker_averaged", "tracker_filter")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
     start = {}
     front = averaged_front(source)
@@ -69,7 +69,8 @@ def averaged_tracked_bench(
     for group, voltage in two_phasors(front.stage).items():
         for part, value in (("re", voltage.real), ("im", voltage.imag)):
             node = f"{group}_{part}"
-            circuit.V(f"line_{node}", f"{sources}_{node}", circuit.gnd, f"DC {value!r}")
+            course = [(0.0, value)] if end else disturbances.course("supply", value, value)
+            circuit.V(f"line_{node}", f"{sources}_{node}", circuit.gnd, schedule_text(course))
             start[node] = 0.0 if front.networks else value
     if front.networks:
         front.add(circuit, after="line", frequency="tuned")
@@ -91,9 +92,9 @@ def averaged_tracked_bench(
     if end and drifting:
         circuit.V("temperature", "temperature", circuit.gnd, f"DC {end['v(temperature)']!r}")
     if not end:
-        if drifting and disturbance.kind == "warm-up":
+        if drifting and disturbances.of("warm-up"):
             add_cooling(circuit, drifting)
-        disturbance.add(circuit, motor)
+        disturbances.add(circuit, motor)
     speed = end["v(shaft)"] if end else load.speed
     if speed is not None:
         circuit.V("shaft", "shaft", circuit.gnd, f"DC {float(speed)!r}")
@@ -106,7 +107,8 @@ LONGEST = 1e5  # s, of an averaged run
 # s of wall time without a timeout: at the limit of its oscillator a loop can oscillate with very short steps
 PATIENCE = 60.0
 NEAR = ("v(xmotor.", "v(xnetwork_", "v(line_", "v(a_", "v(b_")  # nodes with which the search of the .op begins
-_HELD = ("speed", "position", "load_speed", "load_position", "temperature")  # states that the loop is too fast for
+# states that the loop is too fast for, and those of a restart
+_HELD = ("speed", "position", "load_speed", "load_position", "temperature", "timer", "restart")
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,9 @@ class TrackedRun:
 class AveragedTrack:
     """A run of the averaged motor with a loop: over time, and at the end; by either engine.
 
-    Over time: the names of an averaged run, and ``phase_deg`` of the mode's velocity ahead of the force. At the end:
-    phasors of the voltages (V) and currents (A) of the groups, amplitudes of the modes (m) and the loop.
+    Over time: the names of an averaged run, ``phase_deg`` of the mode's velocity ahead of the force, and ``restart``,
+    1 while a restart returns the oscillator to its start. At the end: phasors of the voltages (V) and currents (A) of
+    the groups, amplitudes of the modes (m) and the loop.
     """
 
     curves: Mapping[str, Array]
@@ -136,7 +139,7 @@ class AveragedTrack:
     find_loop: Callable[[], LoopDesign]
     seconds: float
     ngspice_version: str | None
-    deck: str = field(repr=False)
+    deck: str | None = field(repr=False)  # for ngspice; ``None`` where it has no model of the run
     deck_sha256: str | None
 
 
@@ -145,24 +148,32 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
 
     Raise ParameterError for what has no averaged model, SimulationError if the engine fails.
     """
-    setup, source, disturbance = run.setup, run.source, run.source.disturbance
-    known = (("tracker", source.tracker.kind, ("pll", "none")), ("disturb", disturbance.kind, AVERAGED_DISTURBANCES))
-    for name, kind, kinds in known:
-        if kind not in kinds:
-            raise ParameterError(
-                f"{name} = {kind!r} has no averaged model: it must be {' or '.join(kinds)}. Or leave averaged out."
-            )
+    setup, source, disturbances = run.setup, run.source, run.source.disturbances
+    if source.tracker.kind not in ("pll", "none"):
+        raise ParameterError(
+            f"tracker = {source.tracker.kind!r} has no averaged model: it must be pll or none. Or leave averaged out."
+        )
+    if disturbances.of("supply") and source.driver and source.driver.kind not in ("ideal", *BRIDGES):
+        raise ParameterError(
+            f"disturb = 'supply' of a {source.driver.name} has no averaged model, as it clips its voltages. Leave "
+            "averaged out."
+        )
+    compiled = averaged_engine(engine) == "compiled"
+    if disturbances.of("preload") and not compiled:
+        raise ParameterError(
+            "disturb = 'preload' has no averaged model in ngspice: give engine='compiled', or leave averaged out."
+        )
     least = 2 * SMOOTHED_PERIODS / source.tracker.frequency
     require(least <= run.duration <= LONGEST, "duration", run.duration, f"from {least:.3g} to {LONGEST:g} s", unit="s")
-    bench = averaged_tracked_bench(setup.motor, source, setup.load)
+    bench = partial(averaged_tracked_bench, setup.motor, source, setup.load)
     timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
-    if averaged_engine(engine) == "compiled":
-        return _compiled(run, deck_of(lambda: bench, ["all"], timing))
-    return _spice(run, run_bench(bench, ["all"], setup.solver.timeout, "transient", timing))
+    if compiled:
+        return _compiled(run, None if disturbances.of("preload") else deck_of(bench, ["all"], timing))
+    return _spice(run, run_bench(bench(), ["all"], setup.solver.timeout, "transient", timing))
 
 
-def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
-    setup, source, disturbance = run.setup, run.source, run.source.disturbance
+def _compiled(run: TrackedRun, deck: str | None) -> AveragedTrack:
+    setup, source, disturbances = run.setup, run.source, run.source.disturbances
     tracker, own, front = source.tracker, source.loop_filter, averaged_front(source)
     stage = front.stage
     values = _loop_values(setup.motor, source) | {
@@ -172,17 +183,24 @@ def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
     if tracker.kind == "none":  # without current of the pump the filter keeps its voltage
         values["current"] = 0.0
     running = AveragedMotor(
-        setup.motor, thermal=disturbance.drifting, speed=setup.load.speed,
+        setup.motor, thermal=disturbances.drifting, speed=setup.load.speed,
         longest=max(run.duration / LONGEST_STEPS["compiled"], source.period), loop=Loop(values, source.mode),
         networks=front.networks,
     )  # fmt: skip
-    courses: dict[str, Schedule] = {"target": source.targets}
-    if disturbance.kind == "temperature":  # the stator follows the course, not its own losses
+    running.set(phase=stage.phase_deg)
+    preload = setup.motor.contact.preload_n
+    courses: dict[str, Schedule] = {
+        "target": source.targets,
+        "amplitude_a": disturbances.course("supply", stage.voltage, stage.voltage),
+        "amplitude_b": disturbances.course("supply", stage.voltage_b, stage.voltage_b),
+    }
+    if disturbances.of("load"):
+        courses["load_torque"] = disturbances.course("load")
+    if disturbances.of("preload"):
+        courses["preload"] = disturbances.course("preload", preload, preload)
+    if disturbances.of("temperature"):  # the stator follows the course, not its own losses
         running.set(heat_capacity=0.0)
-        courses["ambient_temperature"] = disturbance.ramp(disturbance.rise_k)
-    if disturbance.kind == "load":
-        courses["load_torque"] = disturbance.ramp(disturbance.load_torque_n_m)
-    running.set(amplitude_a=stage.voltage, amplitude_b=stage.voltage_b, phase=stage.phase_deg)
+        courses["ambient_temperature"] = disturbances.course("temperature")
     begun = monotonic()
     rows = running.record(courses, run.duration, timeout=setup.solver.timeout or PATIENCE)
 
@@ -194,7 +212,8 @@ def _compiled(run: TrackedRun, deck: str) -> AveragedTrack:
         return np.array(found)
 
     return AveragedTrack(
-        curves={column: rows[recorded] for column, recorded in RECORDED.items()} | {"phase_deg": rows["mode_phase"]},
+        curves={column: rows[recorded] for column, recorded in RECORDED.items()}
+        | {"phase_deg": rows["mode_phase"], "restart": rows["restart"]},
         voltages=phasors("pin") if front.networks else volts(stage),
         currents=phasors("current"),
         amplitudes=running.mode_amplitudes(),
@@ -231,7 +250,7 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
 
 def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
     motor, mode, vectors = run.setup.motor, run.source.mode, outcome.vectors()
-    drifting = run.source.disturbance.drifting
+    drifting = run.source.disturbances.drifting
     pins = np.array([phasor(vectors, f"v({group}_{{}})") for group in GROUPS])
     currents = [phasor(vectors, f"i(v.xtracker.{groups.named('vline', group)}_{{}})")[-1] for group in GROUPS]
     velocity = phasor(vectors, f"v(xmotor.xmode{mode + 1}_1.v_{{}})")
@@ -243,6 +262,7 @@ def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
         "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
         "tip_y_amplitude_m": 1e-6 * np.abs(phasor(vectors, "v(xmotor.y_{}1)")),
         "normal_force_n": vectors["v(xmotor.normal)"], "heat_w": vectors["v(heat)"],
+        "restart": vectors["v(xtracker.restart)"],
     }  # fmt: skip
     return AveragedTrack(
         curves=curves,

@@ -8,7 +8,7 @@ does not see this phase, so an error of its sensing counts as an error.
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import degrees, isfinite, pi, sqrt
 from typing import Any
@@ -37,110 +37,92 @@ from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, run_averaged
 from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
 from pyspice_runner.trackers.tracker import (
+    LOST_DEG,
     SMOOTHED_PERIODS,
     Disturbance,
     DisturbanceKind,
+    Disturbances,
     LoopFilter,
     StatorLag,
     TrackedSource,
     Tracker,
     propose_filter,
+    restart_values,
     running_resonance,
+    sensed_modes,
     sensing,
 )
 from pyspice_runner.units import engineering
 
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its largest amplitude or more
-LOST_DEG = 60.0  # farther from it, lock is lost: half the amplitude
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
+SAME = 1e-6  # relative difference of couplings that rounding explains
 AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off over the last 50 mV of 5 V
 
 
 @dataclass(frozen=True)
 class Sensing:
-    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less.
+    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less."""
 
-    Attributes:
-        capacitance_drift_per_k: relative drift of the clamped capacitances that their copies do not follow, 1/K.
-        phase_drift_deg_per_k: by which the loop moves the phase of the mode's velocity per kelvin.
-        frequency_drift_hz_per_k: by which it thus moves the frequency away from the one wanted.
-    """
+    capacitance_drift_per_k: float  # relative drift of the clamped capacitances that their copies do not follow
+    phase_drift_deg_per_k: float  # by which the loop moves the phase of the mode's velocity
+    frequency_drift_hz_per_k: float  # by which it thus moves the frequency away from the one wanted
 
-    capacitance_drift_per_k: float
-    phase_drift_deg_per_k: float
-    frequency_drift_hz_per_k: float
+
+@dataclass(frozen=True)
+class LostLock:
+    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods."""
+
+    lost_s: float  # when, and the frequency then: the pull-out frequency
+    lost_hz: float
+    regained_s: float | None = None  # ``None`` if it is not regained in the run
+    regained_hz: float | None = None
 
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Result):
-    """A run with a tracker.
+    """A run with a tracker."""
 
-    Attributes:
-        locked: whether it locked before the disturbance, never lost lock, and is locked at the end; false without one.
-        lock_time_s: time after which it stays locked until the disturbance; ``None`` if it does not.
-        kept_lock: whether the phase came within 20° of its target before the disturbance, and stayed within 60°.
-        rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
-        worst_phase_error_deg: largest deviation, averaged over 20 periods, in the same time.
-        residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
-        static_phase_error_deg: phase of the mode's velocity minus its target, mean at the end.
-        end_frequency_hz: mean frequency at the end.
-        resonance_reached_hz: frequency at which the velocity would be in phase, by the phase at the end and ``lag``.
-        speed_before_rad_s: speed when the disturbance began.
-        speed_after_rad_s: speed at the end.
-        speed_lost_rad_s: speed before the disturbance minus the lowest speed after it began.
-        stall_torque_n_m: torque on a held shaft; measured only if the load step is to be half of it.
-        to_come: expected further relative change of the speed; ``None`` after too short a time or for a held shaft.
-        lag: resonance and loaded quality factor of the mode, for which the filter was designed.
-        loop: gain and margin of a locked phase-locked loop in front of the running motor at the end, else ``None``.
-        settings: motor, tracker, disturbance and run, JSON-ready.
-        time_s: middle of each period.
-        frequency_hz: frequency of each period.
-        phase_deg: of the mode's velocity ahead of the force, each period.
-        rotor_speed_rad_s: mean of each period.
-        solver_seconds: wall time that the engine took.
-        ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
-        deck: netlist of the run.
-        audit: outcome of the physical audit; it has findings only with ``audit=False``.
-        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
-        temperature_k: of the stator above that at which its parameters hold; averaged runs only.
-        model_cautions: cautions by the check of the averaged model.
-        loop_filter: filter of a phase-locked loop.
-        no_loop: why a locked loop has no ``loop``.
-        sensing: how the sensing of a phase-locked loop drifts with the temperature of the stator.
-    """
-
-    locked: bool
-    lock_time_s: float | None
-    kept_lock: bool
-    rms_phase_error_deg: float
-    worst_phase_error_deg: float
-    residual_detuning_hz: float
-    static_phase_error_deg: float
-    end_frequency_hz: float
+    locked: bool  # whether it locked before the disturbance, and is locked at the end; false without a tracker
+    lock_time_s: float | None  # time after which it stays locked until the disturbance; ``None`` if it does not
+    kept_lock: bool  # whether the phase came within 20° of its target before the disturbance, and stayed within 60°
+    rms_phase_error_deg: float  # of the mode's velocity, from lock to the end; from the start without lock
+    worst_phase_error_deg: float  # largest deviation, averaged over 20 periods, in the same time
+    residual_detuning_hz: float  # drive frequency minus the frequency at which the phase has its target, at the end
+    static_phase_error_deg: float  # phase of the mode's velocity minus its target, mean at the end
+    end_frequency_hz: float  # mean frequency at the end
+    # frequency at which the velocity would be in phase, by the phase at the end and ``lag``
     resonance_reached_hz: float
-    speed_before_rad_s: float
-    speed_after_rad_s: float
-    speed_lost_rad_s: float
-    stall_torque_n_m: float | None
+    speed_before_rad_s: float  # speed when the disturbance began
+    speed_after_rad_s: float  # speed at the end
+    speed_lost_rad_s: float  # speed before the disturbance minus the lowest speed after it began
+    stall_torque_n_m: float | None  # torque on a held shaft; measured only if the load step is to be half of it
+    # expected further relative change of the speed; ``None`` after too short a time or for a held shaft
     to_come: float | None
-    lag: StatorLag
-    loop_filter: LoopFilter
-    settings: dict[str, Any]
-    time_s: Array = field(repr=False)
-    frequency_hz: Array = field(repr=False)
-    phase_deg: Array = field(repr=False)
-    rotor_speed_rad_s: Array = field(repr=False)
-    solver_seconds: float
-    ngspice_version: str | None
-    deck: str = field(repr=False)
+    lag: StatorLag  # resonance and loaded quality factor of the mode, for which the filter was designed
+    loop_filter: LoopFilter  # filter of a phase-locked loop
+    settings: dict[str, Any]  # motor, tracker, disturbance and run, JSON-ready
+    time_s: Array = field(repr=False)  # middle of each period
+    frequency_hz: Array = field(repr=False)  # frequency of each period
+    phase_deg: Array = field(repr=False)  # of the mode's velocity ahead of the force, each period
+    rotor_speed_rad_s: Array = field(repr=False)  # mean of each period
+    solver_seconds: float  # wall time that the engine took
+    ngspice_version: str | None  # version of ngspice; ``None`` of a run with the compiled motor
+    deck: str | None = field(repr=False)  # netlist of the run
+    losses: tuple[LostLock, ...] = ()  # losses of lock after the lock time
+    restarts_s: tuple[float, ...] = ()  # times at which a restart began
+    # outcome of the physical audit; it has findings only with ``audit=False``
     audit: Audit = field(default_factory=Audit)
+    # strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured
     ceramic: dict[str, Any] = field(default_factory=dict)
+    # of the stator above that at which its parameters hold; averaged runs only
     temperature_k: Array | None = field(default=None, repr=False)
-    model_cautions: tuple[str, ...] = ()
+    model_cautions: tuple[str, ...] = ()  # cautions by the check of the averaged model
+    # gain and margin of a locked phase-locked loop in front of the running motor at the end, else ``None``
     loop: LoopDesign | None = None
-    no_loop: str = ""
-    sensing: Sensing | None = None
+    no_loop: str = ""  # why a locked loop has no ``loop``
+    sensing: Sensing | None = None  # how the sensing of a phase-locked loop drifts with the temperature of the stator
 
     @property
     def linear(self) -> bool:
@@ -150,7 +132,8 @@ class Tracking(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
         names = (
-            "locked", "lock_time_s", "kept_lock", "rms_phase_error_deg", "worst_phase_error_deg",
+            "locked", "lock_time_s", "kept_lock", "losses", "restarts_s",
+            "rms_phase_error_deg", "worst_phase_error_deg",
             "residual_detuning_hz", "static_phase_error_deg", "end_frequency_hz", "design_frequency_hz",
             "resonance_reached_hz", "speed_before_rad_s", "speed_after_rad_s",
             "speed_lost_rad_s", "stall_torque_n_m", "settled", "to_come",
@@ -175,24 +158,46 @@ class Tracking(Result):
         return has_settled(self.to_come)
 
     def _lock(self) -> Iterator[str]:
-        """Yield that the tracker ended at a limit of its oscillator or without lock, and what to do."""
+        """Yield losses of lock, or that the tracker ended at a limit of its oscillator or without lock; what to do."""
         tracker, lost = self.settings["tracker"], self.lock_time_s is not None
         at_limit = abs(self.end_frequency_hz / tracker["frequency"] - 1.0) > AT_LIMIT * tracker["span"]
-        if tracker["kind"] == "none" or (self.locked and not at_limit):
+        if tracker["kind"] == "none":
             return
+        if self.losses:
+            yield f"The tracker lost lock: {self._lost_words}. Raise the voltage or the bandwidth, or load it less."
+        if self.locked and not at_limit:
+            return
+        late = self.time_s >= 0.9 * self.time_s[-1]
+        low, high = 1e-3 * self.frequency_hz[late].min(), 1e-3 * self.frequency_hz[late].max()
         advice = "Run it longer (duration), start nearer to the resonance (offset), or raise the voltage."
         if at_limit:
             advice = "Start nearer to the resonance (offset), widen the range (span), or reverse the polarity."
-        elif lost:
-            advice = "Raise the voltage or the bandwidth, or reduce the disturbance."
         elif tracker["kind"] != "pll":
-            advice = "Run it longer (duration). If it stays there, what it observes has its maximum there: use a pll."
+            advice = (
+                "Run it longer (duration), or start nearer to the resonance (offset). Where what it observes has no "
+                "maximum at resonance, use observe-current or a pll."
+            )
+        elif np.ptp(self.phase_deg[late]) > 2.0 * LOCKED_DEG:
+            advice = (
+                f"It oscillates from {low:.5g} to {high:.5g} kHz: the motor has no stable state at this target and "
+                "voltage. Raise the voltage, or move the target towards 0."
+            )
         yield (
             f"The tracker {'is locked' if self.locked else 'has lost lock' if lost else 'has not locked'}: it ended at "
             f"{1e-3 * self.end_frequency_hz:.6g} kHz{', the limit of its oscillator' if at_limit else ''}, "
             f"{self.static_phase_error_deg:.3g}° from its target, by design {1e-3 * self.design_frequency_hz:.6g} kHz. "
             + advice
         )
+
+    @property
+    def _lost_words(self) -> str:
+        """When and where lock was lost and regained, of the first loss."""
+        first, *others = self.losses
+        words = f"at {engineering(first.lost_s, 's')} and {1e-3 * first.lost_hz:.5g} kHz"
+        if first.regained_s is None or first.regained_hz is None:
+            return f"{words}, not regained"
+        words += f", regained at {engineering(first.regained_s, 's')} and {1e-3 * first.regained_hz:.5g} kHz"
+        return words + (f", and {len(others)} more" if others else "")
 
     def _limits(self) -> Iterator[str]:
         """Yield whether it is not locked, whether the mode's motion has not built up, and limits of the ceramic."""
@@ -226,10 +231,12 @@ class Tracking(Result):
             "motor": str(self.settings["motor"]["name"]),
             "tracker": str(self.settings["tracker"]["kind"]),
             "mode": str(self.settings["motor"]["modes"][self.settings["run"]["mode"]]["name"]),
-            "disturbance": str(self.settings["disturbance"]["kind"]),
+            "disturbance": ", ".join(one["kind"] for one in self.settings["disturbances"]),
             **contact_row(self.settings["run"]),
             "locked": "yes" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
+            **({"lock lost": self._lost_words} if self.losses else {}),
+            **({"restarts": f"{len(self.restarts_s)}"} if self.restarts_s else {}),
             "phase error": f"{self.rms_phase_error_deg:.3g}° RMS, {self.worst_phase_error_deg:.3g}° at most",
             "static phase error": f"{self.static_phase_error_deg:.3g}° of the mode",
             "residual detuning": engineering(self.residual_detuning_hz, "Hz"),
@@ -269,8 +276,8 @@ class Tracking(Result):
     @property
     def _wanted_deg(self) -> float:
         """Target phase at the end."""
-        tracker, step = self.settings["tracker"], self.settings["disturbance"]["target_step_deg"] or 0.0
-        return float(tracker["target_deg"] + step) if tracker["kind"] == "pll" else 0.0
+        steps = [one["target_step_deg"] for one in self.settings["disturbances"] if one["kind"] == "target"]
+        return Tracker(**self.settings["tracker"]).wanted_deg + (steps[-1] if steps else 0.0)
 
 
 @dataclass(frozen=True)
@@ -281,6 +288,7 @@ class Periods:
     frequency: Array
     phase: Array
     speed: Array
+    restart: Array  # above 0.5 during a restart
     weight: Array | None = None  # time of each point of an averaged run; None for periods
 
     def smoothed(self, values: Array) -> Array:
@@ -291,6 +299,20 @@ class Periods:
         first = np.maximum(last - SMOOTHED_PERIODS, 0)
         summed = np.concatenate(([0.0], np.cumsum(values)))
         return np.asarray((summed[last] - summed[first]) / (last - first))
+
+    def losses(self, error: Array, first: int) -> tuple[LostLock, ...]:
+        """Return the losses of lock from a point on, by the smoothed phase error in degrees."""
+        time, frequency, found = self.time, self.smoothed(self.frequency), list[LostLock]()
+        outside = np.where(np.abs(error) >= LOCKED_DEG, time, time[-1])
+        held = np.minimum.accumulate(outside[::-1])[::-1] - time >= SMOOTHED_PERIODS / frequency
+        far = np.abs(error) >= LOST_DEG
+        while far[first:].any():
+            first += int(np.argmax(far[first:]))
+            back = first + int(np.argmax(held[first:]))
+            ends = (first, back) if held[back] else (first,)
+            found.append(LostLock(*(float(of[at]) for at in ends for of in (time, frequency))))
+            first = back if held[back] else error.size
+        return tuple(found)
 
     def mean(self, values: Array, where: Any) -> float:
         """Return the mean of a part of the course over time."""
@@ -315,12 +337,12 @@ def judged(
 
     Raise ParameterError for a disturbance that begins too early.
     """
-    setup, disturbance, tracker, time = run.setup, run.source.disturbance, run.source.tracker, periods.time
-    wanted = tracker.wanted_deg + disturbance.target_step_deg * (time > disturbance.begin_s)
+    setup, disturbances, tracker, time = run.setup, run.source.disturbances, run.source.tracker, periods.time
+    wanted = tracker.wanted_deg + np.interp(time, *np.transpose(disturbances.course("target")))
     error = periods.smoothed(periods.phase - wanted)
     speed = periods.smoothed(periods.speed)
-    disturbed = disturbance.kind not in ("start", "warm-up")
-    begin = disturbance.begin_s if disturbed else float(time[-1])
+    disturbed = disturbances.begin_s is not None
+    begin = float(time[-1]) if disturbances.begin_s is None else disturbances.begin_s
     averaged = periods.weight is not None
     before = np.flatnonzero(time <= begin)
     earliest = int(np.searchsorted(time, SMOOTHED_PERIODS / tracker.frequency)) if averaged else SMOOTHED_PERIODS
@@ -335,14 +357,16 @@ def judged(
     last = time >= time[-1] - max(
         0.1 * (time[-1] - (begin if disturbed else 0.0)), SMOOTHED_PERIODS / run.lag.resonance_hz
     )
-    kept = bool(acquired and np.all(np.abs(error[since]) < LOST_DEG))
+    losses = periods.losses(error, first) if acquired else ()
     end_phase = min(max(periods.mean(periods.phase, last), -89.9), 89.9)
     speed_before = float(speed[before[-1]])
     since_begin = speed[before[-1] :] if disturbed else speed[-1:]
     return Tracking(
-        locked=bool(tracked and kept and np.all(np.abs(error[last]) < LOCKED_DEG)),
+        locked=bool(tracked and acquired and np.all(np.abs(error[last]) < LOCKED_DEG)),
         lock_time_s=float(time[first]) if tracked and acquired else None,
-        kept_lock=kept,
+        kept_lock=bool(acquired and not losses),
+        losses=losses if tracked else (),
+        restarts_s=tuple(time[1:][np.diff(periods.restart > 0.5) & (periods.restart[1:] > 0.5)].tolist()),
         rms_phase_error_deg=sqrt(periods.mean((periods.phase - wanted) ** 2, since)),
         worst_phase_error_deg=float(np.abs(error[since]).max()),
         residual_detuning_hz=run.lag.detuning_hz(end_phase) - run.lag.detuning_hz(float(wanted[-1])),
@@ -359,7 +383,8 @@ def judged(
         settings={
             "motor": setup.motor.to_dict(),
             "tracker": tracker.model_dump(),
-            "disturbance": disturbance.to_dict() | {"begin_s": begin if disturbed else None},
+            "disturbance": disturbances.events[0].to_dict() | {"begin_s": disturbances.begin_s},
+            "disturbances": [one.to_dict() for one in disturbances.events],
             "driver": run.source.driver.to_dict() if run.source.driver else None,
             "run": settings,
         },
@@ -385,11 +410,13 @@ def track(
     duration: float | None = None,
     *,
     disturb: DisturbanceKind = "start",
+    disturbances: Sequence[Disturbance] = (),
     mode: int | None = None,
     contact: ContactLaw | None = PAPER_LAW,
     begin: float | None = None,
     load_torque: float | None = None,
     preload_change: float = 0.3,
+    supply_change: float = -0.3,
     drift: float = -0.02,
     drift_time: float = 50e-3,
     thermal: Thermal | None = None,
@@ -411,14 +438,16 @@ def track(
         motor: the motor.
         tracker: the tracker and its two-phase drive; ``tracker.offset`` is its initial detuning.
         disturb: ``"start"``: only the start; ``"target"``: a step of the target phase; ``"load"``: a load torque;
-            ``"preload"``: a change of the static normal force; ``"temperature"``: a drift of all frequencies;
-            ``"warm-up"``, averaged motor only: the losses heat the stator.
+            ``"preload"``: a change of the static normal force; ``"supply"``: a change of the supply;
+            ``"temperature"``: a drift of all frequencies; ``"warm-up"``, averaged only: the losses heat the stator.
+        disturbances: several disturbances in place of ``disturb``; each moves a value from the last one of its kind.
         mode: index of the mode to follow, from 0; by default the last.
         contact: law of the contact; ``None`` for a free tip.
         begin: start of the disturbance, s; by default when the tracker has settled.
         duration: simulated time, s; by default some time after the disturbance.
         load_torque: torque of the load in N·m; by default half the stall torque, which takes a run with the shaft held.
         preload_change: relative change of the preload.
+        supply_change: relative change of the supply: the rails of a driver, without one the voltages.
         drift: relative drift of the frequencies.
         drift_time: duration of the drift, s.
         thermal: coefficients of the drift; by default of frequencies only, in a warm-up those of :meth:`Thermal.of`.
@@ -438,57 +467,64 @@ def track(
     """
     law = law_of(contact, motor.law)
     mode = len(motor.modes) - 1 if mode is None else mode
-    _check_together(motor, tracker, mode, disturb, contact, speed)
+    if disturbances and disturb != "start":
+        raise ParameterError(f"disturb = {disturb!r} and disturbances exclude each other. Give one.")
+    begin = _settled(tracker, disturb) if begin is None else begin
+    one = Disturbance(
+        kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
+        supply_change=supply_change, drift_time_s=drift_time, target_step_deg=target_step,
+        thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
+    )  # fmt: skip
+    sequence = Disturbances(tuple(sorted(disturbances, key=lambda one: one.begin_s)) or (one,))
+    _check_together(motor, tracker, mode, sequence, contact, speed)
     if averaged:
         check_averaged(contact)
         if step is not None:
             raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
     elif engine == "compiled":
         raise ParameterError("engine = 'compiled' has no tracker for the full motor: give averaged=True, or 'spice'.")
-    elif disturb == "warm-up":
+    elif sequence.of("warm-up"):
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
     lag = running_resonance(motor, tracker, mode=mode, contact=law is not None)
     source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver)
     setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
-    begin = _settled(tracker, disturb) if begin is None else begin
-    disturbance = Disturbance(
-        kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
-        drift_time_s=drift_time, target_step_deg=target_step if disturb == "target" else 0.0,
-        thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
-    )  # fmt: skip
     if duration is None:
-        duration = begin if disturb == "start" else disturbance.end_s + {"temperature": 2e-3}.get(disturb, 12e-3)
+        last = max(sequence.events, key=lambda one: one.end_s)
+        duration = last.end_s + {"start": 0.0, "temperature": 2e-3}.get(last.kind, 12e-3)
     if not averaged:
         _check_duration(setup, source, duration)
-    seen = disturbance.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency
-    if disturb not in ("start", "warm-up") and duration < seen:
+    seen = sequence.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency
+    if sequence.begin_s is not None and duration < seen:
         raise ParameterError(
-            f"duration = {duration:g} s does not show the disturbance, which lasts from {disturbance.begin_s:.4g} to "
-            f"{disturbance.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
+            f"duration = {duration:g} s does not show the disturbance, which lasts from {sequence.begin_s:.4g} to "
+            f"{sequence.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
         )
     stall = None
     if disturb == "load" and load_torque is None:
         stall = _stall_torque(setup, source)  # of the full motor
-        disturbance = disturbance.model_copy(update={"load_torque_n_m": 0.5 * stall})
-    source = replace(source, disturbance=disturbance)
+        sequence = Disturbances((one.model_copy(update={"load_torque_n_m": 0.5 * stall}),))
+    restart = restart_values(motor, tracker, mode, lag, source.loop_filter)
+    begins = tracker.restart and tracker.kind == "pll" and restart["wait"] < duration  # else it takes no time
+    source = replace(source, disturbances=sequence, restart=restart if begins else None)
     setup = replace(setup, source=source)
     run = TrackedRun(setup, source, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run, engine) if averaged else _track_full(run)
 
 
 def _check_together(
-    motor: Motor, tracker: Tracker, mode: int, disturb: DisturbanceKind, contact: ContactLaw | None, speed: float | None
+    motor: Motor, tracker: Tracker, mode: int, sequence: Disturbances, contact: ContactLaw | None, speed: float | None
 ) -> None:  # fmt: skip
     """Raise a ParameterError for arguments that exclude each other."""
     if mode not in range(len(motor.modes)):
         raise ParameterError(f"mode = {mode} is not valid; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
-    if contact is None and disturb in ("load", "preload"):
-        raise ParameterError(f"disturb = {disturb!r} needs a rotor; give a contact law.")
-    if disturb == "target" and tracker.kind != "pll":
+    for kind in ("load", "preload") if contact is None else ():
+        if sequence.of(kind):
+            raise ParameterError(f"disturb = {kind!r} needs a rotor; give a contact law.")
+    if sequence.of("target") and tracker.kind != "pll":
         raise ParameterError(
             f"disturb = 'target' is not valid for the tracker {tracker.kind!r}; only a pll has a target."
         )
-    if speed is not None and disturb == "load":
+    if speed is not None and sequence.of("load"):
         raise ParameterError(
             "speed and disturb = 'load' exclude each other: a shaft held at a speed takes any torque. Give one."
         )
@@ -501,14 +537,17 @@ def _track_full(run: TrackedRun) -> Tracking:
     forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if setup.law else []
     currents = [source.current(group)[0] for group in GROUPS]
     of_mode = ["v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
-    names = dict.fromkeys([*of_mode, *forces, "v(a)", "v(b)", *currents, *modal_vectors(motor)])
+    watched = ["v(restart)"] if source.restart else []
+    names = dict.fromkeys([*of_mode, *watched, *forces, "v(a)", "v(b)", *currents, *modal_vectors(motor)])
     outcome = setup.run(run.duration, list(names))
     vectors = outcome.vectors()
     audit = Audit(audit_contact(motor.contact.friction, *(vectors[name] for name in forces)) if forces else ())
     if setup.solver.audit:
         audit.withhold("run")
     settings = {"duration_s": run.duration, **setup.to_dict(), "mode": mode, "deck_sha256": outcome.deck_sha256}
-    found = judged(run, _periods(vectors, mode), outcome, settings, audit=audit)
+    found = judged(
+        run, _periods(vectors, mode), outcome, settings, audit=audit, model_cautions=_inseparable(motor, mode)
+    )
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
     pins = np.array([_phasor(vectors, f"v({group})") for group in GROUPS])
@@ -520,23 +559,40 @@ def _track_full(run: TrackedRun) -> Tracking:
     return _with_loop(run, found, pins, force)
 
 
+def _inseparable(motor: Motor, mode: int) -> tuple[str, ...]:
+    """Return a caution where the groups sense another mode more than the one to track."""
+    sensed = np.abs(sensed_modes(motor, mode))
+    other, names = int(np.argmax(sensed)), [one.name for one in motor.modes]
+    if sensed[other] <= sensed[mode] * (1.0 + SAME):
+        return ()
+    said = (
+        f"The two groups of {motor.name} cannot separate {names[mode]} from {names[other]}, whose current at the same "
+        f"velocity is {sensed[other] / sensed[mode]:.3g} times as large. Track {names[other]}."
+    )
+    return (said,)
+
+
+def _at_end(run: TrackedRun, rise_k: float) -> Motor:
+    """Return the motor with temperature rise and preload at the end of a run."""
+    motor, disturbances = run.setup.motor, run.source.disturbances
+    if disturbances.drifting:
+        motor = disturbances.drifting.warmed(motor, rise_k)
+    preload = motor.contact.preload_n * (1.0 + disturbances.last("preload"))
+    return motor.updated({"contact.preload_n": preload}) if disturbances.of("preload") else motor
+
+
 def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) -> Tracking:
     """Return a result with the loop gain of the running motor at its end; with a caution if there is none."""
-    setup, disturbance, tracker = run.setup, run.source.disturbance, run.source.tracker
-    motor, speed = setup.motor, setup.load.speed
-    if disturbance.drifting:
-        motor = disturbance.drifting.warmed(motor, disturbance.rise_k)
-    if disturbance.kind == "preload":
-        motor = motor.updated({"contact.preload_n": motor.contact.preload_n * (1.0 + disturbance.preload_change)})
+    setup, disturbances, tracker = run.setup, run.source.disturbances, run.source.tracker
+    motor, speed = _at_end(run, disturbances.last("temperature")), setup.load.speed
     if speed is None and not found.settled:
         speed = found.speed_after_rad_s
-    target = tracker.target_deg + disturbance.target_step_deg
+    target = tracker.target_deg + disturbances.last("target")
     source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
     begins = np.exp(-1j * phase(pins[0]) * np.arange(1, len(force) + 1))  # group A has the phase 0
-    loaded = speed is None and disturbance.kind == "load"
     point = Point.of(
         motor, _at_pins(pins, found.end_frequency_hz), speed=speed, contact=setup.law, timeout=setup.solver.timeout,
-        load_torque=disturbance.load_torque_n_m if loaded else 0.0,
+        load_torque=disturbances.last("load") if speed is None else 0.0,
     )  # fmt: skip
     try:
         return replace(found, loop=running_loop(setup.motor, source, point, force * begins))
@@ -552,11 +608,14 @@ def _at_pins(pins: Complex, frequency: float) -> TwoPhaseDrive:
 
 def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     """Track the averaged motor."""
-    done, motor, drifting = run_averaged(run, engine), run.setup.motor, run.source.disturbance.drifting
+    done, motor = run_averaged(run, engine), run.setup.motor
     curves, time, timeout = done.curves, done.curves["time_s"], run.setup.solver.timeout
     end = {name: float(values[-1]) for name, values in curves.items()}
-    periods = Periods(time, curves["frequency_hz"], curves["phase_deg"], curves["rotor_speed_rad_s"], np.gradient(time))
-    hot = drifting.warmed(motor, end["temperature_k"]) if drifting else motor
+    phases, restart = curves["phase_deg"], curves["restart"]
+    periods = Periods(
+        time, curves["frequency_hz"], phases, curves["rotor_speed_rad_s"], restart, weight=np.gradient(time)
+    )
+    hot = _at_end(run, end["temperature_k"])
     drive = _at_pins(done.voltages, end["frequency_hz"])
     unstable = stability_cautions(hot, drive, end["rotor_speed_rad_s"], end["tip_y_amplitude_m"], timeout=timeout)
     stated = run.setup.to_dict()
@@ -567,7 +626,7 @@ def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     }  # fmt: skip
     found = judged(
         run, periods, done, settings, temperature_k=curves["temperature_k"],
-        model_cautions=cautions_over_time(motor.to_dict(), curves) + unstable,
+        model_cautions=_inseparable(motor, run.source.mode) + cautions_over_time(motor.to_dict(), curves) + unstable,
         ceramic=averaged_ceramic(motor, done.amplitudes, curves),
     )  # fmt: skip
     found = replace(found, sensing=_sensing(run, done.voltages, done.currents, found.end_frequency_hz))
@@ -628,13 +687,14 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     motor, tracker = run.setup.motor, run.source.tracker
     if tracker.kind != "pll":
         return None
-    drift = (run.source.disturbance.thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
+    disturbances = run.source.disturbances
+    drift = (disturbances.events[0].thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
     weights = sensing(motor, tracker, run.source.mode)
     taken = copies(weights, frequency) @ pins
     charging = by_group(weights, "current") @ taken
     motional = by_group(weights, "current") @ (currents - taken)
     turn = -degrees((drift * charging / motional).imag)  # the loop turns the mode back
-    wanted = tracker.target_deg + run.source.disturbance.target_step_deg
+    wanted = tracker.target_deg + disturbances.last("target")
     moved = run.lag.detuning_hz(wanted + turn) - run.lag.detuning_hz(wanted)
     return Sensing(drift, turn, moved)
 
@@ -655,4 +715,5 @@ def _periods(vectors: dict[str, Array], mode: int) -> Periods:
         1.0 / length,
         np.degrees(np.angle(over_periods(velocity * turns) / over_periods(force * turns))),
         over_periods(vectors["v(shaft)"]).real / length,
+        over_periods(vectors.get("v(restart)", np.zeros_like(time))).real / length,
     )

@@ -21,13 +21,14 @@ derivative of the force, determines the loaded quality factor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, pi, sqrt, tan
-from operator import mul
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 from PySpice.Spice.Netlist import Circuit
 
@@ -47,8 +48,8 @@ from pyspice_runner.motor.refusal import Stated, checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import read_library
 
-TrackerKind = Literal["none", "pll", "observe-current", "observe-power"]
-DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "warm-up"]
+TrackerKind = Literal["none", "pll", "observe-current", "observe-power", "observe-speed"]
+DisturbanceKind = Literal["start", "target", "load", "preload", "temperature", "supply", "warm-up"]
 _CYCLE = 720  # points of a cycle of the slider
 
 
@@ -138,7 +139,10 @@ SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 RAIL = 5.0  # V, range of the control voltage
 # Digital events shorten the steps; ngspice's error control is off, as with uniform steps. Nodes have 1 V to 50 kV.
 TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
-STEP_TIME = 0.2e-3  # s, rise time of a step of load or preload: short for the loop, long for the modes
+STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
+LOST_DEG = 60.0  # phase error with which lock is lost: half the amplitude
+LOST_PERIODS = 5.0  # time constant of the mean by which a loss of lock is seen: the ripple at 2 f is 1.6 %
+HELD_LAGS = 10.0  # duration of a restart in time constants of the mode: what rang before it has decayed by e^-10
 
 
 class Tracker(Stated, Excitation):
@@ -166,6 +170,18 @@ class Tracker(Stated, Excitation):
     step_hz: float = quantity("size of an observer's steps", "Hz", default=80.0, ge=1e-3, le=1e6)
     average_hz: float = quantity("bandwidth of an observer's averaging", "Hz", default=3e3, ge=1.0, le=1e6)
     polarity: Literal[1, -1] = Field(default=1, description="-1: connected the wrong way round")
+    restart: bool = Field(
+        default=True, description="whether a phase-locked loop without lock returns to its starting frequency"
+    )
+    restart_after_s: float = quantity(
+        "time without lock after which it returns; 0: twice the time in which it sweeps its range at an error of 60°",
+        "s", default=0.0, ge=0.0, le=1e3,
+    )  # fmt: skip
+    lost_share: float = quantity(
+        "motional current in phase with the target per volt, relative to resonance, below which lock is lost; the "
+        "default is that of a resonator at 82°, beyond all targets",
+        "1", default=0.02, ge=1e-4, le=0.5,
+    )  # fmt: skip
     capacitance_error: float = quantity(
         "error of the copies of the clamped capacitances, relative", "1", default=0.0, ge=-0.9, le=2.0
     )
@@ -209,21 +225,34 @@ class Tracker(Stated, Excitation):
         return TrackedSource(self, mode, propose_filter(self, lag))
 
 
+# what the kinds of disturbances change; it is 0 before
+CHANGED = {
+    "load": "load_torque_n_m", "preload": "preload_change", "temperature": "drift", "target": "target_step_deg",
+    "supply": "supply_change",
+}  # fmt: skip
+
+
 class Disturbance(Stated):
-    """A disturbance of a tracked motor.
+    """A disturbance of a tracked motor: what a kind changes, it moves from its last value to another one.
 
     Raises:
         ParameterError: by the constructor, for an invalid value.
     """
 
     kind: DisturbanceKind = Field(description="disturbance; the losses warm up the averaged motor only")
-    begin_s: float = quantity("time at which it begins", "s", default=0.0)
+    begin_s: float = quantity("time at which it begins", "s", default=0.0, ge=0.0)
     load_torque_n_m: float = quantity("load torque after the step", "N·m", default=0.0, ge=-1e3, le=1e3)
     preload_change: float = quantity("relative change of the static normal force", "1", default=0.0, ge=-0.9, le=10.0)
+    supply_change: float = quantity("relative change of the supply", "1", default=0.0, ge=-0.99, le=1.0)
     drift: float = quantity("relative drift of all resonance frequencies", "1", default=0.0, ge=-0.2, le=0.2)
     drift_time_s: float = quantity("duration of the drift", "s", default=50e-3, ge=1e-4, le=100.0)
     thermal: Thermal | None = Field(default=None, description="coefficients of the drift; only frequencies by default")
-    target_step_deg: float = quantity("step of a loop's target phase", "°", default=0.0, ge=-60.0, le=60.0)
+    target_step_deg: float = quantity("change of a loop's target phase", "°", default=0.0, ge=-60.0, le=60.0)
+
+    @property
+    def value(self) -> float:
+        """What it changes, afterwards: the drift as a temperature rise in K."""
+        return self.rise_k if self.kind == "temperature" else float(getattr(self, CHANGED.get(self.kind, ""), 0.0))
 
     @property
     def drifting(self) -> Thermal | None:
@@ -244,34 +273,77 @@ class Disturbance(Stated):
     @property
     def end_s(self) -> float:
         """End of the disturbance in s."""
-        lasts = {"load": STEP_TIME, "preload": STEP_TIME, "temperature": self.drift_time_s}
-        return self.begin_s + lasts.get(self.kind, 0.0)
-
-    def ramp(self, value: float) -> list[tuple[float, float]]:
-        """Return the course of what rises from 0 to a value while it lasts: times in s and values."""
-        return [(0.0, 0.0), (self.begin_s, 0.0), (self.end_s, value)]
-
-    def add(self, circuit: Circuit, motor: Motor) -> None:
-        """Add the sources of the disturbance."""
-        if self.kind == "load":
-            circuit.I("load", "shaft", circuit.gnd, schedule_text(self.ramp(self.load_torque_n_m)))
-        if self.kind == "preload":
-            moved = motor.approach_m((1.0 + self.preload_change) * motor.contact.preload_n)
-            circuit.V("approach", "approach", circuit.gnd, schedule_text(self.ramp(1e6 * moved)))
-        if self.kind == "temperature":
-            circuit.V("temperature", "temperature", circuit.gnd, schedule_text(self.ramp(self.rise_k)))
+        lasts = {"temperature": self.drift_time_s, "start": 0.0, "target": 1e-6, "warm-up": 0.0}
+        return self.begin_s + lasts.get(self.kind, STEP_TIME)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
-        of_kinds = {
-            "load_torque_n_m": "load", "preload_change": "preload", "drift": "temperature",
-            "target_step_deg": "target", "drift_time_s": "temperature",
-        }  # fmt: skip
-        values = {name: getattr(self, name) if kind == self.kind else None for name, kind in of_kinds.items()}
+        kinds = {name: kind for kind, name in CHANGED.items()} | {"drift_time_s": "temperature"}
+        values = {name: getattr(self, name) if kind == self.kind else None for name, kind in kinds.items()}
         return {"kind": self.kind, "begin_s": self.begin_s, **values}
 
 
-UNDISTURBED = Disturbance(kind="start")
+@dataclass(frozen=True)
+class Disturbances:
+    """The disturbances of a run, in the order of their beginnings.
+
+    Raises:
+        ParameterError: for two of a kind at the same time, or a ``"warm-up"`` beside a ``"temperature"``.
+    """
+
+    events: tuple[Disturbance, ...] = (Disturbance(kind="start"),)
+
+    def __post_init__(self) -> None:
+        kinds = {one.kind for one in self.events}
+        if {"temperature", "warm-up"} <= kinds:
+            raise ParameterError("disturbances: 'temperature' and 'warm-up' exclude each other. Give one.")
+        for kind in kinds:
+            for before, after in pairwise(self.of(kind)):
+                if after.begin_s < before.end_s:
+                    raise ParameterError(
+                        f"disturbances: {kind!r} at {after.begin_s:g} s is not valid: it must begin at "
+                        f"{before.end_s:g} s or later, when the one before it has ended."
+                    )
+
+    def of(self, kind: str) -> list[Disturbance]:
+        """Return those of a kind."""
+        return [one for one in self.events if one.kind == kind]
+
+    def course(self, kind: str, at: float = 0.0, by: float = 1.0) -> list[tuple[float, float]]:
+        """Return times in s and what a kind changes, times ``by``, from ``at`` on."""
+        found = [(0.0, at)]
+        for one in self.of(kind):
+            found += [(one.begin_s, found[-1][1]), (one.end_s, at + by * one.value)]
+        return found
+
+    def last(self, kind: str) -> float:
+        """Return what a kind changes at the end."""
+        return next((one.value for one in reversed(self.of(kind))), 0.0)
+
+    @property
+    def begin_s(self) -> float | None:
+        """When the first begins; ``None`` where there are only the start and the losses."""
+        return min((one.begin_s for one in self.events if one.kind in CHANGED), default=None)
+
+    @property
+    def end_s(self) -> float:
+        """End of the last in s."""
+        return max(one.end_s for one in self.events)
+
+    @property
+    def drifting(self) -> Thermal | None:
+        """Coefficients of the drift; ``None`` without one."""
+        return next((one.drifting for one in self.events if one.drifting), None)
+
+    def add(self, circuit: Circuit, motor: Motor) -> None:
+        """Add the sources at the motor."""
+        preload, load = motor.contact.preload_n, self.course("load")
+        pressed = [(at, 1e6 * motor.approach_m(force)) for at, force in self.course("preload", preload, preload)]
+        if len(load) > 1:
+            circuit.I("load", "shaft", circuit.gnd, schedule_text(load))
+        for node, course in (("approach", pressed), ("temperature", self.course("temperature"))):
+            if len(course) > 1:
+                circuit.V(node, node, circuit.gnd, schedule_text(course))
 
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
@@ -333,6 +405,12 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
     }
 
 
+def sensed_modes(motor: Motor, mode: int) -> NDArray[np.float64]:
+    """Return the current in A that a tracker of a mode senses of each mode, per m/s."""
+    weighted = weights(motor, mode)
+    return np.asarray(motor.stator.coupling @ [weighted[groups.named("current", group)] for group in GROUPS])
+
+
 def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
     """Return the copies of the clamped capacitances and the weights by which a tracker senses a mode."""
     copies, weighted = {}, weights(motor, mode)
@@ -361,7 +439,9 @@ class TrackedSource(Source):
     loop_filter: LoopFilter  # filter of a phase-locked loop
     # behind the oscillator, sets voltages and phase; ``None`` for ideal sources
     driver: Driver | None = None
-    disturbance: Disturbance = UNDISTURBED  # what happens to the loop and the motor
+    disturbances: Disturbances = Disturbances()  # what happens to the loop and the motor
+    # parameters of ``tracker_restart``, and the ``conductance`` in S below which lock is lost
+    restart: Mapping[str, float] | None = None
     inject: str = ""  # source between ``control`` and ``tuning``, by default 0 V
     vectors = ("v(tuned)",)
     fewest_points = 50  # the phase detector responds to an edge at the end of a step: 7 degrees
@@ -411,7 +491,7 @@ class TrackedSource(Source):
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
-        tracker, driver, disturbance = self.tracker, self.driver, self.disturbance
+        tracker, driver, disturbances = self.tracker, self.driver, self.disturbances
         parts = ["tracker_sense", "tracker_oscillator", "tracker_phases"]
         parts += {"none": [], "pll": ["tracker_detector", "tracker_filter"]}.get(tracker.kind, ["tracker_observer"])
         circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
@@ -424,24 +504,30 @@ class TrackedSource(Source):
         amplitudes = [control_amplitude(driver, group) for group in GROUPS] if driver else [
             tracker.voltage, tracker.voltage * tracker.ratio_b
         ]  # fmt: skip
+        waves: Sequence[str] = ("sine", "cosine")
+        supply = disturbances.course("supply", 1.0)
+        if len(supply) > 1 and not (driver and driver.supplied):
+            waves = ("supplied_sine", "supplied_cosine")
+            circuit.V("supply", "supply", circuit.gnd, schedule_text(supply))
+            circuit.raw_spice += "".join(f"B{wave} {wave} 0 V=V(supply)*V({wave[9:]})\n" for wave in waves)
         instantiate(
-            circuit, "phases", "tracker_phases", ("sine", "cosine", *controls, circuit.gnd),
+            circuit, "phases", "tracker_phases", (*waves, *controls, circuit.gnd),
             amplitude_a=amplitudes[0], amplitude_b=amplitudes[1],
             phase_deg=driver.phase_deg if driver else tracker.phase_deg,
         )  # fmt: skip
         if driver:
-            add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False)
+            add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False, supply=supply[1:])
         instantiate(
             circuit, "sense", "tracker_sense",
             (
                 lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power",
-                "temperature" if disturbance.kind == "temperature" else circuit.gnd,
+                "temperature" if disturbances.of("temperature") else circuit.gnd,
             ),
             frequency=tracker.frequency, drift=tracker.copies_drift_per_k, **sensing(motor, tracker, self.mode),
         )  # fmt: skip
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
         self._add_control(circuit, motor)
-        disturbance.add(circuit, motor)
+        disturbances.add(circuit, motor)
 
     def _add_control(self, circuit: Circuit, motor: Motor) -> None:
         """Add what sets the control voltage: a constant, detector and filter, or an observer."""
@@ -456,15 +542,18 @@ class TrackedSource(Source):
                 current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
             )  # fmt: skip
             add_filter(circuit, self.loop_filter, tracker.start_v)
+            if self.restart:
+                self._add_restart(circuit, **self.restart)
             return
-        # about 1 V at the free resonance: the weighted motional current, or the power
-        own, weight = motor.modes[self.mode], weights(motor, self.mode)
+        # about 1 V at the free resonance: the weighted motional current, the power, or the speed of the tip
         force = mode_force(motor, tracker, self.mode)
-        velocity = force / own.damping_n_s_per_m
+        velocity = force / motor.modes[self.mode].damping_n_s_per_m
         if tracker.kind == "observe-power":
             expression = f"{2.0 / (force * velocity):.10g}*V(power)"
+        elif tracker.kind == "observe-speed":
+            expression = f"abs(V(shaft))*{motor.rotor.radius_m / (abs(motor.modes[self.mode].tip_x) * velocity):.10g}"
         else:
-            sensed = sum(map(mul, own.couplings, (weight[groups.named("current", group)] for group in GROUPS)))
+            sensed = sensed_modes(motor, self.mode)[self.mode]
             expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
         circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
         instantiate(
@@ -472,6 +561,19 @@ class TrackedSource(Source):
             bandwidth=tracker.average_hz, period=tracker.period_s, step=tracker.step_hz / tracker.gain_hz_per_v,
             polarity=tracker.polarity, rail=RAIL, start=tracker.start_v,
         )  # fmt: skip
+
+    def _add_restart(self, circuit: Circuit, conductance: float, **values: float) -> None:
+        """Add the detection of a loss of lock, averaged over some periods, and the restart."""
+        smoothed = LOST_PERIODS * self.period
+        circuit.raw_spice += f"""\
+{read_library("tracker_restart").subcircuit}
+Bwanted wanted 0 V=cos({pi / 180.0!r}*V(target))*V(force)+sin({pi / 180.0!r}*V(target))*V(ahead)
+Blost 0 lost I=V(wanted)*({conductance!r}*V(wanted)-V(motional))
+Rlost lost 0 1
+Clost lost 0 {smoothed!r} ic={-conductance!r}
+"""
+        current = self.tracker.pump_current_a
+        instantiate(circuit, "restart", "tracker_restart", ("lost", "control", "restart"), current=current, **values)
 
     @property
     def unsteady(self) -> str:
@@ -481,20 +583,18 @@ class TrackedSource(Source):
     @property
     def targets(self) -> list[tuple[float, float]]:
         """The target phase in degrees over time in s."""
-        before, begin = self.tracker.target_deg, self.disturbance.begin_s
-        if self.disturbance.kind != "target":
-            return [(0.0, before)]
-        return [(0.0, before), (begin, before), (begin + 1e-6, before + self.disturbance.target_step_deg)]
+        return self.disturbances.course("target", self.tracker.target_deg)
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """Pins of the motor that the disturbance drives."""
-        return {"preload": ("approach",), "temperature": ("temperature", "heat")}.get(self.disturbance.kind, ())
+        """Pins of the motor that the disturbances drive."""
+        driven = {"temperature": ("temperature", "heat"), "preload": ("approach",)}
+        return tuple(pin for kind, pins in driven.items() if self.disturbances.of(kind) for pin in pins)
 
     @property
     def thermal(self) -> Thermal | None:
-        """Drift of a motor whose temperature the disturbance changes."""
-        return self.disturbance.drifting
+        """Drift of a motor whose temperature the disturbances change."""
+        return self.disturbances.drifting
 
     def initial_voltages(self) -> tuple[float, float]:
         """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
@@ -513,6 +613,20 @@ class TrackedSource(Source):
             "kind": "tracker", "label": self.label, "tracker": self.tracker.model_dump(), "mode": self.mode,
             "driver": self.driver.to_dict() if self.driver else None,
         }  # fmt: skip
+
+
+def restart_values(
+    motor: Motor, tracker: Tracker, mode: int, lag: StatorLag, loop_filter: LoopFilter
+) -> dict[str, float]:
+    """Return the parameters of ``tracker_restart``, and the ``conductance`` in S below which lock is lost."""
+    velocity = 2.0 * pi * lag.resonance_hz * lag.amplitude_m
+    force = mode_force(motor, tracker, mode) / max(map(abs, motor.modes[mode].couplings))  # V, as sensed
+    sweep = RAIL * (loop_filter.capacitance_f + loop_filter.ripple_f) / (tracker.pump_current_a * LOST_DEG / 360.0)
+    return {
+        "conductance": float(tracker.lost_share * sensed_modes(motor, mode)[mode] * velocity / force),
+        "wait": tracker.restart_after_s or 2.0 * sweep, "hold": HELD_LAGS * lag.time_constant_s,
+        "home": tracker.start_v,
+    }  # fmt: skip
 
 
 def add_filter(circuit: Circuit, loop_filter: LoopFilter, start_v: float, *, suffix: str = "") -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -195,22 +195,22 @@ def _loop_step(loop: ControlLoop, ax: Axes) -> None:
 
 
 def _over_time(
-    time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, begin_s: float | None = None, **look: Any
+    time_s: Array, curves: dict[str, tuple[Array, Label]], title: str, begins_s: Sequence[float] = (), **look: Any
 ) -> Sheet:
-    """Return a panel for each curve, over time, with a mark at the beginning of a disturbance."""
+    """Return a panel for each curve, over time, with a mark at the beginning of each disturbance."""
     time = time_label(float(time_s[-1]))
 
     def draw_curve(values: Array, label: Label, ax: Axes) -> None:
         draw_lines(ax, (time, time_s), label, [(values, {"color": BLUE, **look})])
         ax.ticklabel_format(axis="y", useOffset=False)
-        if begin_s is not None:
-            ax.axvline(time.scale * begin_s, color=GREY, linestyle=":", linewidth=1.0)
+        for begin in begins_s:
+            ax.axvline(time.scale * begin, color=GREY, linestyle=":", linewidth=1.0)
 
     return Sheet({name: partial(draw_curve, *curve) for name, curve in curves.items()}, 2, (6.0, 3.1), title)
 
 
 def tracking(result: Tracking) -> Sheet:
-    """Return frequency, phase and speed over time with the beginning of the disturbance, and the loop gain."""
+    """Return frequency, phase and speed over time with the beginnings of the disturbances, and the loop gain."""
     curves = {
         "frequency": (result.frequency_hz, LABELS["frequency_hz"]),
         "phase": (result.phase_deg, Label("phase of the mode", "degrees")),
@@ -218,9 +218,10 @@ def tracking(result: Tracking) -> Sheet:
     }
     if result.temperature_k is not None and result.temperature_k.any():
         curves["temperature"] = (result.temperature_k, Label("temperature rise", "K"))
-    disturbance, loop = result.settings["disturbance"], result.loop
-    title = f"{result.settings['motor']['name']}: {disturbance['kind']}"
-    sheet = _over_time(result.time_s, curves, title, disturbance["begin_s"], linewidth=1.0)
+    disturbances, loop = result.settings["disturbances"], result.loop
+    title = f"{result.settings['motor']['name']}: {', '.join(dict.fromkeys(one['kind'] for one in disturbances))}"
+    begins = [one["begin_s"] for one in disturbances if one["kind"] not in ("start", "warm-up")]
+    sheet = _over_time(result.time_s, curves, title, begins, linewidth=1.0)
     if loop is not None:
         sheet.panels["loop magnitude"] = lambda ax: bode_magnitude(ax, loop, loop.gain, {})
         sheet.panels["loop phase"] = lambda ax: bode_phase(ax, loop, loop.gain)

@@ -51,7 +51,7 @@ def test_header_says_what_a_reader_needs(name: str) -> None:
     # the unit of a node or parameter in the netlist: SI, or um where the conventions say so; 1 for a pure number
     allowed = (
         "V A W J K ohm um m/s m/s2 N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 "
-        "m/N^(2/3) m/N m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2"
+        "m/N^(2/3) m/N m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2 S"
     )
     assert set(units) <= set(allowed.split())
     for parameter in library.parameters:
@@ -288,6 +288,7 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "tracker_oscillator": {"ten_periods_s": (200e-6, 2e-5), "amplitude_v": (1.0, 1e-4)},
     "tracker_phases": {"mean_product_v2": (0.5 * 2.0 * 3.0 * 0.5, 1e-4)},
     "tracker_observer": {"control_end_v": (1.2, 1e-3)},
+    "tracker_restart": {"before_v": (5.0, 1e-6), "during_v": (2.5, 1e-3)},
     "tracker_averaged": {"control_v": (0.5, 1e-5), "frequency_hz": (46e3, 1e-6)},
     "tracker_average": {"phase_rad": (-2.0 * pi * 0.1, 1e-6), "pump_ua": (-20e-6 * 0.1, 1e-6)},
 }

@@ -16,7 +16,7 @@ import pyspice_runner as pr
 from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
-from pyspice_runner.trackers.tracker import running_resonance
+from pyspice_runner.trackers.tracker import CHANGED, running_resonance
 from tests.motors import BEAM40
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
@@ -175,10 +175,78 @@ def test_a_run_that_ends_at_a_rail_or_without_lock_says_so(tracker: Any, setting
     assert re.search(caution, " ".join(found.cautions))
 
 
+def test_a_loop_that_an_overload_has_pulled_out_returns_by_a_restart() -> None:
+    """0.1 N·m from 30 to 60 ms, with copies of the clamped capacitances that are 60 % too small."""
+    load = [
+        pr.Disturbance(kind="load", begin_s=at, load_torque_n_m=torque) for at, torque in ((30e-3, 0.1), (60e-3, 0))
+    ]
+    chosen = {"voltage": 110.0, "target_deg": -35.0, "capacitance_error": -0.6}
+    settings = {"duration": 120e-3, "disturbances": load}
+    without, found = (started(settings, restart=restart, **chosen) for restart in (False, True))
+    assert without.lock_time_s is not None
+    assert not without.locked
+    assert [one.regained_s for one in without.losses] == [None]
+    assert "The tracker lost lock: at 4" in " ".join(without.cautions)
+    assert found.locked
+    assert not found.kept_lock
+    (lost,) = found.losses
+    assert lost.regained_s is not None
+    assert 30e-3 < lost.lost_s < found.restarts_s[0] < lost.regained_s < 80e-3
+    assert found.to_dict()["losses"][0]["lost_hz"] == lost.lost_hz
+    assert found.speed_after_rad_s > found.speed_before_rad_s > 50.0
+
+
+@pytest.mark.parametrize(
+    "how", [{"engine": "compiled"}, {"engine": "spice"}, pytest.param({"averaged": False}, marks=pytest.mark.soak)]
+)
+def test_a_restart_returns_to_the_starting_frequency(how: dict[str, Any]) -> None:
+    """A slow loop 4 % above resonance: after 1 ms without lock it is held at its start, which it has left by 70 Hz."""
+    chosen = {"bandwidth_hz": 50.0, "offset": 0.04, "lost_share": 0.5, "restart_after_s": 1e-3}
+    found = started({"duration": 2.5e-3, **how}, **chosen)
+    assert found.restarts_s == pytest.approx((1e-3,), abs=0.1e-3)
+    early, late = np.interp([0.75e-3, 2e-3], found.time_s, found.frequency_hz) - 1.04 * 40.73e3
+    assert early < -50.0
+    assert abs(late) < 10.0
+
+
+def test_a_run_that_stays_locked_is_the_same_with_and_without_a_restart() -> None:
+    settings = {"disturb": "load", "load_torque": 50e-3, "begin": 20e-3, "duration": 60e-3}
+    found, without = (started(settings, restart=restart) for restart in (True, False))
+    assert found.kept_lock
+    assert found.restarts_s == ()
+    at = np.linspace(0.0, 60e-3, 200)
+    speeds = [np.interp(at, one.time_s, one.rotor_speed_rad_s) for one in (found, without)]
+    assert speeds[0] == pytest.approx(speeds[1], abs=2e-3 * speeds[1].max())
+
+
+def test_a_run_has_a_sequence_of_disturbances() -> None:
+    """Each value returns, and so does the frequency; the temperature moves it by what it moves the modes."""
+    moves = (("load", 30e-3, 50e-3), ("supply", -0.5, 90e-3), ("preload", 0.5, 130e-3), ("temperature", -5e-3, 170e-3))
+    events = [
+        pr.Disturbance(**{"kind": kind, "begin_s": begin, CHANGED[kind]: value, "drift_time_s": 5e-3})
+        for kind, changed, at in moves for value, begin in ((changed, at), (0.0, at + 20e-3))
+    ]  # fmt: skip
+    found = started({"disturbances": events, "duration": 210e-3})
+    assert found.locked
+    frequencies = dict(zip([at for *_, at in moves], moves, strict=True))
+    for begin, (kind, *_) in frequencies.items():
+        before, during, after = np.interp([begin, begin + 19e-3, begin + 39e-3], found.time_s, found.frequency_hz)
+        assert abs(during - before) > 5.0, kind
+        assert after == pytest.approx(before, abs=0.4 * abs(during - before) + 2.0), kind
+    assert [one["kind"] for one in found.to_dict()["disturbances"]] == [one.kind for one in events]
+
+
+def test_modes_that_two_groups_cannot_separate_have_a_caution() -> None:
+    said = [" ".join(started({"mode": mode, "duration": 2e-3}).cautions) for mode in range(4)]
+    assert ["cannot separate" in one for one in said] == [True, True, False, False]
+    assert "cannot separate mode-2 from mode-4, whose current at the same velocity is 15" in said[1]
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"disturb": "preload"}, "disturb = 'preload' has no averaged model"),
+        ({"disturb": "preload", "engine": "spice"}, "disturb = 'preload' has no averaged model in ngspice"),
+        ({"disturb": "load", "disturbances": [pr.Disturbance(kind="load")]}, "disturbances exclude each other"),
         ({"contact": None}, "contact = None has no averaged model"),
         ({"step": 1e-7}, "step has no effect"),
         ({"duration": 1e-6}, "duration = 1e-06 s is not valid"),

@@ -21,6 +21,7 @@ from pyspice_runner.spice.library import read_library
 from pyspice_runner.spice.ngspice import BatchSimulator
 from pyspice_runner.trackers.tracker import (
     Disturbance,
+    Disturbances,
     StatorLag,
     TrackedSource,
     Tracker,
@@ -48,7 +49,7 @@ def tracker(**values: Any) -> Tracker:
 def run(chosen: Tracker, disturbance: Disturbance, contact: Any, end: float, *names: str) -> dict[str, np.ndarray]:
     lag = running_resonance(MOTOR, chosen, contact=contact is not None)
     step = 100e-9
-    source = TrackedSource(chosen, 1, propose_filter(chosen, lag), disturbance=disturbance)
+    source = TrackedSource(chosen, 1, propose_filter(chosen, lag), disturbances=Disturbances((disturbance,)))
     bench = motor_bench(
         MOTOR, source, law=Law() if contact else None,
         discretisation=Discretisation(step, exact_resonance=False),
@@ -138,7 +139,7 @@ def test_the_detector_and_its_mean_measure_leads_from_both_sides(target: float) 
     """Over 20 periods of 200 steps; an edge is seen at the end of a step, each of two by up to 1.8° late."""
     leads = (-150.0, -90.0, -30.0, 30.0, 90.0, 150.0, 180.0)
     circuit = Circuit("detectors")
-    parts = ("tracker_detector", "tracker_averaged")
+    parts = ("tracker_detector", "tracker_restart", "tracker_averaged")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
     circuit.V("target", "target", 0, target)
     circuit.V("force", "force", 0, "SIN(0 1 50k 0 0 0)")
@@ -255,3 +256,14 @@ def test_a_drift_by_temperature_takes_a_coefficient() -> None:
     assert Disturbance(kind="temperature", thermal=still).rise_k == 0.0
     with pytest.raises(pr.ParameterError, match=r"frequency_drift_per_k = 0 is not valid: it must be other than 0"):
         _ = Disturbance(kind="temperature", drift=-0.01, thermal=still).rise_k
+
+
+def test_disturbances_lead_from_one_value_to_the_next_and_do_not_overlap() -> None:
+    steps = [Disturbance(kind="load", begin_s=at, load_torque_n_m=load) for at, load in ((1e-3, 0.1), (2e-3, 0.0))]
+    found = Disturbances((*steps, Disturbance(kind="supply", begin_s=1.5e-3, supply_change=-0.4)))
+    course = [(0.0, 0.0), (1e-3, 0.0), (1.2e-3, 0.1), (2e-3, 0.1), (2.2e-3, 0.0)]
+    assert np.array(found.course("load")) == pytest.approx(np.array(course))
+    assert np.interp(3e-3, *np.transpose(found.course("supply", 50.0, 50.0))) == pytest.approx(30.0)
+    assert (found.begin_s, found.end_s, found.last("load"), found.last("preload")) == (1e-3, 2.2e-3, 0.0, 0.0)
+    with pytest.raises(pr.ParameterError, match=r"'load' at 0\.0011 s is not valid: it must begin at 0\.0012 s"):
+        Disturbances((steps[0], steps[1].model_copy(update={"begin_s": 1.1e-3})))
