@@ -10,7 +10,6 @@ bifurcation and nonlinear eigenvalue problems", in: Applications of Bifurcation 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from math import ceil, sqrt
 from typing import TYPE_CHECKING, Any, Unpack
@@ -27,7 +26,7 @@ from pyspice_runner.run.paths import canonical
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.window import Array
 from pyspice_runner.steady.copies import Copy, Plant
-from pyspice_runner.steady.period_map import PeriodMap, Trace, cores, means, quantities
+from pyspice_runner.steady.period_map import PeriodMap, Trace, means, quantities
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 from pyspice_runner.steady.speed_torque import dataset_of
 
@@ -186,16 +185,9 @@ def _followed(family: _Family, points: int) -> tuple[list[_Node], str]:
         nudge = NUDGE * family.scale / SPAN
         here, there = family.at(value), family.at(value + nudge)
         point = Orbit(here[0], state, scale)
-        states = [state, *(state + NEWTON.perturbation * np.diag(scale))]
-        with ThreadPoolExecutor(cores()) as pool:
-            nudged = pool.submit(there[1].traces, [Copy(there[0], state)])
-            traces = here[1].traces([Copy(here[0], one) for one in states])
-            beside = nudged.result()[0]
-        point.trace = traces[0]
-        if point.trace is None or beside is None:
-            return None
-        point.differentiate([(point.trace, trace) for trace in traces[1:]])
-        if point.failed:
+        beside = there[1].traces([Copy(there[0], state)])[0]
+        Shooting([point], here[1]).evaluate([point])
+        if beside is None or point.failed:
             return None
         family.hashes |= {here[1].effort.hashes()}
         gap = (beside.states[:, -1] - beside.states[:, 0]) / scale

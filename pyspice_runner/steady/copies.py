@@ -162,7 +162,7 @@ class Plant:
             return self
         return self._inner.setdefault(sliders, replace(self, law=self.law.inner(sliders)))
 
-    def widened(self, values: Array, inner: Plant, *axes: int) -> Array:
+    def widened(self, values: NDArray[Any], inner: Plant, *axes: int) -> NDArray[Any]:
         """Return values of the states of :meth:`with_sliders` along some axes with zeros for the sliders left out."""
         left_out = [inner.places["contact"].stop] * (self.order - inner.order)
         for axis in axes if left_out else ():

@@ -43,7 +43,8 @@ class DrivenShooting(Shooting):
 
     decks = 2  # of a derivative
 
-    def _evaluate(self, points: Sequence[Orbit]) -> None:
+    def evaluate(self, points: Sequence[Orbit]) -> None:
+        """Do what :meth:`.Shooting.evaluate` does."""
         traces = self.map.traces([Copy(point.plant, point.state) for point in points])
         for point, trace in zip(points, traces, strict=True):
             point.trace = trace

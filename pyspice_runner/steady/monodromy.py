@@ -11,6 +11,8 @@ next one, a step h later, to
 so the product over a period is the derivative of the discretised map itself, without perturbed copies. The contact's
 share of A is the difference quotient of the library's own equations (:mod:`.evaluated`). Between events these are
 smooth, and a small change moves no event to another step. T. J. Aprille, T. N. Trick, Proc. IEEE 60 (1972).
+
+A small input u adds h/2 (B_n u_n + B_{n+1} u_{n+1}), in B the contact's share by what the voltages push.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.circuit.law import contact_library, unplotted
@@ -32,7 +35,9 @@ from pyspice_runner.run.window import Array
 from pyspice_runner.spice.library import read_library
 from pyspice_runner.steady.copies import Plant, drive_voltage
 
+Complex = NDArray[np.complex128]
 FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
+PLACES = ("a", "b", "shaft")  # of a small input: the voltage of a group, V, a torque on the rotor, N·m
 
 
 @dataclass(frozen=True)
@@ -83,12 +88,12 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
         kinds = tuple((state.kind, state.part) for state in plant.states)
         groups.setdefault((library, kinds, course.first, course.time.tobytes()), {})[place] = course
     for group in groups.values():
-        found |= zip(group, _Group(list(group.values()), discretisation).derivatives(), strict=True)
+        found |= zip(group, Linearised(list(group.values()), discretisation).derivatives(), strict=True)
     return list(found.values())
 
 
-class _Group:
-    """Runs of similar plants with the same points in time. The axes of arrays are runs, points, and others."""
+class Linearised:
+    """Linearised runs of similar plants with the same points in time. Axes of arrays are runs, points, and others."""
 
     def __init__(self, courses: Sequence[Course], discretisation: Discretisation) -> None:
         self.courses, self.discretisation = courses, discretisation
@@ -135,11 +140,11 @@ class _Group:
             found[:, 4, -1] = 1.0
         return np.asarray(found[self.which])
 
-    def _contact(self) -> Array:
+    def _contact(self) -> tuple[Array, Array]:
         """Return the derivatives of the contact's outputs: forces on the tip and rates of its states.
 
         The outputs are fx, fy, friction, normal force in N, and the rates of the inner states in SI units, shape (runs,
-        points, outputs, order).
+        points, outputs, order). The second array has those by the forces on what is in series along x and y.
         """
         plant, own = self.plant, len(self.function.states)
         held = np.zeros((len(self.courses), 1, 5))
@@ -156,9 +161,9 @@ class _Group:
         lags = inner.shape[2] - own
         unit = np.eye(5 + lags + 2)
         linear = np.swapaxes(self._through_stems(unit) - self._through_stems(np.zeros_like(unit)), 1, 2)[:, np.newaxis]
-        at_pins = np.zeros((*linear.shape[:3], 5 + own + lags))
-        at_pins[..., :5], at_pins[..., 5 + own :] = linear[..., :5], linear[..., 5 : 5 + lags]
         by_force = linear[..., 5 + lags :]
+        at_pins = np.zeros((*linear.shape[:3], 5 + own + lags + 2))
+        at_pins[..., :5], at_pins[..., 5 + own : -2], at_pins[..., -2:] = linear[..., :5], linear[..., 5:-2], -by_force
         direct = slopes[..., 2:4, :5] @ at_pins[..., :5, :]
         direct[..., 5 : 5 + own] += slopes[..., 2:4, 5:]
         back = slopes[..., 2:4, :5] @ by_force[..., :5, :]
@@ -167,8 +172,8 @@ class _Group:
         outputs[..., 5 : 5 + own] += slopes[..., 5:]
         every = np.concatenate([outputs, self.units[own:, np.newaxis] * total[..., 5:, :]], axis=2)
         found = every[..., :5] @ self.tip[:, np.newaxis]
-        found[..., self.inner] += every[..., 5:] / self.units
-        return found
+        found[..., self.inner] += every[..., 5:-2] / self.units
+        return found, every[..., -2:]
 
     def _slopes(self, values: Array) -> Array:
         """Return the derivatives of the outputs of :meth:`_outputs`, shape (runs, points, outputs, inputs)."""
@@ -244,14 +249,15 @@ class _Group:
         outputs[..., len(FORCES) :] *= self.units[: len(names)]
         return outputs
 
-    def _structure(self) -> tuple[Array, Array]:
-        """Return A without the contact, and what its outputs add.
+    def _structure(self) -> tuple[Array, Array, Array]:
+        """Return A without the contact, what its outputs add, and what both voltages and a torque on the rotor add.
 
-        The shapes are (runs, order, order) and (runs, order, outputs).
+        The shapes are (runs, order, order), (runs, order, outputs) and (runs, order, 3).
         """
         plant, (places, speeds), runs = self.plant, self.plant.moving, len(self.plants)
         rates = np.zeros((runs, plant.order, plant.order))
         inputs = np.zeros((runs, plant.order, 4 + len(self.inner)))
+        driven = np.zeros((runs, plant.order, 3))
         rates[:, places, speeds] = 1.0
         for run, one in enumerate(self.plants):
             stator = written_stator(one.motor, self.discretisation, one.mount)
@@ -259,17 +265,19 @@ class _Group:
             rates[run][np.ix_(speeds, places)] = -inverse @ square(stator.stiffness)
             rates[run][np.ix_(speeds, speeds)] = -inverse @ square(stator.damping)
             inputs[run][np.ix_(speeds, (0, 1))] = inverse @ stator.contact.T
+            driven[run, speeds, :2] = inverse @ stator.coupling[:, :2]
             if plant.turns:
                 rotor = one.motor.rotor
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
                 inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
+                driven[run, -1, 2] = 1.0 / rotor.inertia_kg_m2
         inputs[:, self.inner, 4:] = np.eye(len(self.inner))
-        return rates[self.which], inputs[self.which]
+        return rates[self.which], inputs[self.which], driven[self.which]
 
     def derivatives(self) -> list[Derivative]:
         """Return the derivatives of the runs."""
-        contact = self._contact()
-        rates, inputs = self._structure()
+        contact, _ = self._contact()
+        rates, inputs, _ = self._structure()
         slopes = rates[:, np.newaxis] + inputs[:, np.newaxis] @ contact
         time, first, unit = self.courses[0].time, self.courses[0].first, np.eye(self.plant.order)
         half = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis]
@@ -284,3 +292,37 @@ class _Group:
             now = np.matmul(forward[:, first + place], now, out=since[place])
         forces = np.moveaxis(contact[:, first + 1 :, 3:1:-1], 1, 0) @ since
         return list(map(Derivative, at_start, now @ at_start, forces.mean(axis=0) @ at_start, now))
+
+    def responses(self, probes: Sequence[tuple[str, float]], turns: Complex) -> Complex:
+        """Return the responses of states, normal and friction force of the first run to small inputs e^{jωt}.
+
+        They are those of which a period later each is ``turns`` times itself, shape (probes, order + 2, points of the
+        period). A probe is one of :data:`PLACES` and its frequency in Hz, below 0 too.
+        """
+        (contact, *_), (pushed, *_) = self._contact()
+        rates, inputs, driven = (one[0] for one in self._structure())
+        course, order, unit = self.courses[0], self.plant.order, np.eye(self.plant.order)
+        contact, pushed, time = contact[course.first :], pushed[course.first :], course.time[course.first :]
+        pushing = np.zeros((2, len(PLACES)))  # force on what is in series along x and y per input
+        for name, per_volt in pushes(course.plant.motor, self.law).items():
+            pushing[("stem_x", "stem").index(name), :2] = per_volt
+        waves = np.zeros((len(time), len(PLACES), len(probes)), complex)
+        for number, (place, frequency) in enumerate(probes):
+            waves[:, PLACES.index(place), number] = np.exp(2j * np.pi * frequency * (course.begun + time))
+        half, slopes = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis], rates + inputs @ contact
+        added = (driven + inputs @ pushed @ pushing) @ waves
+        implicit = np.linalg.inv(unit - half * slopes[1:])
+        forward, added = implicit @ (unit + half * slopes[:-1]), implicit @ (half * (added[1:] + added[:-1]))
+        states = np.zeros((len(time), order, order + len(probes)), complex)  # by each state at the start, by each input
+        states[0, :, :order] = unit
+        for now, after, step, more in zip(states[:-1], states[1:], forward, added, strict=True):
+            after[:] = step @ now
+            after[:, order:] += more
+        size = np.abs(course.states).max(axis=1)
+        size[size == 0.0] = 1.0
+        left = (turns[:, np.newaxis, np.newaxis] * unit - states[-1, :, :order]) * size / size[:, np.newaxis]
+        right = (states[-1, :, order:] / size[:, np.newaxis]).T
+        starts = [np.linalg.lstsq(*pair, rcond=1e-10)[0] * size for pair in zip(left, right, strict=True)]
+        found = states[..., :order] @ np.array(starts).T + states[..., order:]
+        forces = contact[:, 3:1:-1] @ found + pushed[:, 3:1:-1] @ pushing @ waves
+        return np.asarray(np.concatenate([found, forces], axis=1).T)

@@ -469,7 +469,7 @@ class Shooting:
         in_threads(part._iterate, [every[first::threads] for first in range(threads)], threads)
 
     def _iterate(self, active: list[Orbit]) -> None:
-        self._evaluate(active)
+        self.evaluate(active)
         for _ in range(2 * NEWTON.iterations):
             active = [point for point in active if not (point.done or point.failed)]
             if not active:
@@ -478,31 +478,17 @@ class Shooting:
         for point in active:
             point.failed = not point.done
 
-    def _evaluate(self, points: Sequence[Orbit]) -> None:
+    def evaluate(self, points: Sequence[Orbit]) -> None:
         """Evaluate the points where they start, with the derivative of those that have none."""
-        copies, new, perturbed = list[Copy](), [], list[Copy]()
-        for point in points:
-            copies.append(point.copy(point.state))
-            if point.at_end is None and not differentiable(point.plant):
-                new.append((point, point.slip.influential))
-                perturbed += _perturbed(point)
-        traces = self.map.traces(copies + perturbed)
-        for point, trace in zip(points, traces, strict=False):
-            point.trace = trace
-            point.reach = trace.reach if trace else None
-            point.failed = trace is None
-        found = iter(traces[len(points) :])
-        for point, influential in new:
-            point.differentiate([(point.trace, next(found) if one else point.trace) for one in influential])
         old = []
-        for point in points:
-            if point.failed:
-                continue
+        for point, trace in zip(points, self.map.traces([one.copy(one.state) for one in points]), strict=True):
+            point.trace, point.failed = trace, trace is None
+            point.reach = trace.reach if trace else None
             near = False
-            if point.at_end is not None:
+            if trace and point.at_end is not None:
                 point.judge()
                 near = self.near and point.residual * NEWTON.neighbour_contraction < NEWTON.expected * point.tolerance
-            if point.exact and not (point.done or near):
+            if trace and (point.at_end is None or (point.exact and not (point.done or near))):
                 old.append(point)
         self._renew(old)
 

@@ -3,18 +3,18 @@
 
 A small input e^{jωt} times a periodic function makes every quantity deviate by e^{jωt} times a periodic function. The
 deviation x of the state therefore satisfies x(t + T) = e^{jωT} x(t). Over one period it is the sum of what the
-deviation at the start of the run makes of it, which is the derivative of the map, and of what the input adds. The
-latter is found in the same way, with copies that have a small sine in addition to the drive; no transient is needed.
+deviation at its beginning makes of it, which is the derivative of the map, and of what the input adds. Both follow from
+the equations along the steady state (:mod:`.monodromy`), of a contact whose equations are not known from copies.
 R. Telichevesky, K. Kundert, J. White, "Efficient AC and noise analysis of two-tone RF circuits", DAC 1996. As in the
-steady state, the mean over copies whose steps lie between each other's removes most of the effect of late events; the
-difference between two halves of them, and the change by smaller deviations, give the error.
+steady state, the mean over points whose steps lie between each other's removes most of the effect of late events; the
+difference between two halves of them gives the error, with the change by smaller deviations of copies.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import pi, radians, sqrt
+from math import pi, radians
 from typing import Any, Unpack
 
 import numpy as np
@@ -30,9 +30,10 @@ from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
-from pyspice_runner.run.point import DEFAULT, Point, Settings
+from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.steady.copies import Copy, Plant, Probe
-from pyspice_runner.steady.period_map import PeriodMap, Trace, current, speed
+from pyspice_runner.steady.monodromy import Linearised, differentiable
+from pyspice_runner.steady.period_map import PeriodMap, Trace, current, modal, speed
 from pyspice_runner.steady.shooting import Orbit, Shooting
 from pyspice_runner.steady.speed_torque import axis
 from pyspice_runner.steady.steady import SteadyState, settled
@@ -47,14 +48,12 @@ OUTPUTS = {
     "current_phase_a_deg": "deg", "current_phase_b_deg": "deg", "motional_phase_a_deg": "deg",
     "motional_phase_b_deg": "deg",
 }  # fmt: skip
-# Both are large enough that a change of contact moves over whole steps, and are taken with both signs, so that the
-# curvature drops out. On a motor that slips, the transfer functions are then within 2 % of those of finite modulation.
-# A finer step than that of simulate makes both smaller, by the root of its ratio: in proportion, rounding would count.
+# Both are those of copies, large enough that a change of contact moves over whole steps.
 SWING = 3e-3  # of the scale of a state
 PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by about 1e-3
+SMALLER = 0.5  # of both: the change by it is one part of the error
 FINER = 2  # steps in one of the steady state
-OFFSETS = 4  # copies whose steps lie between each other's; their difference is one part of the error
-SMALLER = 0.5  # of the deviations: the change by it is the other part
+OFFSETS, OFFSETS_OF_COPIES = 64, 4  # points whose steps lie between each other's; their difference is the other part
 ACCURATE = 0.05  # error of a transfer function, relative to its magnitude, above which there is a caution
 HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
@@ -194,9 +193,8 @@ def small_signals(
         motor: the motor.
         drive: the voltages of both groups, with one frequency.
         frequencies: of the modulation, Hz; below 0.45 times the drive's.
-        settings: load, contact and solver, as in :class:`.Settings`. A finer step also makes the additional voltages,
-            torques and deviations smaller. Where two effects almost cancel, transfer functions need a finer step;
-            ``cautions`` names those that are not accurate.
+        settings: load, contact and solver, as in :class:`.Settings`. Where two effects almost cancel, transfer
+            functions need a finer step; ``cautions`` names those that are not accurate.
 
     Raises:
         ParameterError: for an invalid value.
@@ -205,12 +203,9 @@ def small_signals(
     return linearised(Point.of(motor, drive, **settings), frequencies)
 
 
-def linearised(point: Point, frequencies: Sequence[float] | Array, *, transfers: bool = True) -> SmallSignals:
-    """Return the small signals about an operating point; the arguments are those of :func:`small_signals`.
-
-    Without ``transfers`` they have the admittances only, from fewer copies.
-    """
-    motor, drive, step, timeout = point.motor, point.drive, point.solver.step, point.solver.timeout
+def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int = OFFSETS) -> SmallSignals:
+    """Return the small signals about an operating point, as :func:`small_signals`, from so many points by equations."""
+    drive = point.drive
     if not isinstance(drive, TwoPhaseDrive):
         raise ParameterError("Small signals are those about a drive with one frequency: give a TwoPhaseDrive.")
     modulation = np.unique(axis("frequencies", frequencies))
@@ -224,176 +219,134 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, *, transfers:
     state = settled(point)
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
-    usual = replace(point, solver=DEFAULT).step
-    fineness = sqrt(min(1.0, step / usual)) if step is not None else 1.0
-    map_step = state.step_s / FINER
-    starts = [state.solution.moved(number / OFFSETS * map_step, map_step) for number in range(OFFSETS)]
-    every = [_Linear.about(start, map_step, fineness, timeout).responses(modulation, transfers) for start in starts]
-    smaller = [
-        _Linear.about(start, map_step, SMALLER * fineness, timeout).responses(modulation, transfers) for start in starts
-    ]
-    found, hot, image = map(_stacked, zip(*every, strict=True))
-    found_smaller, hot_smaller, _ = map(_stacked, zip(*smaller, strict=True))
-    probed = np.array(sorted(hot))
-    return SmallSignals(
-        state, modulation, {pair: copies.mean(axis=0) for pair, copies in found.items()}, probed,
-        np.array([hot[at].mean(axis=0) for at in probed.tolist()]),
-        np.array([cold_admittance(motor, at) for at in probed.tolist()]),
-        np.array([image[at].mean(axis=0) for at in probed.tolist()]),
-        {pair: _error(copies, found_smaller[pair]) for pair, copies in found.items()},
-        np.array([_error(hot[at], hot_smaller[at]) for at in probed.tolist()]),
-    )  # fmt: skip
+    step = state.step_s / FINER
+    period_map = PeriodMap(drive.period, round(drive.period / step), point.solver.timeout)
+    count = offsets if differentiable(state.solution.plant) else OFFSETS_OF_COPIES
+    points = [state.solution.moved(number / count * step, step) for number in range(count)]
+    Shooting(points, period_map).solve()
+    if not all(one.done and one.trace for one in points):
+        raise SimulationError("The steady state is not found at the step of the result. Give another step.")
 
+    def found_by(share: float) -> dict[Any, Complex]:
+        every = [_Linear(one, period_map, drive, share).transfers(modulation) for one in points]
+        return {name: np.array([one[name] for one in every]) for name in every[0]}
 
-def _stacked(several: Sequence[Mapping[Any, Any]]) -> dict[Any, Complex]:
-    """Return the values by name, with those of the several copies along the first axis."""
-    return {name: np.array([one[name] for one in several]) for name in several[0]}
-
-
-def _error(copies: Complex, smaller: Complex) -> Array:
-    """Return the error of the mean of copies: by what halves of them and copies with smaller deviations differ."""
-    halves = np.abs(np.mean(copies[::2] - copies[1::2], axis=0)) / 2
-    return np.asarray(np.hypot(halves, np.abs(np.mean(copies - smaller, axis=0))))
-
-
-Matrices = dict[float, Complex]  # by frequency
+    copies = found_by(1.0)
+    errors = {name: 0.5 * np.abs(np.mean(values[::2] - values[1::2], axis=0)) for name, values in copies.items()}
+    if not differentiable(state.solution.plant):
+        for name, smaller in found_by(SMALLER).items():
+            errors[name] = np.hypot(errors[name], np.abs(np.mean(copies[name] - smaller, axis=0)))
+    found = {name: values.mean(axis=0) for name, values in copies.items()}
+    probed = np.concatenate([drive.frequency - modulation[::-1], drive.frequency + modulation])
+    cold = np.array([cold_admittance(point.motor, at) for at in probed.tolist()])
+    hot, image, hot_error, _ = (of.pop(name) for of in (found, errors) for name in ("hot", "image"))
+    return SmallSignals(state, modulation, found, probed, hot, cold, image, errors, hot_error)
 
 
 @dataclass(frozen=True)
 class _Linear:
-    """A solved point with the derivatives of its signals with respect to the state at the start of the run."""
+    """Small signals about a point."""
 
     point: Orbit  # the point, solved on the map
     period_map: PeriodMap  # the map
-    base: Array  # signals of the undisturbed period, shape (signals, points)
-    slopes: Array  # their derivatives with respect to the scaled states, shape (states, signals, points)
-    # derivative of the scaled state at the beginning of the period with respect to that of the run's start.
-    at_start: Array
-    at_end: Array  # the same at the end of the period
-    fineness: float  # size of deviations and probes over that at the usual step
+    drive: TwoPhaseDrive  # of the point
+    share: float  # of the usual deviations of copies
 
-    @classmethod
-    def about(cls, point: Orbit, step: float, fineness: float, timeout: float | None) -> _Linear:
-        """Solve a point at a time step in s, and measure the derivatives there."""
-        period = point.plant.drive.period
-        period_map = PeriodMap(period, round(period / step), timeout)
-        shooting = Shooting([point], period_map)
-        shooting.solve()
-        if not point.done or point.trace is None:
-            raise SimulationError("The steady state is not found at the step of the result. Give another step.")
-        swing = SWING * fineness
-        states = [point.state + sign * swing * row for sign in (1.0, -1.0) for row in np.diag(point.scale)]
-        traces = _found(period_map.traces([Copy(point.plant, state, point.begun) for state in states]))
-        pairs = list(zip(traces[: len(traces) // 2], traces[len(traces) // 2 :], strict=True))
-        slopes = [_signals(point.plant, up) - _signals(point.plant, down) for up, down in pairs]
-        at_start, at_end = (
-            np.array([(up.states[:, at] - down.states[:, at]) / point.scale for up, down in pairs]).T for at in (0, -1)
-        )
-        size = 2.0 * swing
-        base = _signals(point.plant, point.trace)
-        return cls(point, period_map, base, np.array(slopes) / size, at_start / size, at_end / size, fineness)
-
-    def responses(self, modulation: Array, whole: bool) -> tuple[dict[tuple[str, str], Complex], Matrices, Matrices]:
-        """Return the transfer functions (none if not ``whole``), the hot admittance and its image."""
-        plant = self.point.plant
-        drive = plant.drive
-        assert isinstance(drive, TwoPhaseDrive)
-        frequency = drive.frequency
-        sides = (("a", 1), ("a", -1), ("b", 1), ("b", -1), *((("shaft", 0),) if whole and plant.turns else ()))
-        turning = np.concatenate([[0.0] if whole else [], modulation])
-        probes = [(place, shift * frequency + at) for at in turning.tolist() for place, shift in sides]
-        responses = dict(zip(probes, self._responses(probes, turning.repeat(len(sides))), strict=True))
-        assert self.point.trace is not None
-        wave = np.exp(-2j * pi * frequency * self.point.trace.time[1:])
+    def transfers(self, modulation: Array) -> dict[Any, Complex]:
+        """Return the transfer functions by output and input, and ``hot`` admittances and their ``image``."""
+        plant, trace, drive = self.point.plant, self.point.trace, self.drive
+        assert trace is not None
+        sides = [("a", 1), ("a", -1), ("b", 1), ("b", -1), ("shaft", 0)][: 4 + plant.turns]
+        turning = np.concatenate([[0.0], modulation])
+        probes = [(place, shift * drive.frequency + at) for at in turning.tolist() for place, shift in sides]
+        every = np.array(self._responses(probes, turning.repeat(len(sides)))).reshape(-1, len(sides), len(_SIGNALS), 3)
+        wave = np.exp(-2j * pi * drive.frequency * trace.time[1:])
         # phasors of currents and motional currents: the real part of phasor · e^{jΩt} is the current
-        carriers = {
-            name: complex(2.0 * np.mean(signal[1:] * wave))
-            for name, signal in zip(_SIGNALS[2:], self.base[2:], strict=True)
-        }
-        transfers: dict[tuple[str, str], list[complex]] = {}
-        hot = {}
-        image = {}
+        base = zip(_SIGNALS[2:], _signals(plant, trace)[2:, 1:], strict=True)
+        carriers = {name: complex(2.0 * np.mean(signal * wave)) for name, signal in base}
         # A constant phase of both groups changes no output. What it seems to change is an error of the derivatives,
         # which the integral from frequency to phase would amplify.
-        if whole:
-            up, down = ({group: responses[group, side * frequency] for group in "ab"} for side in (1, -1))
-            resting = _outputs(self._modulated(drive, up, down, None)["frequency"], carriers, "frequency", plant)
-        for at in modulation.tolist():
-            up = {group: responses[group, frequency + at] for group in "ab"}
-            down = {group: responses[group, at - frequency] for group in "ab"}
-            modulated = self._modulated(drive, up, down, responses.get(("shaft", at))) if whole else {}
-            for of, response in modulated.items():
+        resting = _outputs(_modulated(drive, every[0])["frequency"], carriers, "frequency", plant)
+        found: dict[Any, list[complex]] = {}
+        for at, one in zip(modulation.tolist(), every[1:], strict=True):
+            for of, response in _modulated(drive, one).items():
                 for output, value in _outputs(response, carriers, of, plant).items():
-                    # phase = 2π ∫ frequency
-                    found = (value - resting[output]) / (1j * at) if of == "frequency" else value
-                    transfers.setdefault((output, of), []).append(found)
-            above, below = (np.stack([side[into][_CURRENTS] for into in "ab"], axis=1) for side in (up, down))
-            hot[frequency + at], image[frequency - at] = above[..., 1], below[..., 1]
-            hot[frequency - at], image[frequency + at] = below[..., -1].conj(), above[..., -1].conj()
-        return {pair: np.array(values) for pair, values in transfers.items()}, hot, image
+                    turned = (value - resting[output]) / (1j * at)  # phase = 2π ∫ frequency
+                    found.setdefault((output, of), []).append(turned if of == "frequency" else value)
+        above, below = (every[1:, first:4:2, _CURRENTS].swapaxes(1, 2) for first in (0, 1))
+        hot = np.concatenate([below[::-1, ..., -1].conj(), above[..., 1]])
+        image = np.concatenate([below[::-1, ..., 1], above[..., -1].conj()])
+        return {name: np.array(values) for name, values in found.items()} | {"hot": hot, "image": image}
 
     def _responses(self, probes: Sequence[tuple[str, float]], modulation: Array) -> list[Complex]:
-        """Return the response to e^{jωt} at each place, where ω may be negative, from copies with cosine and sine.
+        """Return the response to e^{jωt} at each place, where ω may be negative.
 
         A response has the components of each signal at the modulation plus 0, 1 and −1 times the drive's frequency.
         """
-        plant, point = self.point.plant, self.point
-        assert isinstance(plant.drive, TwoPhaseDrive)
-        contact, radius = plant.motor.contact, plant.motor.rotor.radius_m
-        share = PROBE * self.fineness
-        sizes = dict.fromkeys("ab", share * max(plant.drive.voltage, plant.drive.voltage_b))
-        sizes["shaft"] = share * contact.friction * contact.preload_n * radius
-        copies = []
-        for place, frequency in probes:
-            for phase in (0.5 * pi, 0.0):
-                turned = phase if frequency >= 0.0 or phase else pi  # sin(−|ω|t) = sin(|ω|t + π)
-                for sign in (1.0, -1.0):
-                    probe = Probe(place, Tone(sign * sizes[place], abs(frequency), turned))
-                    copies.append(Copy(point.plant, point.state, point.begun, (probe,)))
-        traces = _found(self.period_map.traces(copies))
-        assert point.trace is not None
-        time = point.trace.time
-        found = []
-        for number, ((place, frequency), at) in enumerate(zip(probes, modulation.tolist(), strict=True)):
-            cosine, minus_cosine, sine, minus_sine = traces[4 * number : 4 * number + 4]
-            start, end = (
-                (cosine.states[:, where] - minus_cosine.states[:, where])
-                + 1j * (sine.states[:, where] - minus_sine.states[:, where])
-                for where in (0, -1)
-            )
-            added = _signals(plant, cosine) - _signals(plant, minus_cosine)
-            added = added + 1j * (_signals(plant, sine) - _signals(plant, minus_sine))
-            turn = np.exp(2j * pi * at * self.period_map.period)
-            missing, matrix = (turn * start - end) / point.scale, self.at_end - turn * self.at_start
-            stem = plant.places["stem"]  # the period does not depend on where its lags start
-            missing[stem], matrix[stem] = 0.0, np.eye(len(matrix))[stem]
-            deviation = np.linalg.lstsq(matrix, missing, rcond=1e-10)[0]
-            signals = added + np.tensordot(deviation, self.slopes, axes=1)
-            signals = np.asarray(signals / (2.0 * sizes[place]), dtype=complex)
+        plant, trace, turns = self.point.plant, self.point.trace, np.exp(2j * pi * modulation * self.period_map.period)
+        assert trace is not None
+        if trace.course:
+            deviations = Linearised([trace.course], self.period_map.discretisation).responses(probes, turns)
+            deviations = plant.widened(deviations, trace.course.plant, 1)
+        else:
+            deviations = self._by_copies(probes, turns)
+        found, base = [], _signals(plant, trace)
+        for (place, frequency), at, rows in zip(probes, modulation.tolist(), deviations, strict=True):
+            moved: Any = {"states": trace.states + rows[:-2], "normal": trace.normal + rows[-2]}
+            signals = _signals(plant, replace(trace, friction=trace.friction + rows[-1], **moved)) - base
             if place in "ab":  # the clamped capacitance takes its current from the source alone
-                wave = np.exp(2j * pi * frequency * time)
+                wave = np.exp(2j * pi * frequency * trace.time)
                 taken = dielectric_matrix(plant.motor, frequency)[:, "ab".index(place)]
                 signals[_CURRENTS] += np.outer(taken, wave)
-            waves = np.exp(-2j * pi * np.outer(time, at + plant.drive.frequency * np.array([0, 1, -1])))
+            waves = np.exp(-2j * pi * np.outer(trace.time, at + self.drive.frequency * np.array([0, 1, -1])))
             found.append(np.asarray(signals[:, 1:] @ waves[1:] / len(waves[1:]), dtype=complex))
         return found
 
-    @staticmethod
-    def _modulated(
-        drive: TwoPhaseDrive, up: Mapping[str, Complex], down: Mapping[str, Complex], shaft: Complex | None
-    ) -> dict[str, Complex]:
-        """Return the responses to modulations e^{jωt}, made of side bands; ``frequency`` is that to the phase of both.
+    def _by_copies(self, probes: Sequence[tuple[str, float]], turns: Complex) -> Complex:
+        """Return what :meth:`.Linearised.responses` does, of a contact whose equations are not known here.
 
-        With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
-        modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
+        A copy whose state or input has the opposite sign removes the curvature.
         """
-        volts = two_phasors(drive)
-        above = {group: up[group] * volts[group] for group in "ab"}
-        below = {group: down[group] * volts[group].conjugate() for group in "ab"}
-        turned = {group: 0.5 * (above[group] + below[group]) for group in "ab"}
-        grown = (above["a"] - below["a"] + above["b"] - below["b"]) * (-0.5j / drive.voltage)
-        found = {"amplitude": grown, "phase_deg": radians(1.0) * turned["b"], "frequency": turned["a"] + turned["b"]}
-        return found if shaft is None else found | {"load_torque": -shaft}
+        plant, point, drive = self.point.plant, self.point, self.drive
+        sizes = dict.fromkeys("ab", self.share * PROBE * max(drive.voltage, drive.voltage_b))
+        sizes["shaft"] = self.share * PROBE * plant.friction_n * plant.motor.rotor.radius_m
+        copies = [
+            Copy(plant, point.state + sign * self.share * SWING * row, point.begun)
+            for row in np.diag(point.scale) for sign in (1.0, -1.0)
+        ]  # fmt: skip
+        for place, frequency in probes:  # cosine and sine, where sin(−|ω|t) = sin(|ω|t + π)
+            for phase in (0.5 * pi, 0.0 if frequency >= 0.0 else pi):
+                for sign in (1.0, -1.0):
+                    probe = Probe(place, Tone(sign * sizes[place], abs(frequency), phase))
+                    copies.append(Copy(plant, point.state, point.begun, (probe,)))
+        traces = self.period_map.traces(copies)
+        rows = np.array([[*trace.states, trace.normal, trace.friction] for trace in traces if trace])
+        if len(rows) < len(copies):
+            raise SimulationError("ngspice does not find the period of a motor with a small additional sine.")
+        halves, order = 0.5 * (rows[::2] - rows[1::2]), plant.order
+        slopes, inputs = halves[:order] / (self.share * SWING), halves[order:]
+        added: Complex = (inputs[::2] + 1j * inputs[1::2]) / np.array([sizes[place] for place, _ in probes])[
+            :, None, None
+        ]
+        free = point.slip.influential  # not a slider that slips, and the lags of the stem, which forget their start
+        sloped, moved = ((one[:, :order, [0, -1]] / point.scale[:, np.newaxis])[:, free] for one in (slopes, added))
+        for turn, (start, end), response in zip(turns.tolist(), np.moveaxis(moved, 2, 1), added, strict=True):
+            matrix = (sloped[free, :, 1] - turn * sloped[free, :, 0]).T
+            response += np.tensordot(np.linalg.lstsq(matrix, turn * start - end, rcond=1e-10)[0], slopes[free], axes=1)
+        return added
+
+
+def _modulated(drive: TwoPhaseDrive, response: Complex) -> dict[str, Complex]:
+    """Return the responses to modulations e^{jωt}, made of side bands; ``frequency`` is that to the phase of both.
+
+    With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
+    modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
+    """
+    volts = np.array(list(two_phasors(drive).values()))[:, np.newaxis, np.newaxis]
+    above, below = response[0:4:2] * volts, response[1:4:2] * volts.conj()
+    turned, grown = 0.5 * (above + below), -0.5j * (above - below).sum(axis=0) / drive.voltage
+    found = {"amplitude": grown, "phase_deg": radians(1.0) * turned[1], "frequency": turned.sum(axis=0)}
+    return found | ({"load_torque": -response[4]} if len(response) > 4 else {})
 
 
 def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant: Plant) -> dict[str, complex]:
@@ -418,9 +371,8 @@ def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant:
 
 def _signals(plant: Plant, trace: Trace) -> Array:
     """Return speed, friction force, currents and motional currents over a period."""
-    velocity = trace.states[plant.modes : 2 * plant.modes]
     currents = [current(plant, group, trace) for group in GROUPS]
-    motional = plant.motor.stator.coupling.T @ velocity
+    motional = plant.motor.stator.coupling.T @ modal(plant, trace)[1]
     return np.array([speed(plant, trace), trace.friction, *currents, *motional])
 
 
@@ -430,9 +382,3 @@ def cold_admittance(motor: Motor, frequency: float) -> Complex:
     stator = motor.stator.on_carrier(motor.mount)
     motion = np.linalg.solve(stator.dynamic_stiffness(omega), stator.coupling)
     return np.asarray(dielectric_matrix(motor, frequency) + 1j * omega * stator.coupling.T @ motion)
-
-
-def _found(traces: Sequence[Trace | None]) -> list[Trace]:
-    if any(trace is None for trace in traces):
-        raise SimulationError("ngspice does not find the period of a motor with a small additional sine.")
-    return [trace for trace in traces if trace is not None]

@@ -26,6 +26,7 @@ from math import degrees, pi
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.source import GROUPS
@@ -37,6 +38,8 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
+from pyspice_runner.steady.copies import Plant
+from pyspice_runner.steady.monodromy import differentiable
 from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised
 from pyspice_runner.trackers.tracker import (
     LoopFilter,
@@ -126,30 +129,15 @@ def crossing(
 
 
 Complex = NDArray[np.complex128]
+Answers = tuple[Complex, Complex, Array]  # as of :func:`_running`
 
-# frequencies at which the running motor is modulated; of a free resonator splines between seven are within 0.7 %
-POINTS = 7
-REACH = 4.0  # from the bandwidth to the lowest and to the highest of them
+POINTS = {
+    True: 33,
+    False: 9,
+}  # modulations by equations and by copies; with 33 a crossover is within 0.1 % of that by 81
+OFFSETS = 16  # of the points about which the motor is linearised
+REACH = 4.0  # from the bandwidth to the lowest and to the highest frequency
 EDGE_STEPS = 20  # of Newton's method
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """Currents of a motor for small voltages beside its drive; the first index is the modulation."""
-
-    modulation: Array  # Hz
-    currents: Complex  # phasors of the drive's currents, A
-    # from the voltages at the side band above and the conjugate ones below to such currents, shape (…, 4, 4), S
-    inner: Complex
-    error: Array  # estimated error of the admittances, S
-
-    def at(self, frequency: Array) -> _Answer:
-        """Return the answer at other modulations; admittances are smooth, the phase behind a network is not."""
-        from scipy.interpolate import CubicSpline  # takes long to load
-
-        before, after = np.log(self.modulation), np.log(frequency)
-        inner, error = (CubicSpline(before, values)(after) for values in (self.inner, self.error))
-        return _Answer(frequency, self.currents, inner, error)
 
 
 def running_loop(known: Motor, source: TrackedSource, point: Point, force: Complex | None = None) -> LoopDesign:
@@ -166,16 +154,12 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
         SimulationError: if there is no stable steady state, or the loop gain does not cross 1 near the bandwidth.
     """
     tracker, drive = source.tracker, point.drive
-    most = HIGHEST * drive.frequency
-    modulation = np.geomspace(tracker.bandwidth_hz / REACH, min(REACH * tracker.bandwidth_hz, most), POINTS)
-    answer = _free(point, modulation) if point.law is None else _running(point, modulation)
-    frequency = np.geomspace(
-        modulation[0], modulation[-1], round(POINTS_PER_DECADE * np.log10(modulation[-1] / modulation[0])) + 1
-    )
-    turns, errors, sensed = _turns(known, source, point.drive, force, answer.at(frequency))
+    lowest, highest = tracker.bandwidth_hz / REACH, min(REACH * tracker.bandwidth_hz, HIGHEST * drive.frequency)
+    frequency = np.geomspace(lowest, highest, round(POINTS_PER_DECADE * np.log10(highest / lowest)) + 1)
+    answers = (_running if point.law else _free)(point, frequency)
+    turns, errors, sensed = _turns(known, source, drive, force, frequency, answers)
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
-    impedance = source.loop_filter.impedance(2j * pi * frequency)
-    gain = -pump * impedance * tracker.gain_hz_per_v * turns
+    gain = -pump * source.loop_filter.impedance(2j * pi * frequency) * tracker.gain_hz_per_v * turns
     # within the dead time the current sets when a bridge turns; edges of voltage and current may move by its angle
     dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
     return crossing(
@@ -184,45 +168,52 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
     )  # fmt: skip
 
 
-def _free(point: Point, modulation: Array) -> _Answer:
-    """Return the currents of a stator without a rotor."""
+def _free(point: Point, modulation: Array) -> Answers:
+    """Return what :func:`_running` does, of a stator without a rotor."""
     frequency = point.drive.frequency
     above, below = (
         np.array([cold_admittance(point.motor, frequency + side * at) for at in modulation]) for side in (1.0, -1.0)
     )
     none = np.zeros_like(above)
     currents = cold_admittance(point.motor, frequency) @ volts(point.drive)
-    return _Answer(modulation, currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation)))
+    return currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation))
 
 
-def _running(point: Point, modulation: Array) -> _Answer:
-    """Return the currents of the full motor about its steady state."""
-    found = linearised(point, modulation, transfers=False)
+def _running(point: Point, modulation: Array) -> Answers:
+    """Return currents of the full motor for small voltages beside its drive, at modulations in Hz.
+
+    They are the phasors of the drive's currents in A; the admittances in S from the voltages at the side band above and
+    the conjugate ones below to such currents, shape (modulations, 4, 4); and their estimated error in S.
+    """
+    places = np.log(modulation / modulation[0]) / np.log(modulation[-1] / modulation[0]) * 2.0 - 1.0
+    count = POINTS[differentiable(Plant.of(point))]
+    nodes = chebyshev.chebpts1(count)
+    between = chebyshev.chebvander(places, count - 1) @ np.linalg.inv(chebyshev.chebvander(nodes, count - 1))
+    found = linearised(point, np.exp(np.interp(nodes, places, np.log(modulation))), OFFSETS)
     waves, frequency = found.state.waveforms, point.drive.frequency
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
     columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
-    currents = [2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns]
-    above, below = (
-        [int(np.argmin(np.abs(found.probe_hz - frequency - side * at))) for at in modulation] for side in (1, -1)
-    )
-    hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s
-    worst = error[above].max(axis=(1, 2)) + error[below].max(axis=(1, 2))
+    currents = np.array([2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns])
+    above, below = slice(count, None), slice(count - 1, None, -1)  # of the frequencies of the side bands
+    hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s.max(axis=(1, 2))
     inner = np.block([[hot[above], image[below]], [image[above].conj(), hot[below].conj()]])
-    return _Answer(modulation, np.array(currents), inner, worst)
+    return currents, np.tensordot(between, inner, axes=1), np.interp(places, nodes, error[above] + error[below])
 
 
 def _turns(
-    known: Motor, source: TrackedSource, drive: TwoPhaseDrive, force: Complex | None, answer: _Answer
+    known: Motor, source: TrackedSource, drive: TwoPhaseDrive, force: Complex | None, at: Array, answers: Answers
 ) -> tuple[Complex, Array, float]:
     """Return the change of the sensed phase with the frequency in rad/Hz, its error, and the phase.
 
-    The sensed phase in degrees is that of the motional current ahead of the edges of the force.
+    The sensed phase in degrees is that of the motional current ahead of the edges of the force. ``at`` are modulations
+    in Hz, with the currents of :func:`_running`.
     """
+    drawn, inner, error = answers
     frequency, weights = drive.frequency, sensing(known, source.tracker, source.mode)
     currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
     pins = volts(drive)
-    motional = complex(currents @ (answer.currents - copies(weights, frequency) @ pins))
+    motional = complex(currents @ (drawn - copies(weights, frequency) @ pins))
     harmonics = np.array([forces @ pins]) if force is None else force
     orders = np.arange(1, len(harmonics) + 1)
     wanted = harmonics * _reference(source, orders * frequency)
@@ -230,26 +221,21 @@ def _turns(
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
     series, across = _network(source, frequency)
-    stage = pins + series * (answer.currents + across * pins)
+    stage = pins + series * (drawn + across * pins)
     emf = 0.5 * np.concatenate([stage, stage.conj()])
-    turns, errors = [], []
-    for index, at in enumerate(answer.modulation.tolist()):
-        bands = (frequency + at, at - frequency)
-        series, across = np.concatenate([_network(source, band) for band in bands], axis=1)
-        # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
-        inner = answer.inner[index]
-        moved = np.linalg.solve(np.eye(4) + np.diag(series) @ (inner + np.diag(across)), emf)
-        drawn = inner @ moved
-        current, turned = [], []
-        for band, part in zip(bands, (slice(2), slice(2, 4)), strict=True):
-            current.append(currents @ (drawn[part] - copies(weights, band) @ moved[part]))
-            turned.append(forces @ moved[part] * _reference(source, band))
-        ahead = current[0] / motional + current[1] / motional.conjugate()
-        ahead -= (turned[0] * np.exp(1j * edge) + turned[1] * np.exp(-1j * edge) + follows) / slope
-        turns.append(complex(ahead) / (1j * at))
-        errors.append(float(np.abs(currents).sum() * answer.error[index] * np.abs(moved).max() / abs(motional) / at))
+    bands = np.stack([frequency + at, at - frequency], axis=1)
+    networks = np.array([_network(source, band) for band in bands.ravel().tolist()])
+    series, across = networks.swapaxes(0, 1).reshape(2, -1, 4, 1)
+    # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
+    moved = np.linalg.solve(np.eye(4) + series * (inner + across * np.eye(4)), emf[:, np.newaxis])
+    sides = [part.reshape(-1, 2, 2, 1) for part in (inner @ moved, moved)]
+    current = (sides[0] - copies(weights, bands) @ sides[1])[..., 0] @ currents
+    turned = sides[1][..., 0] @ forces * _reference(source, bands)
+    ahead = current @ np.array([1.0 / motional, 1.0 / motional.conjugate()])
+    ahead -= (turned @ np.exp([1j * edge, -1j * edge]) + follows) / slope
+    errors = np.abs(currents).sum() * error * np.abs(moved).max(axis=(1, 2)) / abs(motional) / at
     sensed = degrees(phase(motional)) + degrees(edge) + source.tracker.target_deg
-    return np.array(turns), np.array(errors), (sensed + 180.0) % 360.0 - 180.0
+    return ahead / (1j * at), errors, (sensed + 180.0) % 360.0 - 180.0
 
 
 def _reference(source: TrackedSource, frequency: Any) -> Complex:
@@ -273,10 +259,11 @@ def volts(drive: TwoPhaseDrive) -> Complex:
     return np.array(list(two_phasors(drive).values()))
 
 
-def copies(weights: Mapping[str, float], frequency: float) -> Complex:
+def copies(weights: Mapping[str, float], frequency: Any) -> Complex:
     """Return the admittances of the copies of the clamped capacitances, S."""
-    impedances = by_group(weights, "resistance") + 1.0 / (2j * pi * frequency * by_group(weights, "capacitance"))
-    return np.diag(1.0 / impedances)
+    angular = 2j * pi * np.asarray(frequency)[..., np.newaxis]
+    impedances = by_group(weights, "resistance") + 1.0 / (angular * by_group(weights, "capacitance"))
+    return np.asarray(np.eye(len(GROUPS)) / impedances[..., np.newaxis])
 
 
 def by_group(values: Mapping[str, float], name: str) -> Array:

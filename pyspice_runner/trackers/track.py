@@ -456,7 +456,7 @@ def track(
         step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: circuit between tracker and the motor's pins, where the tracker senses; it sets voltages and phase.
         averaged: whether to track the averaged motor.
-        margin: whether to find the loop gain of a locked loop at the end; of the full motor this takes about 10 s.
+        margin: whether to find the loop gain of a locked loop at the end; of the full motor this takes about 1 s.
         engine: of the averaged motor, as in :func:`simulate_averaged`; ngspice runs the full motor.
         timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -16,12 +17,14 @@ import pytest
 from numpy.typing import NDArray
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.motor import dielectric_admittance
+from pyspice_runner.circuit.motor import dielectric_admittance, dielectric_matrix
 from pyspice_runner.cli import run
 from pyspice_runner.motor.drive import Tone
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.point import Point
+from pyspice_runner.spice.library import data_path
 from pyspice_runner.steady.copies import Copy, Probe, copies_bench
+from pyspice_runner.steady.monodromy import differentiable
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.small_signals import ACCURATE, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
 from pyspice_runner.steady.steady import steady_states
@@ -34,6 +37,8 @@ pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 MOTOR = pr.load_motor("andersen2002-unintended-mode")
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
 LOAD = 5e-3  # N·m
+FLAGSHIP = pr.load_motor("bimodal40")
+SEVENTY = pr.TwoPhaseDrive(voltage=70.0, frequency=40571.6, phase_deg=90.0)  # a tracker's
 PERIODS = (10, 60, 300)  # of the drive in one of the modulation: 4600, 767 and 153 Hz
 FAST = PERIODS[:1]
 SLOW = (0.05, 0.5)  # Hz, far below the rotor's and the mount's time constants
@@ -236,8 +241,9 @@ def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states_withi
     # 4 %: the differences of steady states over ±2 and ±8 Hz differ by as much
     assert ours.real == pytest.approx((up - down) / 16.0, rel=0.04)
     assert abs(ours.real - (up - down) / 16.0) < error
-    assert ACCURATE * abs(ours) < error < 0.2 * abs(ours)
-    assert f"speed per frequency ({100.0 * error / abs(ours):.2g} % at 0.5 Hz)" in found.cautions[-1]
+    assert error < ACCURATE * abs(ours)
+    worst = found.errors["torque", "frequency"][0] / abs(found.transfer("torque", "frequency")[0])
+    assert f"exceeds 5 %: torque per frequency ({100.0 * worst:.2g} % at 0.5 Hz)" in found.cautions[-1]
     assert found.units["speed_per_phase_deg_re"] == ("rad/s/deg", "speed per phase_deg, real part")
     assert found.to_xarray()["current_phase_a_deg_per_frequency_error"].attrs["units"] == "deg/Hz"
 
@@ -292,6 +298,56 @@ def test_the_error_of_the_hot_admittance_is_that_of_the_time_step() -> None:
     assert np.all(error < 1e-3 * size)  # measured 4e-4 next to the resonance, against a quarter of the step 8e-4
     worse = replace(found, hot_admittance_error_s=np.abs(0.06 * found.hot_admittance_s))
     assert "hot admittance of A (6 % at " in worse.cautions[-1]
+
+
+def test_copies_give_what_the_equations_give(tmp_path: Path) -> None:
+    """Without its Verilog-A form the equations of the contact are not known; 0.01 % was measured."""
+    text = (data_path("behavioral") / "piezomotor_contact.lib").read_text(encoding="ascii")
+    path = tmp_path / "copy.lib"
+    path.write_text(re.sub(r"\* FORMS .*\n", "", text).replace("piezomotor_contact", "copied"), encoding="ascii")
+    known, found = (
+        small_signals(FLAGSHIP, SEVENTY, frequencies=[500.0], speed=27.8, contact=law)
+        for law in ("spring-slider", str(path))
+    )
+    assert known.state.solution is not None
+    assert found.state.solution is not None
+    assert differentiable(known.state.solution.plant)
+    assert not differentiable(found.state.solution.plant)
+    for name in ("hot_admittance_s", "image_admittance_s"):
+        expected = getattr(known, name)
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=0.0, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.soak
+def test_the_hot_admittance_of_the_flagship_is_that_of_a_transient() -> None:
+    """A small sine at group A; 0.2 % was measured, by the place of the steps in the period. The slider slips."""
+    number, volts, rest = 81, 0.2, 1500  # periods of the drive in one of the modulation; ten time constants in periods
+    side, other = (SEVENTY.frequency * (1.0 + sign / number) for sign in (1.0, -1.0))
+    found = small_signals(FLAGSHIP, SEVENTY, frequencies=[SEVENTY.frequency / number], speed=27.8)
+    solution, period = found.state.solution, SEVENTY.period
+    assert solution is not None
+    step = PeriodMap(period, 2 * round(period / found.state.step_s))
+    probes = [(Probe("a", Tone(sign * volts, side, 0.5 * pi)),) for sign in (1.0, -1.0)]
+    names = [f"i(v.{{}}.xmode{mode + 1}.vvelocity)" for mode in range(len(FLAGSHIP.modes))]
+    names += ["v({}.friction)", "v({}.normal)"]
+    count = 2 * number * step.steps
+    run = transient(
+        copies_bench([Copy(solution.plant, solution.state, 0.0, one) for one in probes], step.discretisation),
+        [name.format(copy) for copy in ("xc0", "xc1") for name in names],
+        step=step.step, duration=rest * period + (count + 3) * step.step, record_from=0.9 * rest * period,
+    ).vectors()  # fmt: skip
+    time = rest * period + np.arange(count) * step.step
+    up, down = (
+        np.array([np.interp(time, run["time"], run[name.format(copy)]) for name in names]) for copy in ("xc0", "xc1")
+    )
+    change = 0.5 * (up - down) / volts
+    currents = FLAGSHIP.stator.coupling.T @ change[: len(FLAGSHIP.modes)]
+    currents -= FLAGSHIP.stator.residual_per_volt.T @ np.gradient(change[-2:], time, axis=1)
+    above, image = (2.0 * currents @ np.exp(-2j * pi * at * time) / count for at in (side, other))
+    hot = above + dielectric_matrix(FLAGSHIP, side)[:, 0]
+    size = np.abs(found.hot_admittance_s).max()
+    assert np.abs(found.hot_admittance_s[1, :, 0] - hot).max() < 5e-3 * size
+    assert np.abs(found.image_admittance_s[1, :, 0] - image).max() < 5e-3 * size
 
 
 def test_wrong_requests_say_what_is_allowed() -> None:
