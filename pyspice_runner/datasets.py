@@ -165,7 +165,8 @@ class Curves(DatasetResult):
             found["maximum torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
             found["maximum shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
-        found["settled"] = f"{int(data['settled'].sum())} of {data['settled'].size} points"
+        for words, points in (("settled", data["settled"]), ("time averages", data["largest_multiplier"] >= 1.0)):
+            found[words] = f"{int(points.sum())} of {points.size} points"
         return self._localised(found)
 
 
@@ -227,7 +228,7 @@ class WorkingPoints(DatasetResult):
         if lost := int((~data["converged"]).sum()) - self._attribute("method", []).count(""):
             yield f"{lost} of {total} points have no steady state."
         if unstable := int((data["converged"] & ~data["stable"]).sum()):
-            yield f"{unstable} of {total} points are not stable."
+            yield f"{unstable} of {total} points have an unstable periodic motion: their values are time averages."
         if not self.best:
             yield (
                 "No point is stable and within the limits given and those of the motor. A given limit replaces the one "

@@ -161,7 +161,7 @@ def _up_to_no_load(call: Call) -> list[float]:
     """Return speeds from stall to no load. Raise ParameterError for a motor without a stable speed."""
     with common.busy("The speed without load"):
         free = no_load_state(call.loaded, call.stated, contact=call.law, **call.pick("step timeout"))
-    if free is None or not free.stable:
+    if free is None or not free.reached:
         raise pr.ParameterError(
             f"{call.loaded.name} has no stable speed without load at {call.stated.label}. Give --speeds, as 0:40:9."
         )

@@ -24,8 +24,8 @@ from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.kernel import Outcome, transient
 from pyspice_runner.run.point import Point
 
-_FEWEST_PERIODS = 10
-_GOLDEN = 0.5 * (3.0 - sqrt(5.0))
+FEWEST_PERIODS = 10
+GOLDEN = 0.5 * (3.0 - sqrt(5.0))
 _MICRO = 1e-6  # the integrals are the voltages of 1 µF
 
 
@@ -113,7 +113,7 @@ class Dynamometer:
     def duration(self) -> float:
         """Length of a block in s: ten drive periods, or more until the slowest mode or the carrier decays by e."""
         period = self.setup.source.period
-        return max(_FEWEST_PERIODS, ceil(self.setup.motor.decay_s / period)) * period
+        return max(FEWEST_PERIODS, ceil(self.setup.motor.decay_s / period)) * period
 
     def rest(self) -> Motion:
         """Return preloaded rest on a turning rotor, before the source is switched on."""
@@ -252,7 +252,7 @@ def off_beat(setup: Point) -> Point:
     if not setup.source.uniform:
         return setup
     period = setup.source.period
-    return setup.with_step(period / (ceil(period / setup.step - _GOLDEN) + _GOLDEN))
+    return setup.with_step(period / (ceil(period / setup.step - GOLDEN) + GOLDEN))
 
 
 def stored_energy(

@@ -240,9 +240,14 @@ class KeptProcesses:
     def __init__(self) -> None:
         self._idle: list[Server] = []
         self._failures = 0
+        self.stopped = False
 
     def __enter__(self) -> Self:
         return self
+
+    def stop(self) -> None:
+        """Let the threads that share them end, after an error or an interrupt."""
+        self.stopped = True
 
     def __exit__(self, *_: object) -> None:
         while self._idle:

@@ -154,6 +154,7 @@ class Answer:
     found: Mapping[str, float] = field(default_factory=dict)
     error: float = float("nan")  # estimated error of the torque, N·m
     speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
+    method: str = ""  # of quantities that are not those of the point
 
 
 def check_driven(setup: Point) -> None:

@@ -58,6 +58,7 @@ _FEWEST = 4  # copies in a deck over one period; fewer take less time than the s
 # shortens the last two
 _LEAD = 5.5
 _MORE = 4.5  # steps beyond the period, where it has a lead of its own: ngspice 46 shortens the last two of a run
+_PEAKS = ("peak_a", "peak_b", "greatest")  # of the means, maxima over time
 CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
 
 
@@ -70,12 +71,21 @@ Given = TypeVar("Given")
 Found = TypeVar("Found")
 
 
-def in_threads(task: Callable[[Given], Found], parts: Sequence[Given], workers: int) -> list[Found]:
-    """Return the results of a task for each part, in a number of threads at a time; one worker needs no thread."""
+def in_threads(
+    task: Callable[[Given], Found], parts: Sequence[Given], workers: int, stop: Callable[[], object] = bool
+) -> list[Found]:
+    """Return the results of a task for each part, in a number of threads at a time; one worker needs no thread.
+
+    After an error or an interrupt, ``stop`` ends the running ones.
+    """
     if min(workers, len(parts)) <= 1:
         return list(map(task, parts))
     with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(task, parts))
+        try:
+            return list(pool.map(task, parts))
+        except BaseException:
+            stop()
+            raise
 
 
 @dataclass(frozen=True)
@@ -165,6 +175,10 @@ class PeriodMap:
     effort: Effort = field(default_factory=Effort)
     _texts: dict[str, dict[str, str]] = field(default_factory=dict, repr=False)  # subcircuits of each motor, by name
 
+    def of(self, period: float, steps: int) -> PeriodMap:
+        """Return the map over another period in s, or with another number of steps, in the same processes."""
+        return PeriodMap(period, steps, self.timeout, self.workers, self.processes)
+
     @property
     def step(self) -> float:
         """Time step in s."""
@@ -247,6 +261,8 @@ class PeriodMap:
     def _deck(self, copies: Sequence[Copy], duration: float, whole: bool) -> list[Trace | None]:
         """Run one deck; where that fails, run its halves, so that one copy does not take the others along."""
         began = perf_counter()
+        if self.processes and self.processes.stopped:
+            raise SimulationError("The run was stopped because another one failed.")
         try:
             return self._run(copies, duration, whole)
         except _Uneven:
@@ -534,6 +550,13 @@ def _stored(plant: Plant, trace: Trace, at: int) -> float:
     (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.places["mount"]][:, at].tolist()
     motion = displacement[:, at].tolist(), velocity[:, at].tolist()
     return stored_energy(plant.motor, *motion, carrier[::2], carrier[1::2])
+
+
+def mean_of(several: Sequence[Mapping[str, float]], weights: Array | None = None) -> dict[str, float]:
+    """Return the mean, with weights, of the means of copies or of successive runs; of peaks the maximum."""
+    values = np.array([list(found.values()) for found in several])
+    found = dict(zip(several[0], np.average(values, axis=0, weights=weights).tolist(), strict=True))
+    return found | {name: max(one[name] for one in several) for name in _PEAKS}
 
 
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:

@@ -1,28 +1,40 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points of a curve that run on the dynamometer until they have settled."""
+"""Points that run until they have settled: on the dynamometer, and in time averages of unstable periodic motions.
+
+A time average is that of a motor from preloaded rest, or of a free rotor from the speed of its periodic motion, in
+blocks as long as the slowest mode takes to decay. Means over blocks have the weights sin², so that a modulation that
+does not fit into them has no share in it. S. Das, Y. Saiki, E. Sander, J. A. Yorke, "Quantitative quasiperiodicity",
+Nonlinearity 30, 4111 (2017).
+"""
 
 from __future__ import annotations
 
 import statistics
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
+import numpy as np
+
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.run.audit import audit_point
-from pyspice_runner.run.dynamometer import Block, Dynamometer, quantities
-from pyspice_runner.steady.period_map import cores
+from pyspice_runner.run.dynamometer import FEWEST_PERIODS, GOLDEN, Block, Dynamometer, quantities
+from pyspice_runner.steady.copies import Copy, Plant
+from pyspice_runner.steady.period_map import PeriodMap, cores, extrapolated, in_threads, mean_of, means
+from pyspice_runner.steady.shooting import Orbit, rest
 
 Progress = Callable[[int, int], None]
+Means = dict[str, float]
 
 TOLERANCE = 1e-3
 PATIENCE = 40
 _FEWEST_BLOCKS = 4  # of patience
 _APPROACH = 100.0  # times a motion may be nearer after a block: e at least, 20 to 100 while the driven modes settle
+AVERAGE = "time average"  # the method of such a point
+_FEWEST, _MOST, _CHECKED = 8, 20, 4  # blocks of a time average that count, and blocks between its checks
 _SMALL = 0.02  # of the friction torque that the mean normal force allows; drifts below tolerance times this are noise
 
 
@@ -148,27 +160,78 @@ def settle_points(
     ``outcomes`` then has those that are finished.
     """
     progress(0, len(points))
-    if len(points) == 1:  # in this thread, which an interrupt reaches at once
-        ((place, bench),) = points.items()
-        outcomes[place] = settle(bench, None, settling)[0]
-        progress(1, 1)
-        return
-    stop = threading.Event()
-    futures: dict[int, Future[tuple[dict[str, Any], Block]]] = {}
-    try:
-        with ThreadPoolExecutor(min(cores(), len(points))) as pool:
-            try:
-                for place, bench in points.items():
-                    futures[place] = pool.submit(settle, bench, None, settling, stop.is_set)
-                for done, future in enumerate(futures.values(), start=1):
-                    future.result()
-                    progress(done, len(points))
-            except BaseException:
-                stop.set()
-                for future in futures.values():
-                    future.cancel()
-                raise
-    finally:
-        for place, future in futures.items():
-            if future.done() and not future.cancelled() and future.exception() is None:
-                outcomes[place] = future.result()[0]
+    stop, turn = threading.Event(), threading.Lock()
+
+    def settled(place: int) -> None:
+        outcome = settle(points[place], None, settling, stop.is_set)[0]
+        with turn:
+            outcomes[place] = outcome
+            progress(len(points.keys() & outcomes.keys()), len(points))
+
+    in_threads(settled, list(points), cores(), stop.set)
+
+
+def time_averages(
+    points: Mapping[int, Orbit], period_map: PeriodMap, accuracy: float
+) -> tuple[dict[int, tuple[Means, float]], list[PeriodMap]]:
+    """Return by place the means of running motors with the error of the mean friction force (N), and the maps.
+
+    The motors run until the means of each vary by less than ``accuracy`` times the friction under the preload, or for
+    :data:`_MOST` blocks that count: the second half, since they start from rest. They go on at half the step, for the
+    means at a vanishing step. The error is what the means vary, and the difference to the finer step. A motor that
+    ngspice cannot run is left out.
+    """
+    longest = max((point.plant.motor.decay_s for point in points.values()), default=0.0)
+    periods = max(FEWEST_PERIODS, ceil(longest / period_map.period))
+    copies = {}
+    for place, point in points.items():
+        state, turning = rest(point.plant), point.plant.places["rotor"]
+        state[turning] = point.state[turning]
+        copies[place] = Copy(point.plant, state)
+    steps = round(periods * (period_map.steps + GOLDEN))  # which move through the period, so that rounding averages out
+    coarse, fine = (period_map.of(periods * period_map.period, finer * steps) for finer in (1, 2))
+    before = _averages(copies, coarse, accuracy, settled=False)
+    found = {}
+    for place, (mean, error) in _averages(copies, fine, accuracy, settled=True).items():
+        limit = extrapolated(mean, before[place][0], fine.steps / coarse.steps)
+        found[place] = limit, max(error, before[place][1]) + abs(limit["friction"] - mean["friction"])
+    return found, [coarse, fine]
+
+
+def _averages(
+    copies: dict[int, Copy], blocks: PeriodMap, accuracy: float, *, settled: bool
+) -> dict[int, tuple[Means, float]]:
+    """Run copies, leave them at their ends, and return their means with what these vary, in N."""
+    passed: dict[int, list[Means]] = {place: [] for place in copies}
+    found: dict[int, tuple[Means, float]] = {}
+    for number in range(1, (1 if settled else 2) * _MOST + 1):
+        for (place, copy), trace in zip(list(copies.items()), blocks.traces(list(copies.values())), strict=True):
+            if trace is None:
+                del copies[place]
+                continue
+            passed[place].append(means(copy.plant, trace, blocks.discretisation))
+            copies[place] = replace(copy, state=trace.states[:, -1], begun=float(trace.time[-1]))
+        first = 0 if settled else number // 2
+        if number - first < _FEWEST or number % _CHECKED:
+            continue
+        found = {place: _average(passed[place][first:], copy.plant) for place, copy in copies.items()}
+        if all(error <= accuracy * copies[place].plant.friction_n for place, (_, error) in found.items()):
+            break
+    return found
+
+
+def _average(blocks: Sequence[Means], plant: Plant) -> tuple[Means, float]:
+    """Return weighted means, and how much those over the first, the middle and the last half differ.
+
+    The difference is one of friction forces in N; of speeds it is relative to the maximum, and normal forces count by
+    the friction that they allow.
+    """
+    half = len(blocks) // 2
+    every, *parts = [
+        mean_of(some, np.sin(np.pi * (np.arange(len(some)) + 0.5) / len(some)) ** 2)
+        for some in (blocks, *(blocks[first : first + half] for first in (0, half // 2, half)))
+    ]
+    fastest = max(abs(block["speed"]) for block in blocks) or 1.0
+    scales = {"friction": 1.0, "normal": plant.motor.contact.friction, "speed": plant.friction_n / fastest}
+    every |= {name: max(block[name] for block in blocks) for name in ("ceramic_strain", "ceramic_stress_pa")}
+    return every, max(scale * float(np.ptp([part[name] for part in parts])) for name, scale in scales.items())

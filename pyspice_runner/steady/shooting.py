@@ -613,16 +613,22 @@ class Shooting:
         """Run points from preloaded rest for a number of decay times of their slowest mode."""
         longest = 0.0
         for point in points:
-            plant, rest, stator = point.plant, np.zeros(point.plant.order), point.plant.motor.stator
-            longest = max(longest, decays * stator.with_carrier(plant.mount).decay_s)
-            if plant.law:
-                rest[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
-            point.restart(rest)
+            plant = point.plant
+            longest = max(longest, decays * plant.motor.stator.with_carrier(plant.mount).decay_s)
+            point.restart(rest(plant))
         periods = max(10, ceil(longest / self.map.period))
         ends = self.map.settled([Copy(point.plant, point.state, point.begun) for point in points], periods)
         for point, end in zip(points, ends, strict=True):
             if end is not None:
                 point.state = end
+
+
+def rest(plant: Plant) -> Array:
+    """Return the state of a motor at preloaded rest."""
+    state, stator = np.zeros(plant.order), plant.motor.stator
+    if plant.law:
+        state[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
+    return state
 
 
 def _seeds(points: Sequence[Orbit]) -> list[Orbit]:

@@ -47,14 +47,12 @@ SPEED = "speed_rad_s"
 _MOST_POINTS = 100_000
 _NO_TORQUE = "A free tip exerts no torque."
 
+TORQUE_ERROR = "N·m", "estimated error of the mean torque by the time step, of a time average also by its scatter"
 OUTCOME = {
     **UNITS,
     "settled": ("1", "whether the means stayed the same from block to block"),
     "audit_passed": ("1", "whether the means passed the physical audit"),
-    "torque_error_n_m": (
-        "N·m",
-        "estimated error of the mean torque by the time step, of a time average by its scatter",
-    ),
+    "torque_error_n_m": TORQUE_ERROR,
     "largest_multiplier": ("1", "largest Floquet multiplier; beyond 1 the periodic motion is unstable"),
     "torque_drift_n_m": ("N·m", "change of the mean torque from block to block"),
     "simulated_s": ("s", "time that was simulated"),
@@ -80,8 +78,8 @@ def speed_torque(
 ) -> xarray.Dataset:
     """Measure torque, power and losses over speed, in all four quadrants.
 
-    The steady states of all points are found together by shooting (:func:`.steady_state`); where there is none, or an
-    unstable one, the point is left to settle.
+    The steady states of all points are found together by shooting (:func:`.steady_state`), with time averages where
+    the motion is unstable. A point without one, or with an unstable one behind a driver, is left to settle.
 
     A point that settles starts from preloaded rest, on a rotor that turns at its speed, and runs in blocks of whole
     drive periods, each as long as the slowest mode takes to decay. It is settled when the means do not change from
@@ -201,7 +199,7 @@ def held_point(
 def held_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> list[dict[str, Any] | None]:
     """Return the results of :func:`held_point` for many motors, drives and settings that share runs of ngspice.
 
-    ``None`` stands for a point that is to be run alone: invalid, failed, or without a stable steady state.
+    ``None`` stands for a point that is to be run alone: invalid, failed, or left to settle.
     """
     benches: dict[int, Dynamometer] = {}
     for place, (motor, drive, settings) in enumerate(points):
@@ -282,10 +280,10 @@ def _measured(
 
 
 def _steady(points: Sequence[Dynamometer]) -> tuple[dict[int, dict[str, Any]], dict[int, float]]:
-    """Return by place the outcomes of the points that have a stable steady state, and the multipliers of all found."""
+    """Return by place the outcomes of points whose values need no settling, and the multipliers of all found."""
     setups = [replace(bench.setup, solver=replace(bench.setup.solver, audit=False)) for bench in points]
     states = {place: state for place, state in enumerate(steady_states(setups)) if state.converged}
-    multipliers = {place: float(np.abs(state.floquet_multipliers).max(initial=0.0)) for place, state in states.items()}
+    multipliers = {place: state.largest_multiplier for place, state in states.items()}
     outcomes = {
         place: {
             **state.quantities, "settled": True, "audit_passed": bool(state.audit.passed),
@@ -295,7 +293,7 @@ def _steady(points: Sequence[Dynamometer]) -> tuple[dict[int, dict[str, Any]], d
             "method": state.method,
         }
         for place, state in states.items()
-        if state.stable
+        if state.reached
     }  # fmt: skip
     return outcomes, multipliers
 
@@ -333,7 +331,7 @@ def no_load_state(motor: Motor, drive: Drive, **settings: Any) -> SteadyState | 
     path, dry, _ = motor.dry_friction
     motor = motor.updated({path: 0.0})
     free = steady_state(motor, drive, **settings)
-    if not dry or not free.stable:
+    if not dry or not free.reached:
         return free
     braked = steady_state(motor, drive, load_torque=float(np.copysign(dry, free.speed_rad_s)), **settings)
     return braked if braked.speed_rad_s * free.speed_rad_s > 0.0 else None

@@ -43,11 +43,13 @@ from pyspice_runner.steady.period_map import (
     current,
     extrapolated,
     in_threads,
+    mean_of,
     means,
     phases,
     quantities,
     speed,
 )
+from pyspice_runner.steady.settling import AVERAGE, time_averages
 from pyspice_runner.steady.shooting import Orbit, Shooting, start_point
 from pyspice_runner.units import engineering
 
@@ -72,16 +74,18 @@ class SteadyState(Quantities, Result):
         speed_rad_s: mean speed of the rotor.
         current_a_phase_deg, current_b_phase_deg: phase of a group's current ahead of its voltage, both at the drive's
             frequency: 90° of a capacitance; NaN without a voltage, with tones at two frequencies, and behind a driver.
-        torque_error_n_m: estimated error of the torque by the time step.
+        torque_error_n_m: estimated error of the torque by the time step, of a time average also by its scatter.
         floquet_multipliers: eigenvalues of the map over one period, the largest first.
         converged: whether there is a solution at every step that was used.
         residual: the last Newton step, relative to the size of the motion and to the mean forces that it would change.
         iterations: Newton steps at the coarse step.
         method: how it was found: ``newton`` from a start of its own, ``damped`` with shortened steps, ``neighbour``
-            from another point of a curve or a map, ``settled`` after a transient; empty without a solution.
+            from another point of a curve or a map, ``settled`` after a transient; ``time average`` where the periodic
+            motion is unstable: the quantities are those of the motor that runs from rest; empty without a solution.
         step_s: finest time step, s.
         audit: outcome of the physical audit.
-        waveforms: one period at the finest step, with the deck that runs it; ``None`` without a solution.
+        waveforms: one period at the finest step, stable or not, with the deck that runs it; ``None`` without a
+            solution.
         provenance: settings, numbers of runs and hashes, JSON-ready.
         solution: the solved point at the coarse step; ``None`` without a solution.
         failure: the first failure of ngspice if every run failed, else ``None``.
@@ -111,6 +115,11 @@ class SteadyState(Quantities, Result):
         return self.converged and bool(np.all(np.abs(self.floquet_multipliers) < 1.0))
 
     @property
+    def largest_multiplier(self) -> float:
+        """Magnitude of the largest Floquet multiplier; NaN without a solution."""
+        return float(np.abs(self.floquet_multipliers).max(initial=0.0)) if self.converged else float("nan")
+
+    @property
     def linear(self) -> bool:
         """Whether the motor has a slider."""
         return self.motor.slider is not None
@@ -133,9 +142,14 @@ class SteadyState(Quantities, Result):
         return held and law is not None and law.spring and stuck(self.quantities)
 
     @property
+    def reached(self) -> bool:
+        """Whether the quantities are those of a motor that runs: the motion is stable, or they are time averages."""
+        return self.stable or self.method == AVERAGE
+
+    @property
     def determined(self) -> bool:
-        """Whether the motor stays at this state, and it is the only one: friction holds a stuck shaft at any torque."""
-        return self.stable and not self.held_by_friction
+        """Whether the motor has these quantities, and no others: friction holds a stuck shaft at any torque."""
+        return self.reached and not self.held_by_friction
 
     @property
     def instability(self) -> str:
@@ -175,7 +189,9 @@ class SteadyState(Quantities, Result):
             yield "No steady state was found. Run simulate to see how the motor moves."
         elif not self.stable:
             yield f"The steady state is not stable: {self.instability}."
-        elif self.held_by_friction:
+            if self.reached:
+                yield "Its values are time averages of the motor that runs from rest."
+        if self.held_by_friction:
             yield STUCK
             bounds = (engineering(value, "N·m") for value in (self.torque_min_n_m, self.torque_max_n_m))
             yield "Friction holds the shaft at least from {} to {}; the torque shown is one of these.".format(*bounds)
@@ -186,7 +202,6 @@ class SteadyState(Quantities, Result):
     def summary(self) -> dict[str, str]:
         """Return speed, torque, forces, powers, stability and how the state was found."""
         electrical = self.power_a_w + self.power_b_w
-        largest = max(np.abs(self.floquet_multipliers), default=float("nan"))
         return self._localised({
             "speed": engineering(self.speed_rad_s, "rad/s"),
             "torque": engineering(self.torque_n_m, "N·m"),
@@ -198,7 +213,7 @@ class SteadyState(Quantities, Result):
             "peak pressure of the contact": engineering(self.peak_pressure_pa, "Pa"),
             "temperature rise": engineering(self.temperature_rise_k, "K"),
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
-            "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {largest:.5g}",
+            "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {self.largest_multiplier:.5g}",
             "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
             **contact_row(self.provenance["run"]),
         })  # fmt: skip
@@ -229,7 +244,8 @@ def steady_state(
         settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
-        The steady state. ``converged`` is false if none was found; then its quantities are NaN.
+        The steady state; the quantities of an unstable one are time averages, except behind a driver. ``converged`` is
+        false if none was found; then they are NaN.
 
     Raises:
         ParameterError: for an invalid value, or for tones without a common period.
@@ -288,7 +304,7 @@ def steady_states(
         def solved(part: Part[int]) -> list[SteadyState]:
             return solve_part(part, accuracy, near, processes, waveforms=waveforms)
 
-        for part, states in zip(parts, in_threads(solved, parts, cores()), strict=True):
+        for part, states in zip(parts, in_threads(solved, parts, cores(), processes.stop), strict=True):
             found |= zip(part.setups, states, strict=True)
         for places in behind.values():
             some, begun = [setups[place] for place in places], [near[place] for place in places]
@@ -324,7 +340,7 @@ def stability_cautions(
         return ()
     found = "was not found"
     if state.converged:
-        found = f"is unstable ({state.instability}, multiplier {np.abs(state.floquet_multipliers).max():.5g})"
+        found = f"is unstable ({state.instability}, multiplier {state.largest_multiplier:.5g})"
     caution = (
         f"The periodic motion that the averaged model describes {found} in the full motor at {drive.label}, which "
         "moves in another way. Use speed_torque or simulate for the time averages."
@@ -434,6 +450,15 @@ def solve_part(
         }
     else:
         answers = _answers(points, maps, steps, accuracy)
+        unstable = {
+            place: points[place] for place, one in answers.items()
+            if points[place].plant.law and np.abs(one.point.multipliers).max(initial=0.0) >= 1.0
+        }  # fmt: skip
+        averages, blocks = time_averages(unstable, maps[0], accuracy)
+        maps += blocks
+        for place, average in averages.items():
+            mean = _answer(answers[place].point, blocks[0], *average)
+            answers[place] = replace(mean, map=answers[place].map, method=AVERAGE)
     found = []
     for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
         answer = answers[place] if place in answers and point.done else Answer(point)
@@ -461,8 +486,7 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
         if not pending:
             break
         before = averages
-        first = maps[0]
-        maps.append(PeriodMap(first.period, steps * 2**refinement, first.timeout, first.workers, first.processes))
+        maps.append(maps[0].of(maps[0].period, steps * 2**refinement))
         moved = {place: points[place].moved(0.0, maps[-1].step) for place in pending}
         _correct(moved.values(), maps[-1])
         level = _between(moved, maps[-1])
@@ -521,11 +545,7 @@ def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> di
         several = [means(one.plant, one.trace, period_map.discretisation) for one in copies if one.done and one.trace]
         if len(several) < OFFSETS:
             continue
-        values = np.array([list(found.values()) for found in several])
-        found = dict(zip(several[0], values.mean(axis=0).tolist(), strict=True))
-        for name in ("peak_a", "peak_b", "greatest"):
-            found[name] = float(values[:, list(found).index(name)].max())
-        averages[place] = found, float(np.ptp(values[:, list(found).index("friction")]))
+        averages[place] = mean_of(several), float(np.ptp([found["friction"] for found in several]))
     return averages
 
 
@@ -563,7 +583,8 @@ def _result(
         **found, motor=setup.motor, drive=setup.drive,
         speed_rad_s=float("nan") if speed_rad_s is None else speed_rad_s, torque_error_n_m=answer.error,
         floquet_multipliers=last.multipliers if found else np.zeros(0, complex), converged=bool(found),
-        residual=last.residual, iterations=point.iterations, method=point.method if found else "", step_s=step,
+        residual=last.residual, iterations=point.iterations, step_s=step,
+        method=(answer.method or point.method) if found else "",
         audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
         provenance=provenance, solution=None, failure=coarse.failure,
     )  # fmt: skip

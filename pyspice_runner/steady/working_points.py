@@ -34,7 +34,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.period_map import Found, cores
 from pyspice_runner.steady.settling import Progress
 from pyspice_runner.steady.shooting import Orbit, between
-from pyspice_runner.steady.speed_torque import axis, check_distinct, coordinates, dataset_of
+from pyspice_runner.steady.speed_torque import TORQUE_ERROR, axis, check_distinct, coordinates, dataset_of
 from pyspice_runner.steady.steady import (
     Part,
     SteadyState,
@@ -65,7 +65,7 @@ OUTCOME = {
     "current_a": ("A", "RMS current of the group that draws more"),
     "voltage_v": ("V", "maximum voltage at a group"),
     "temperature_c": ("°C", "steady temperature of the stator; not known without its thermal resistance"),
-    "torque_error_n_m": ("N·m", "estimated error of the torque by the time step"),
+    "torque_error_n_m": TORQUE_ERROR,
     "largest_multiplier": ("1", "largest Floquet multiplier; a disturbance decays where it is below 1"),
     "converged": ("1", "whether a steady state was found"),
     "stable": ("1", "whether the steady state is stable"),
@@ -263,7 +263,7 @@ def _solved(
             return solve_part(part, accuracy, starts, processes)
 
         try:
-            for number, states in _as_ready(solved, needs, cores() + 2):
+            for number, states in _as_ready(solved, needs, cores() + 2, processes.stop):
                 found |= zip(parts[number].setups, states, strict=True)
                 progress(len(found), len(setups))
         except KeyboardInterrupt:
@@ -275,9 +275,12 @@ def _solved(
 
 
 def _as_ready(
-    task: Callable[[int], Found], needs: Sequence[Collection[int]], workers: int
+    task: Callable[[int], Found], needs: Sequence[Collection[int]], workers: int, stop: Callable[[], object]
 ) -> Iterator[tuple[int, Found]]:
-    """Yield the numbers and results of tasks as they end, each begun after those that it needs have been yielded."""
+    """Yield the numbers and results of tasks as they end, each begun after those that it needs have been yielded.
+
+    After an error or an interrupt, ``stop`` ends the running ones.
+    """
     waiting = TopologicalSorter(dict(enumerate(needs)))
     waiting.prepare()
     running: dict[Future[Found], int] = {}
@@ -290,6 +293,8 @@ def _as_ready(
                     yield ended, future.result()
                     waiting.done(ended)
         finally:
+            if running:
+                stop()
             for future in running:
                 future.cancel()
 
@@ -315,7 +320,7 @@ def _row(state: SteadyState, limits: Mapping[str, tuple[float, float]]) -> dict[
         "voltage_v": max(sum(abs(tone.amplitude) for tone in group) for group in state.drive.tones),
         "temperature_c": state.motor.limits.ambient_c + state.temperature_rise_k if state.motor.limits else np.nan,
         "torque_error_n_m": state.torque_error_n_m,
-        "largest_multiplier": float(np.abs(state.floquet_multipliers).max(initial=0.0)) if state.converged else np.nan,
+        "largest_multiplier": state.largest_multiplier,
         "converged": state.converged,
         "stable": state.stable,
     }

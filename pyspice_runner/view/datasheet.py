@@ -115,7 +115,7 @@ class Report(Result):
         forward = np.where(settled & (curve["efficiency"].values > 0.0), curve["efficiency"].values, -np.inf)
         best = int(np.argmax(forward))
         stall = curve["torque_n_m"].values[settled & (speed == 0.0)]
-        free = self.free if self.free is not None and self.free.stable else None
+        free = self.free if self.free is not None and self.free.reached else None
         return self._localised({
             "stall_torque_n_m": float(stall[0]) if len(stall) else None,
             "no_load_speed_rad_s": free.speed_rad_s if free else None,

@@ -153,11 +153,11 @@ def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:
 def _speeds(motor: Motor, free: SteadyState | None, run: Waveforms) -> Array:
     """Return speeds from standstill to slightly beyond no load, in the direction in which the motor turns.
 
-    Without a stable steady state they end at the tip's largest speed along the rotor, which the rotor cannot exceed.
+    Without a steady state they end at the tip's largest speed along the rotor, which the rotor cannot exceed.
     """
     window = run.window()
     tip = float(np.abs(np.gradient(run.tip_x_m[window], run.time_s[window])).max()) / motor.rotor.radius_m
-    if free is None or not free.stable:
+    if free is None or not free.reached:
         return np.linspace(0.0, np.copysign(max(tip, 1e-3), run.mean_rotor_speed_rad_s), SPEEDS)
     reach = max(OVERSPEED * abs(free.speed_rad_s), 0.01 * tip, 1e-3)
     return np.linspace(0.0, np.copysign(reach, free.speed_rad_s), SPEEDS)
