@@ -151,7 +151,7 @@ def parameter_columns(
     return dict(zip(defaults, np.array(rows, dtype=float).T, strict=True))
 
 
-LINE = re.compile(r"^B((?:loss|feed|store)_\w+) \w+ 0 V=(.*)\n", re.M)  # of a power or energy: its node and expression
+LINE = re.compile(r"^B((?:loss|feed|store|limit)_\w+) \w+ 0 V=(.*)\n", re.M)  # of a power: its node and expression
 _PARAMETER = re.compile(r"^\.param (\w+)=\{(.*)\}$", re.M)  # of a library, which follows from others
 _SENSED = re.compile(r"([VI])\((\w+)(?:,(\w+))?\)")  # a voltage or current in an expression
 

@@ -208,17 +208,23 @@ class Design:
         return found
 
     def ran(
-        self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
+        self,
+        runs: Sequence[Sequence[PartLoad]],
+        speed_rad_s: float | None,
+        volts: Mapping[str, float],
+        motor: Motor,
+        limits: Sequence[str] = (),
     ) -> Design:
         """Return the design after runs from rest, from the loads of their parts and the maximum voltages at the pins.
 
+        ``limits`` are sentences on limits of the stage that were reached.
         ``speed_rad_s`` is the mean at the end of the first one, ``None`` for a held shaft.
         """
         assert self.driver is not None
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
         both = tuple(part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
-        notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
+        notes = [*limits, *exceeded(both, self.driver), *depolarised(motor, volts)]
         if starts is False:
             notes.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
         feasible = self.feasible and not notes

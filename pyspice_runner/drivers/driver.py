@@ -93,13 +93,14 @@ class Part:
     values: dict[str, float]  # every parameter of the subcircuit
 
     def power_vector(self, kind: str, name: str) -> str:
-        """Return the vector of a ``loss``, ``feed`` (1 V = 1 W) or ``store`` (1 V = 1 µJ) of the library's header."""
+        """Return the vector of a ``loss``, ``feed`` (1 V = 1 W), ``store`` (1 V = 1 µJ) or ``limit`` of the header."""
         return f"v(x{self.instance}.{kind}_{name})"
 
     @property
     def power_vectors(self) -> list[str]:
-        """Vectors of all losses, feeds and stores."""
+        """Vectors of all losses, feeds, stores and limits."""
         kinds = {"loss": self.library.losses, "feed": self.library.feeds, "store": self.library.stores}
+        kinds["limit"] = self.library.limits
         return [self.power_vector(kind, name) for kind, entries in kinds.items() for name, _ in entries]
 
 
@@ -118,7 +119,7 @@ class Driver(Stated, Source):
         "subcircuit"
     )
     voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
-    frequency: float = quantity("frequency", "Hz", ge=1e3, le=5e5)
+    frequency: float = quantity("frequency", "Hz", ge=1e3, le=1e7)
     phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
     ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=1e-3, le=1e3)
     network: NetworkKind = Field(default="none", description="network between stage and group")
@@ -370,6 +371,17 @@ class Driver(Stated, Source):
         values = self._transformer(group)
         return volts * values["coupling"] * self.raised(group) if values else volts
 
+    def reachable(self, group: str) -> float:
+        """Return the largest amplitude in V that a built-in stage makes between its rails, behind its transformer.
+
+        Infinite for ideal sources and a stage of the user's own.
+        """
+        if self.own or self.kind == "ideal":
+            return inf
+        if self.kind in BRIDGES:
+            return self.fundamental(group)
+        return (self.rails(group)[0] - self.values(group, "amplifier")["headroom"]) * self.ratio(group)
+
     def raised(self, group: str) -> float:
         """Return the factor by which the capacitance of a transformer's winding raises the voltage behind its leakage.
 
@@ -527,7 +539,7 @@ class Driver(Stated, Source):
 
     @property
     def powers(self) -> dict[str, Derived]:
-        """Powers and energies of the parts that the package has, by the vectors of their nodes."""
+        """Powers, energies and limits of the parts that the package has, by the vectors of their nodes."""
         chains = [one for group in GROUPS for one in _chain(self, group) if one[0].label != _OWN]
         return {
             name: power

@@ -12,9 +12,10 @@ network with the group.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from math import inf, pi, radians
 from typing import Any
@@ -231,6 +232,56 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     return notes
 
 
+LIMITED = 0.01  # of the time; a limit that is reached for longer is exceeded
+SHORT_OF = 0.1  # of the wanted voltage, by which less is a caution: a tenth of the amplitude is a fifth of the power
+
+
+def limited(
+    driver: Driver, samples: Mapping[str, Array], mean: Callable[[Array], float]
+) -> dict[str, dict[str, float]]:
+    """Return group → limit of its stage → share of the time in which it is reached, by the mean of a signal."""
+    return {
+        group: {
+            name: mean(samples[part.power_vector("limit", name)])
+            for part in driver.parts(group)
+            for name, _ in part.library.limits
+        }
+        for group in GROUPS
+    }
+
+
+def limit_notes(driver: Driver, shares: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Return one sentence for each limit of a stage that is reached for more than :data:`LIMITED` of the time."""
+    return [
+        f"The {part.label} of group {group.upper()} is at a limit for {100.0 * shares[group][name]:.3g} % of the time: "
+        f"{meaning}."
+        for group in GROUPS
+        for part in driver.parts(group)
+        for name, meaning in part.library.limits
+        if shares[group][name] > LIMITED
+    ]
+
+
+def short_notes(driver: Driver, delivered: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return one sentence for each group that gets less than its wanted voltage, by more than :data:`SHORT_OF`."""
+    notes = []
+    for group, found in delivered.items():
+        got, wanted, most = found["got_v"], found["wanted_v"], driver.reachable(group)
+        if got >= (1.0 - SHORT_OF) * wanted:
+            continue
+        high, low = driver.rails(group)
+        why = "The difference is in the impedance of the stage and the parts behind it."
+        if most < wanted:
+            why = f"{high - low:.4g} V between the rails are enough for {most:.4g} V. Raise supply_v."
+        elif max(found["limited"].values(), default=0.0) > LIMITED:
+            why = "The stage is at a limit. Raise it, or lower the voltage."
+        notes.append(
+            f"The {found['place']} of group {group.upper()} has {got:.4g} V, {100.0 * got / wanted:.3g} % of the "
+            f"{wanted:.4g} V wanted. {why}"
+        )
+    return notes
+
+
 ON, OFF = 0.8, 0.6  # V, of the ramp of a leg at which a gate rises and falls through half its voltage, in the libraries
 ZERO = 0.05  # of the rails, voltage left below which a transistor turns on without voltage: 0.3 % of the energy
 
@@ -394,8 +445,17 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
     found = {}
     for name, samples, begin, end in windows:
         within = (samples["time"] >= begin) & (samples["time"] <= end)
-        found[name] = maxima(motor, driver, {vector: values[within] for vector, values in samples.items()})
+        cut = {vector: values[within] for vector, values in samples.items()}
+        found[name] = maxima(motor, driver, cut)
+        shares = limited(driver, cut, partial(mean_from, cut["time"], driver.supply_rise_s))
+        found[name]["exceeded"] += limit_notes(driver, shares)
     return found
+
+
+def mean_from(time: Array, begin: float, values: Array) -> float:
+    """Return the mean of a signal from a time in s on; of all of it, if it ends before."""
+    later = time >= (begin if begin < time[-1] else time[0])
+    return float(np.trapezoid(values[later], time[later]) / np.ptp(time[later]))
 
 
 def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:

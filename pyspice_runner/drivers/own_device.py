@@ -243,8 +243,8 @@ class _Devices(OwnFile):
         return [*block.body, *(self._models[model] for model in sorted(models))]
 
     def _check_powers(self, netlist: str) -> None:
-        """Check that each ``LOSS``, ``FEED`` and ``STORE`` line of the header has its node."""
-        for kind in ("loss", "feed", "store"):
+        """Check that each ``LOSS``, ``FEED``, ``STORE`` and ``LIMIT`` line of the header has its node."""
+        for kind in ("loss", "feed", "store", "limit"):
             for name, _ in self._header.entries(kind.upper(), 2):
                 if not re.fullmatch(r"[a-z]\w{0,39}", name, re.A) or not re.search(rf"\b{kind}_{name}\b", netlist):
                     node = short(f"{kind}_{name}")

@@ -7,9 +7,10 @@ Supply = losses in the driver + input of the motor; every report states the resi
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import groupby
 from math import degrees, isfinite
 from typing import Any
@@ -101,6 +102,9 @@ class DriveReport(Result):
         to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
         settling: relative change of the motor's power from the first to the second half of the window.
         maxima: maxima of pins, stages and parts over the whole run from power-up.
+        delivered: group → ``wanted_v`` and ``got_v``, amplitudes of the fundamental at the ``place``: ``"pin"``, or
+            ``"stage"`` in front of a network that was not designed; and ``limited``: limit of the stage → share of the
+            window in which it is reached.
         switching: turn-on of each transistor of a bridge.
         design: the design of the driver, completed by the run; ``None`` for a driver that was given.
         waveforms: time and the voltages and currents of outputs and groups over the window.
@@ -138,6 +142,7 @@ class DriveReport(Result):
     ngspice_version: str
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
+    delivered: dict[str, dict[str, Any]] = field(default_factory=dict)
     ceramic: dict[str, Any] = field(default_factory=dict)
     events: dict[str, dict[str, Any]] = field(default_factory=dict)
     event_faults: list[str] = field(default_factory=list)
@@ -208,8 +213,8 @@ class DriveReport(Result):
             "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
             "shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "driver_efficiency",
-            "efficiency", "balance_residual", "settling", "settled", "to_come", "maxima", "events", "switching",
-            "design",
+            "efficiency", "balance_residual", "settling", "settled", "to_come", "delivered", "maxima", "events",
+            "switching", "design",
         )  # fmt: skip
         return self._localised({
             **self._entries(*names),
@@ -250,6 +255,16 @@ class DriveReport(Result):
                 f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
                 f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
             )
+            if delivered := self.delivered.get(group):
+                shares = (
+                    f"; {name} limit {100.0 * share:.3g} % of the time"
+                    for name, share in delivered["limited"].items()
+                    if share
+                )
+                found[f"group {group}, wanted"] = (
+                    f"{engineering(delivered['wanted_v'], 'V')} at the {delivered['place']}, which has "
+                    f"{engineering(delivered['got_v'], 'V')}{''.join(shares)}"
+                )
             for event, most in {"maximum": self.maxima, **self.events}.items():
                 found[f"group {group}, {event}"] = (
                     f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
@@ -368,6 +383,10 @@ def drive_report(
         deck=outcome.deck,
         ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
     )
+    delivered = measured.delivered(ports, design.wanted_v if design else {})
+    limits = loads.limit_notes(driver, {group: delivered[group]["limited"] for group in GROUPS})
+    report.maxima["exceeded"] += [*limits, *([] if design else loads.short_notes(driver, delivered))]
+    report = replace(report, delivered=delivered)
     runs = [report.maxima]
     if events:
         found = loads.driver_events(setup, driver, vectors)
@@ -378,7 +397,7 @@ def drive_report(
         reached = None if speed is not None else report.mean_rotor_speed_rad_s
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in GROUPS}
-        report = replace(report, design=design.ran(parts, reached, most, motor))
+        report = replace(report, design=design.ran(parts, reached, most, motor, limits))
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
@@ -531,6 +550,24 @@ class _Measurement:
         if self.driver.own and not parts[0].library.losses:
             losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
         return put_in, losses, sum(feeds), sum(stored)
+
+    def delivered(
+        self, ports: Mapping[str, Mapping[str, Port]], wanted_v: Mapping[str, float]
+    ) -> dict[str, dict[str, Any]]:
+        """Return what :attr:`DriveReport.delivered` has, for the voltages that a design wants at the pins."""
+        driver, begin = self.driver, max(self.window.start, self.driver.supply_rise_s)
+        shares = loads.limited(driver, self.samples, partial(loads.mean_from, self.samples["time"], begin))
+        at_pins = bool(wanted_v) or driver.network == "none"
+        found = {}
+        for group in GROUPS:
+            got = ports["pin" if at_pins else "out"][group].harmonics[0].voltage_v
+            found[group] = {
+                "place": "pin" if at_pins else "stage",
+                "wanted_v": wanted_v.get(group, driver.amplitude(group)),
+                "got_v": got * (1.0 if at_pins else driver.values(group, "transformer").get("ratio", 1.0)),
+                "limited": shares[group],
+            }
+        return found
 
     def supply_currents(self) -> dict[str, Array]:
         """Return the currents that the rails deliver, both groups together."""

@@ -7,7 +7,8 @@ This module reads the header of a library: ``PIN`` lines (name, direction, unit,
 ``TESTED WITH``, and a usage example between ``USE`` and ``END USE``. ``NEEDS`` names other libraries whose subcircuits
 it instantiates. A contact law has ``STATE`` (node, unit, meaning), ``SLIDERS``, ``SPRING`` and ``FORMS`` lines.
 Where a part dissipates, feeds or stores energy, ``LOSS``, ``FEED`` and ``STORE`` lines (name, meaning)
-name its inner nodes ``loss_NAME`` and ``feed_NAME``, 1 V = 1 W, and ``store_NAME``, 1 V = 1 uJ.
+name its inner nodes ``loss_NAME`` and ``feed_NAME``, 1 V = 1 W, and ``store_NAME``, 1 V = 1 uJ; ``LIMIT`` lines name
+``limit_NAME``, 1 while a limit of the part is reached, else 0.
 ``behavioral/CONVENTIONS.md`` explains them.
 """
 
@@ -72,6 +73,7 @@ class Library:
     losses: tuple[tuple[str, str], ...] = ()
     feeds: tuple[tuple[str, str], ...] = ()
     stores: tuple[tuple[str, str], ...] = ()
+    limits: tuple[tuple[str, str], ...] = ()
     needs: tuple[str, ...] = ()
     states: tuple[str, ...] = ()  # of a contact law: the nodes whose capacitors hold its state
     sliders: tuple[str, ...] = ()  # those of the states that are sliders
@@ -184,7 +186,7 @@ def parse_library(name: str, text: str) -> Library:
 FACTS = {
     "source": "SOURCE", "omits": "OMITS", "revision": "REVISION", "step": "STEP", "tested_with": "TESTED WITH"
 }  # fmt: skip
-_POWERS = {"losses": "LOSS", "feeds": "FEED", "stores": "STORE"}
+_POWERS = {"losses": "LOSS", "feeds": "FEED", "stores": "STORE", "limits": "LIMIT"}
 
 
 @dataclass(frozen=True)

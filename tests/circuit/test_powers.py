@@ -25,7 +25,7 @@ def test_every_loss_feed_and_store_of_a_header_is_a_power(name: str) -> None:
     library = read_library(name)
     values = {parameter.name: parameter.default for parameter in library.parameters}
     found = dict(powers_of(library, "xpart", dict.fromkeys(library.pin_names, "0"), values))
-    kinds = {"loss": library.losses, "feed": library.feeds, "store": library.stores}
+    kinds = {"loss": library.losses, "feed": library.feeds, "store": library.stores, "limit": library.limits}
     assert found.keys() == {f"v(xpart.{kind}_{entry})" for kind, entries in kinds.items() for entry, _ in entries}
 
 

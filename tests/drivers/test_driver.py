@@ -323,7 +323,7 @@ def ranges(kind: str, network: str) -> dict[str, tuple[float, float]]:
         for parameter in part.library.parameters
         if parameter.name in part.values
     }
-    found["frequency"] = (1e3, 5e5)
+    found["frequency"] = (1e3, 1e7)
     found["voltage"] = (0.1, 1000.0 if kind == "linear" else 100.0)
     found["phase_deg"] = (-360.0, 360.0)
     found["supply_rise_s"] = (1e-6, 1e-2)
