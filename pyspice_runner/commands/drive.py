@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         float | None, None, "Voltage between the rails, V: design a driver for it, from its transformer on."
     ),
     stage=option(
-        Literal["linear", "half-bridge", "full-bridge", "push-pull"] | None, None,
+        Literal["linear", "feedback", "half-bridge", "full-bridge", "push-pull"] | None, None,
         "Power stage of the design; default: full-bridge.",
     ),
     network=option(Literal["none", "inductor", "llcc"], "inductor", "Network of the design."),

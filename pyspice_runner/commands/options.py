@@ -71,8 +71,8 @@ def _laws(incomplete: str) -> list[str]:
 
 
 DRIVERS = (
-    "ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor or +llcc "
-    "a matching network"
+    "ideal, linear, feedback, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor "
+    "or +llcc a matching network"
 )
 VOLTAGE = option(float | None, None, "Amplitude of group A, V; default: the motor's recommended drive.")
 PHASE = option(float | None, None, "Phase of group B ahead of group A, degrees; default: the recommended drive.")

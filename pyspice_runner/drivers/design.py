@@ -672,7 +672,7 @@ class _Search:
                     f"limits are {least:g} and {most:g}. Take another rail."
                 )
             changes[f"{driver.transformer_label}_{group}.ratio"] = float(f"{ratio:.3g}")
-        if needed and driver.kind in ("linear", "half-bridge"):
+        if needed and driver.kind in ("linear", "feedback", "half-bridge"):
             changes["transformer"] = True
         return driver.updated(changes)
 
@@ -721,7 +721,7 @@ class _Search:
         spare = copysign(1.0, middle.speed_rad_s) * (middle.torque_n_m - _SPARE * self.load_torque)
         if abs(middle.speed_rad_s) > STANDS and spare < 0.0:
             yield f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m."
-        for group in GROUPS if driver.kind == "linear" else ():
+        for group in GROUPS if driver.values("a", "amplifier") else ():
             pins = [point.group(group) for point in points]
             currents = [at_stage(driver, group, pin.voltage_v, pin.voltage_v / pin.impedance_ohm)[1] for pin in pins]
             limit, most = driver.setting("amplifier.current_limit"), max(map(abs, currents)) * driver.ratio(group)

@@ -34,7 +34,7 @@ from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated, quoted
 from pyspice_runner.spice.library import Library, LibraryParameter, check_parameters, definitions, read_library
 
-DriverKind = Literal["ideal", "linear", "half-bridge", "full-bridge", "push-pull"]
+DriverKind = Literal["ideal", "linear", "feedback", "half-bridge", "full-bridge", "push-pull"]
 NetworkKind = Literal["none", "inductor", "llcc"]
 
 RAILS = ("vp", "vn")  # supply pins
@@ -115,8 +115,8 @@ class Driver(Stated, Source):
     """
 
     kind: str = Field(
-        description="power stage: ideal, linear, half-bridge, full-bridge, push-pull, or FILE:NAME of the user's own "
-        "subcircuit"
+        description="power stage: ideal, linear, feedback, half-bridge, full-bridge, push-pull, or FILE:NAME of the "
+        "user's own subcircuit"
     )
     voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
     frequency: float = quantity("frequency", "Hz", ge=1e3, le=1e7)
@@ -407,14 +407,20 @@ class Driver(Stated, Source):
         """Return inductance in H and resistance in Ω of stage and transformer, seen from the network."""
         parts = {part.label: part.values for part in self.parts(group)}
         resistance = parts["amplifier"]["output_resistance"] if "amplifier" in parts else 0.0
+        inductance = 0.0
+        if self.kind == "feedback":  # behind the loop, and output_resistance by its gain: that of an inductance
+            own = parts["amplifier"]
+            inductance = resistance * own["gain"] / (2.0 * pi * own["gain_bandwidth"])
+            resistance = own["isolation_resistance"]
         if "bridge" in parts and self.mosfet in MOSFETS:
             resistance = ratings(self.mosfet).on_resistance_ohm * (2.0 if self.kind == "full-bridge" else 1.0)
         values = self._transformer(group)
         if not values:
-            return 0.0, resistance
+            return inductance, resistance
         raised = self.raised(group)  # R + jωL beside the capacitance: (R + jωL)/(1 - ω²LC + jωRC), with ωRC small
         resistance = (resistance + values["primary_resistance"]) * values["ratio"] ** 2 * raised**2
-        return self.leakage(group) * raised, resistance + values["secondary_resistance"]
+        inductance = self.leakage(group) + inductance * values["ratio"] ** 2
+        return inductance * raised, resistance + values["secondary_resistance"]
 
     def leakage(self, group: str) -> float:
         """Return the leakage inductance in H of a transformer, in series with the network; 0 without one."""
@@ -499,7 +505,7 @@ class Driver(Stated, Source):
         """Return the parameters of a part of a group by its label; empty without it."""
         return next((part.values for part in self.parts(group) if part.label == label), {})
 
-    def passed(self, group: str, volts: Any, amperes: Any, omega: float) -> list[tuple[Part, Passed]]:
+    def passed(self, group: str, volts: Any, amperes: Any, omega: Any) -> list[tuple[Part, Passed]]:
         """Return the network of a group from the pin to the stage, a cable first, for phasors of the pin."""
         found = []
         for part in reversed(self.parts(group)):
@@ -515,7 +521,8 @@ class Driver(Stated, Source):
         if self._stage:
             chain.append(("stage", _OWN, self._stage))
         elif self.kind != "ideal":
-            label, name = ("amplifier", "amplifier") if self.kind == "linear" else ("bridge", self.kind)
+            names = {"linear": ("amplifier", "amplifier"), "feedback": ("amplifier", "feedback")}
+            label, name = names.get(self.kind, ("bridge", self.kind))
             chain.append(("stage", label, read_library(f"driver_{name.replace('-', '_')}")))
         if self.transformer or self.kind == "full-bridge":
             chain.append(("transformer", "transformer", read_library("driver_transformer")))

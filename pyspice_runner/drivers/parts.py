@@ -29,7 +29,7 @@ class Passed(NamedTuple):
     stores: dict[str, Any]  # currents of its inductances and voltages of its capacitances, by device in lower case
 
 
-def passed(label: str, values: Mapping[str, float], volts: Any, amperes: Any, omega: float) -> Passed | None:
+def passed(label: str, values: Mapping[str, float], volts: Any, amperes: Any, omega: Any) -> Passed | None:
     """Return the phasors in front of a part for those behind it, at an angular frequency in rad/s.
 
     ``None`` for a part that is none of these. Below 0 rad/s the phasors are conjugate ones.

@@ -23,6 +23,7 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers import loads
 from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
+from pyspice_runner.drivers.feedback import Loop, stability, stability_notes
 from pyspice_runner.drivers.loads import PartLoad, TurnOn
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
@@ -105,6 +106,8 @@ class DriveReport(Result):
         delivered: group → ``wanted_v`` and ``got_v``, amplitudes of the fundamental at the ``place``: ``"pin"``, or
             ``"stage"`` in front of a network that was not designed; and ``limited``: limit of the stage → share of the
             window in which it is reached.
+        stability: group → loop of its amplifier with feedback; empty for other stages.
+        steps: group → time in s and output of that amplifier after a small step, over what the step is worth.
         switching: turn-on of each transistor of a bridge.
         design: the design of the driver, completed by the run; ``None`` for a driver that was given.
         waveforms: time and the voltages and currents of outputs and groups over the window.
@@ -143,6 +146,8 @@ class DriveReport(Result):
     deck: str = field(repr=False)
     audit: Audit = field(default_factory=Audit)
     delivered: dict[str, dict[str, Any]] = field(default_factory=dict)
+    stability: dict[str, Loop] = field(default_factory=dict)
+    steps: dict[str, tuple[Array, Array]] = field(default_factory=dict, repr=False)
     ceramic: dict[str, Any] = field(default_factory=dict)
     events: dict[str, dict[str, Any]] = field(default_factory=dict)
     event_faults: list[str] = field(default_factory=list)
@@ -213,8 +218,8 @@ class DriveReport(Result):
             "motor", "driver", "run", "groups", "outputs", "power_factor", "supply_power_w", "gate_power_w",
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
             "shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "driver_efficiency",
-            "efficiency", "balance_residual", "settling", "settled", "to_come", "delivered", "maxima", "events",
-            "switching", "design",
+            "efficiency", "balance_residual", "settling", "settled", "to_come", "delivered", "stability", "maxima",
+            "events", "switching", "design",
         )  # fmt: skip
         return self._localised({
             **self._entries(*names),
@@ -265,6 +270,8 @@ class DriveReport(Result):
                     f"{engineering(delivered['wanted_v'], 'V')} at the {delivered['place']}, which has "
                     f"{engineering(delivered['got_v'], 'V')}{''.join(shares)}"
                 )
+            if loop := self.stability.get(group):
+                found[f"group {group}, loop"] = loop.words()
             for event, most in {"maximum": self.maxima, **self.events}.items():
                 found[f"group {group}, {event}"] = (
                     f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
@@ -384,9 +391,11 @@ def drive_report(
         ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
     )
     delivered = measured.delivered(ports, design.wanted_v if design else {})
-    limits = loads.limit_notes(driver, {group: delivered[group]["limited"] for group in GROUPS})
+    loops, steps = stability(motor, driver)
+    limits = stability_notes(loops)
+    limits += loads.limit_notes(driver, {group: delivered[group]["limited"] for group in GROUPS})
     report.maxima["exceeded"] += [*limits, *([] if design else loads.short_notes(driver, delivered))]
-    report = replace(report, delivered=delivered)
+    report = replace(report, delivered=delivered, stability=loops, steps=steps)
     runs = [report.maxima]
     if events:
         found = loads.driver_events(setup, driver, vectors)

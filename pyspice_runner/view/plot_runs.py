@@ -236,7 +236,17 @@ def drive_report(report: DriveReport) -> Sheet:
         "spectrum": partial(_harmonics, report),
         "powers": partial(_powers, report),
     }
+    if report.steps:
+        panels["step"] = partial(_steps, report)
     return Sheet(panels, 1, (6.5, 3.0), report.motor["name"])
+
+
+def _steps(report: DriveReport, ax: Axes) -> None:
+    """Draw the steps of amplifiers with feedback."""
+    for group, (time, output) in report.steps.items():
+        label = f"{group.upper()}: {report.stability[group].words()}"
+        ax.plot(1e6 * time, output, color=GROUPS[group], label=label)
+    dress(ax, LABELS["time_us"], "output / step")
 
 
 def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -> None:

@@ -246,6 +246,8 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "driver_source": {"mean_product_v2": (0.5 * 2.0 * 3.0 * 0.5, 1e-4)},
     # 5 V/us behind 1 ohm into 10 ohm, read between points 2 ns apart; 4.5 V that the limit holds drop across 200 kohm
     "driver_amplifier": {"from_1_v_to_2_v_s": (1.0 / 5e6 * 1.1, 1e-3), "out_end_v": (5.0, 1e-4)},
+    # T = 1/(s/p (1 + s/p2)) with s/p = j, s/p2 = 1e-4 j and hardly any load; 10 T/(1 + T)
+    "driver_feedback": {"out_v": ((10.0 / (1.0 + 1j * (1.0 + 1e-4j) + 1e-8)).real, 1e-5)},
     # the triode equation with Kp = 0.17, Vto = 3, Rd + Rs = 0.5: 1.0024 A in one transistor, 1.0047 A in two
     # VDMOS in the triode region at 1 A: the channel's 0.852 ohm and Rd + Rs = 0.5 ohm
     "driver_mosfet": {"drain_v": (MOSFET, 1e-5)},
