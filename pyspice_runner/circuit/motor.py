@@ -54,6 +54,8 @@ from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Mode, Mount, Piezo
 from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.stator import STEP_WORDS
+from pyspice_runner.motor.stator import coarsest_step as longest_step
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import (
     PREFIX,
@@ -73,7 +75,6 @@ MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if t
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
-_POINTS = 100  # smallest number of steps in a period of the fastest motion for an exported motor
 # parameters of the X line that set parameters of the contact; they come first
 _FIRST = ("preload", "friction", "normal_stiffness", "compliance", "radius")
 SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
@@ -418,9 +419,16 @@ def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
 
 
 def coarsest_step(motor: Motor) -> float:
-    """Return the coarsest time step in s at which an exported motor gives right results, with two digits."""
-    resonances = motor.pressed_stator.resonances()
-    return float(f"{1.0 / (_POINTS * max(*(mode.frequency_hz for mode in motor.modes), *map(float, resonances))):.2g}")
+    """Return the coarsest time step in s of an exported motor, :func:`.stator.coarsest_step` of its modes.
+
+    They are the free ones, and those under preload from half of their lowest frequency on: a carrier is slow.
+    """
+    frequency, quality = motor.pressed_stator.damped()
+    fast = frequency > 0.5 * min(mode.frequency_hz for mode in motor.modes)
+    return longest_step(
+        [*frequency[fast], *(mode.frequency_hz for mode in motor.modes)],
+        [*quality[fast], *(mode.quality_factor for mode in motor.modes)],
+    )
 
 
 def add_motor(
@@ -532,7 +540,7 @@ def motor_library(
         '* SOURCE Andersen, Helbo, Blanke, "Modelling and Experiments of a Standing Wave Piezomotor", 2002, corrected',
         f"* OMITS  {'' if thermal else 'temperature, '}piezoelectric hysteresis, {library.omits}",
         f"* REVISION {REVISION}",
-        f"* STEP   at most {step:.2g} s; with a coarser one currents and speed are wrong, and v(check) is 1",
+        f"* STEP   at most {step:.2g} s; {STEP_WORDS}",
         f"* TESTED WITH {library.tested_with}",
         "*",
         "* USE    the first line of a deck is its title; then:",

@@ -20,7 +20,8 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.spice.library import check_name
+from pyspice_runner.motor.stator import STEP_WORDS, coarsest_step
+from pyspice_runner.spice.library import check_name, definition_texts, part_name, read_library
 
 RESONATOR = "resonator"
 REFERENCE_OHM = 50.0  # of a Touchstone file
@@ -139,8 +140,10 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
     main = max(circuit.arms, key=lambda arm: arm.capacitance_f)
     resonances = np.array([arm.series_resonance_hz for arm in circuit.arms])
     greatest = float(np.max(np.abs(circuit.device_admittance(resonances))))
-    elements = []
-    node = "p"
+    step = coarsest_step(resonances, [arm.quality_factor for arm in circuit.arms])
+    check = part_name("piezomotor_check", name)
+    elements = [f"Xcheck pin p pin check {check} step={step!r}"]  # with its ammeter between p and pin
+    node = "pin"
     for kind, value, impedance in (
         ("R", circuit.lead_resistance_ohm, circuit.lead_resistance_ohm),
         ("L", circuit.lead_inductance_h, 2.0 * pi * last * circuit.lead_inductance_h),
@@ -181,8 +184,10 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         "*",
         "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
         "* OMITS  a constant loss tangent beyond 100 times its frequency to both sides, nonlinearity",
-        "* REVISION 2",
-        f"* STEP   at most {1e-2 / last:.2g} s, a hundredth of the shortest period of its arms",
+        "* REVISION 3",
+        "* CHECK  the node check is 0, or 1 for a step longer than STEP and, after 550 of them, without an alternating",
+        "*        current; if the drive begins later, measure check from then on",
+        f"* STEP   at most {step:.2g} s; {STEP_WORDS}",
         "* TESTED WITH ngspice 39 and 46",
         "*",
         "* USE    the first line of a deck is its title; then:",
@@ -196,6 +201,7 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         "*   .measure ac conductance_s MAX i(Vdrive)",
         "* END USE",
         "*",
+        *definition_texts(read_library("piezomotor_check"), prefix=name).values(),
         f".subckt {name} p n",
         *elements,
         f".ends {name}",

@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import atan, pi
+from math import atan, floor, log10, pi, sqrt
 from typing import Self
 
 import numpy as np
@@ -186,6 +186,14 @@ class Stator:
         squares = np.linalg.eigvalsh(factor @ (stiffness / scale) @ factor.T)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi))
 
+    def damped(self) -> tuple[Array, Array]:
+        """Return the frequencies in Hz and the quality factors of the motions that oscillate, all groups shorted."""
+        mass, count = square(self.mass), len(square(self.mass))
+        below = -np.linalg.solve(mass, np.hstack([square(self.stiffness), square(self.damping)]))
+        rates = np.linalg.eigvals(np.vstack([np.eye(count, 2 * count, count), below]))
+        rates = rates[(rates.imag > 0.0) & (rates.real < 0.0)]
+        return np.abs(rates) / (2.0 * pi), np.abs(rates) / (-2.0 * rates.real)
+
     def on_carrier(self, mount: Mount | None) -> Self:
         """Return the stator of the modes that this one has on its carrier, without recoil, in the order of its own.
 
@@ -242,6 +250,24 @@ class Stator:
     def decay_s(self) -> float:
         """Longest time in s in which a coordinate alone decays by e, 2m/c."""
         return float(np.max(2.0 * np.diag(square(self.mass)) / np.diag(square(self.damping))))
+
+
+STEP_ERROR = 0.01  # of the power at a resonance, at the coarsest step of an export
+STEP_WORDS = f"the power at a resonance is then within {100.0 * STEP_ERROR:g} %; with a coarser one v(check) is 1"
+_SHIFT = 0.5 * STEP_ERROR  # of it by the shift of the resonance; the rest is for the contact and for tolerances
+_POINTS = 100  # smallest number of steps in a period of it
+
+
+def coarsest_step(frequency_hz: ArrayLike, quality: ArrayLike) -> float:
+    """Return the longest time step in s, with two digits, at which resonances keep their power within STEP_ERROR.
+
+    The trapezoidal rule shifts a resonance by δ = (ωh)²/12 of its frequency; driven at its own frequency it then has
+    1/(1 + (2Qδ)²) of the power.
+    """
+    turn = np.sqrt(6.0 * sqrt(_SHIFT / (1.0 - _SHIFT)) / np.asarray(quality))
+    found = float(np.min(np.minimum(turn / (2.0 * pi), 1.0 / _POINTS) / np.asarray(frequency_hz)))
+    digits = 10.0 ** (floor(log10(found)) - 1)
+    return float(f"{floor(found / digits * (1.0 + 1e-9)) * digits:.2g}")
 
 
 def discretised(mass_kg: ArrayLike, stiffness_n_per_m: ArrayLike, step: float) -> tuple[Array, Array]:
