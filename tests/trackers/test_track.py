@@ -218,15 +218,7 @@ def test_a_network_changes_the_loop_of_a_tracker() -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason="5.4 %, by the step: docs/tracking.md"))
-        if "bimodal40" in name
-        else name
-        for name in MARGINS["CASES"]
-    ],
-)
+@pytest.mark.parametrize("name", MARGINS["CASES"])
 def test_the_margin_that_is_printed_is_the_one_that_is_measured(name: str) -> None:
     """±3° and 5 % of the crossover; a finite sine and the detector's edges take some of both."""
     found = MARGINS["measured"](MARGINS["CASES"][name])
