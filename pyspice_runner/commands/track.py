@@ -128,7 +128,7 @@ def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, co
 
 _NEEDS: tuple[tuple[str, str, set[str]], ...] = (
     ("tracker", "bandwidth target", {"pll"}),
-    ("tracker", "period step_size", {"observe-current", "observe-power"}),
+    ("tracker", "period step_size", {*get_args(TrackerKind)} - {"none", "pll"}),
     ("tracker", "reverse", {*get_args(TrackerKind)} - {"none"}),
     ("tracker", "no_restart restart_after", {"pll"}),
     ("tracker", "compensate", {"pll", "observe-current"}),

@@ -57,6 +57,7 @@ from pyspice_runner.units import engineering
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its largest amplitude or more
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
 WARM_K = 50.0  # rise of the temperature at which the drift of the sensing is judged
+CROSSINGS = 4  # of the target in the second half of a run, with which a loop oscillates: two cycles
 SAME = 1e-6  # relative difference of couplings that rounding explains
 AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off over the last 50 mV of 5 V
 
@@ -167,8 +168,10 @@ class Tracking(Result):
             yield f"The tracker lost lock: {self._lost_words}. Raise the voltage or the bandwidth, or load it less."
         if self.locked and not at_limit:
             return
-        late = self.time_s >= 0.9 * self.time_s[-1]
+        late = self.time_s >= 0.5 * self.time_s[-1]
         low, high = 1e-3 * self.frequency_hz[late].min(), 1e-3 * self.frequency_hz[late].max()
+        error = self.phase_deg[late] - self._wanted_deg
+        swings = np.ptp(error) > 2.0 * LOCKED_DEG and np.count_nonzero(np.diff(np.sign(error))) >= CROSSINGS
         advice = "Run it longer (duration), start nearer to the resonance (offset), or raise the voltage."
         if at_limit:
             advice = "Start nearer to the resonance (offset), widen the range (span), or reverse the polarity."
@@ -177,11 +180,8 @@ class Tracking(Result):
                 "Run it longer (duration), or start nearer to the resonance (offset). Where what it observes has no "
                 "maximum at resonance, use observe-current or a pll."
             )
-        elif np.ptp(self.phase_deg[late]) > 2.0 * LOCKED_DEG:
-            advice = (
-                f"It oscillates from {low:.5g} to {high:.5g} kHz: the motor has no stable state at this target and "
-                "voltage. Raise the voltage, or move the target towards 0."
-            )
+        elif swings:
+            advice = f"It oscillates from {low:.5g} to {high:.5g} kHz. Raise the voltage, or move the target towards 0."
         yield (
             f"The tracker {'is locked' if self.locked else 'has lost lock' if lost else 'has not locked'}: it ended at "
             f"{1e-3 * self.end_frequency_hz:.6g} kHz{', the limit of its oscillator' if at_limit else ''}, "
@@ -517,6 +517,8 @@ def _check_together(
     """Raise a ParameterError for arguments that exclude each other."""
     if mode not in range(len(motor.modes)):
         raise ParameterError(f"mode = {mode} is not valid; {motor.name} has the modes 0 to {len(motor.modes) - 1}.")
+    if tracker.kind == "observe-speed" and (contact is None or speed is not None):
+        raise ParameterError("tracker = 'observe-speed' needs a rotor that turns; give a contact law and no speed.")
     for kind in ("load", "preload") if contact is None else ():
         if sequence.of(kind):
             raise ParameterError(f"disturb = {kind!r} needs a rotor; give a contact law.")

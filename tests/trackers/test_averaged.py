@@ -183,15 +183,11 @@ def test_a_loop_that_an_overload_has_pulled_out_returns_by_a_restart() -> None:
     chosen = {"voltage": 110.0, "target_deg": -35.0, "capacitance_error": -0.6}
     settings = {"duration": 120e-3, "disturbances": load}
     without, found = (started(settings, restart=restart, **chosen) for restart in (False, True))
-    assert without.lock_time_s is not None
-    assert not without.locked
     assert [one.regained_s for one in without.losses] == [None]
-    assert "The tracker lost lock: at 4" in " ".join(without.cautions)
-    assert found.locked
-    assert not found.kept_lock
+    assert "lost lock: at 4" in " ".join(without.cautions)
+    assert (without.locked, found.locked, found.kept_lock) == (False, True, False)
     (lost,) = found.losses
-    assert lost.regained_s is not None
-    assert 30e-3 < lost.lost_s < found.restarts_s[0] < lost.regained_s < 80e-3
+    assert 30e-3 < lost.lost_s < found.restarts_s[0] < (lost.regained_s or 0.0) < 80e-3
     assert found.to_dict()["losses"][0]["lost_hz"] == lost.lost_hz
     assert found.speed_after_rad_s > found.speed_before_rad_s > 50.0
 
@@ -212,41 +208,44 @@ def test_a_restart_returns_to_the_starting_frequency(how: dict[str, Any]) -> Non
 def test_a_run_that_stays_locked_is_the_same_with_and_without_a_restart() -> None:
     settings = {"disturb": "load", "load_torque": 50e-3, "begin": 20e-3, "duration": 60e-3}
     found, without = (started(settings, restart=restart) for restart in (True, False))
-    assert found.kept_lock
-    assert found.restarts_s == ()
-    at = np.linspace(0.0, 60e-3, 200)
-    speeds = [np.interp(at, one.time_s, one.rotor_speed_rad_s) for one in (found, without)]
-    assert speeds[0] == pytest.approx(speeds[1], abs=2e-3 * speeds[1].max())
+    assert (found.kept_lock, found.restarts_s) == (True, ())
+    assert found.speed_after_rad_s == pytest.approx(without.speed_after_rad_s, rel=1e-3)
 
 
 def test_a_run_has_a_sequence_of_disturbances() -> None:
-    """Each value returns, and so does the frequency; the temperature moves it by what it moves the modes."""
-    moves = (("load", 30e-3, 50e-3), ("supply", -0.5, 90e-3), ("preload", 0.5, 130e-3), ("temperature", -5e-3, 170e-3))
+    """The frequency moves with each, and returns."""
+    moves = (("load", 50e-3, 30), ("supply", -0.5, 70), ("preload", 0.5, 110), ("temperature", -5e-3, 150))
     events = [
-        pr.Disturbance(**{"kind": kind, "begin_s": begin, CHANGED[kind]: value, "drift_time_s": 5e-3})
-        for kind, changed, at in moves for value, begin in ((changed, at), (0.0, at + 20e-3))
+        pr.Disturbance(**{"kind": kind, "begin_s": 1e-3 * begin, CHANGED[kind]: to, "drift_time_s": 5e-3})
+        for kind, changed, at in moves for to, begin in ((changed, at), (0.0, at + 20))
     ]  # fmt: skip
-    found = started({"disturbances": events, "duration": 210e-3})
-    assert found.locked
-    frequencies = dict(zip([at for *_, at in moves], moves, strict=True))
-    for begin, (kind, *_) in frequencies.items():
-        before, during, after = np.interp([begin, begin + 19e-3, begin + 39e-3], found.time_s, found.frequency_hz)
-        assert abs(during - before) > 5.0, kind
-        assert after == pytest.approx(before, abs=0.4 * abs(during - before) + 2.0), kind
-    assert [one["kind"] for one in found.to_dict()["disturbances"]] == [one.kind for one in events]
+    found = started({"disturbances": events, "duration": 190e-3})
+    for *_, at in moves:
+        before, during, after = np.interp([at, at + 19, at + 39], 1e3 * found.time_s, found.frequency_hz)
+        assert abs(during - before) > 5.0
+        assert after == pytest.approx(before, abs=0.4 * abs(during - before) + 2.0)
 
 
 def test_modes_that_two_groups_cannot_separate_have_a_caution() -> None:
     said = [" ".join(started({"mode": mode, "duration": 2e-3}).cautions) for mode in range(4)]
     assert ["cannot separate" in one for one in said] == [True, True, False, False]
-    assert "cannot separate mode-2 from mode-4, whose current at the same velocity is 15" in said[1]
+
+
+def test_a_loop_that_oscillates_says_so_and_what_it_advises_helps() -> None:
+    """The plate at 46 V and -48° from 40.35 kHz: its frequency goes up and down by a kilohertz."""
+    plate = pr.load_motor("examples/plate40.toml")
+    values = {"voltage": 46.14, "frequency": 40903.0, "offset": -0.0136, "target_deg": -47.6, "phase_deg": 70.0}
+    chosen = pr.Tracker(kind="pll", **values)
+    trackers = [chosen.model_copy(update=one) for one in ({}, {"voltage": 70.0}, {"target_deg": 0.0})]
+    runs = [pr.track(plate, one, 40e-3, averaged=True, margin=False) for one in trackers]
+    assert [one.locked for one in runs] == [False, True, True]
+    assert "It oscillates from 4" in " ".join(runs[0].cautions)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"disturb": "preload", "engine": "spice"}, "disturb = 'preload' has no averaged model in ngspice"),
-        ({"disturb": "load", "disturbances": [pr.Disturbance(kind="load")]}, "disturbances exclude each other"),
         ({"contact": None}, "contact = None has no averaged model"),
         ({"step": 1e-7}, "step has no effect"),
         ({"duration": 1e-6}, "duration = 1e-06 s is not valid"),

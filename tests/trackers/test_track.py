@@ -254,6 +254,7 @@ def test_copies_that_follow_the_temperature_keep_the_phase() -> None:
         ({"mode": 2}, "mode = 2 is not valid; andersen2002 has the modes 0 to 1."),
         ({"disturb": "load", "contact": None}, "disturb = 'load' needs a rotor"),
         ({"disturb": "load", "speed": 1.0}, "speed and disturb = 'load' exclude each other"),
+        ({"disturb": "load", "disturbances": [pr.Disturbance(kind="load")]}, "disturbances exclude each other"),
         ({"speed": 2e5}, "above which its rim bursts"),
         ({"disturb": "preload", "preload_change": -1.0}, "preload_change = -1 is not valid: it must be a"),
         ({"disturb": "temperature", "drift": 0.5}, "drift = 0.5 is not valid"),
