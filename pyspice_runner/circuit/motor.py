@@ -54,8 +54,7 @@ from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Mode, Mount, Piezo
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.motor.stator import STEP_WORDS
-from pyspice_runner.motor.stator import coarsest_step as longest_step
+from pyspice_runner.motor.stator import STEP_WORDS, longest_step
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import (
     PREFIX,
@@ -419,10 +418,7 @@ def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
 
 
 def coarsest_step(motor: Motor) -> float:
-    """Return the coarsest time step in s of an exported motor, :func:`.stator.coarsest_step` of its modes.
-
-    They are the free ones, and those under preload from half of their lowest frequency on: a carrier is slow.
-    """
+    """Return the coarsest time step in s of an exported motor, for its modes, free and pressed; a carrier is slow."""
     frequency, quality = motor.pressed_stator.damped()
     fast = frequency > 0.5 * min(mode.frequency_hz for mode in motor.modes)
     return longest_step(

@@ -372,10 +372,7 @@ class Driver(Stated, Source):
         return volts * values["coupling"] * self.raised(group) if values else volts
 
     def reachable(self, group: str) -> float:
-        """Return the largest amplitude in V that a built-in stage makes between its rails, behind its transformer.
-
-        Infinite for ideal sources and a stage of the user's own.
-        """
+        """Return the largest amplitude in V between the rails, behind the transformer; infinite where not known."""
         if self.own or self.kind == "ideal":
             return inf
         if self.kind in BRIDGES:

@@ -15,17 +15,15 @@ from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PrivateAttr
-from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.source import GROUPS, Pins
-from pyspice_runner.drivers.driver import Driver, add_channels
+from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.drivers.loads import EventfulDriver, Events
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array
-from pyspice_runner.spice.library import definitions
 from pyspice_runner.units import engineering
 
 Complex = NDArray[np.complex128]
@@ -46,11 +44,14 @@ class Loop:
 
     def words(self) -> str:
         """Return stability, margin and overshoot for a summary."""
-        if self.crossover_hz is None or self.phase_margin_deg is None:
-            return "stable" if self.stable else "unstable"
-        margin = f"phase margin {self.phase_margin_deg:.3g}° at {engineering(self.crossover_hz, 'Hz')}"
-        over = "" if self.step_overshoot is None else f", step overshoot {100.0 * self.step_overshoot:.3g} %"
-        return f"{'stable' if self.stable else 'unstable'}, {margin}{over}"
+        margin = f", phase margin {self.phase_margin_deg:.3g}°" if self.phase_margin_deg is not None else ""
+        over = f", step overshoot {100.0 * self.step_overshoot:.3g} %" if self.step_overshoot is not None else ""
+        return f"{'stable' if self.stable else 'unstable'}{margin}{self.at}{over}"
+
+    @property
+    def at(self) -> str:
+        """The crossover in words."""
+        return f" at {engineering(self.crossover_hz, 'Hz')}" if self.crossover_hz else ""
 
 
 def load_impedance(motor: Motor, driver: Driver, group: str, frequency_hz: Array) -> Complex:
@@ -106,57 +107,25 @@ def margins(motor: Motor, driver: Driver, group: str) -> Loop:
     return Loop(abs(turned) < pi, float(crossed[worst]), float(np.degrees(phases[worst])))
 
 
-class _SteppedDriver(Driver):
-    """A driver whose supplies are on and one of whose controls steps, by a tenth of what would bring its slew rate."""
-
-    _group: str = PrivateAttr()
-    _at: float = PrivateAttr()
-
-    def __init__(self, driver: Driver, group: str, at: float) -> None:
-        super().__init__(**driver.model_dump())
-        self._group, self._at = group, at
-
-    @property
-    def uniform(self) -> bool:
-        """Whether a run has uniform steps; the step shortens them."""
-        return False
-
-    @property
-    def height(self) -> float:
-        """Step of the control in V."""
-        values = self.values(self._group, "amplifier")
-        slewed = values["slew_rate"] / (2.0 * pi * values["gain_bandwidth"])
-        return 0.1 * min(slewed, self.rails(self._group)[0] / values["gain"])
-
-    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
-        """Add both channels and their controls."""
-        circuit.raw_spice += definitions(*self.libraries()) + "\n"
-        for group in GROUPS:
-            volts, node = self.height if group == self._group else 0.0, groups.named("control", group)
-            circuit.V(node, node, circuit.gnd, f"PWL(0 0 {self._at!r} 0 {1.001 * self._at!r} {volts!r})")
-        add_channels(circuit, self, dict(zip(GROUPS, pins, strict=True)), risen=True)
-
-
 def step_response(motor: Motor, driver: Driver, group: str, loop: Loop) -> tuple[Array, Array]:
     """Return times in s from a step on, and the output of a group's stage over the voltage that the step is worth.
 
-    By ngspice, with the tip free. Raise SimulationError if it fails.
+    The step is a tenth of what would bring the slew rate, the tip is free. Raise SimulationError if ngspice fails.
     """
-    values = driver.values(group, "amplifier")
+    values, line = driver.values(group, "amplifier"), groups.voltage("line", group)
+    slewed = values["slew_rate"] / (2.0 * pi * values["gain_bandwidth"])
+    height = 0.1 * min(slewed, driver.rails(group)[0] / values["gain"])
     period = 1.0 / (loop.crossover_hz or values["gain_bandwidth"] / values["gain"])
-    stepped = _SteppedDriver(driver, group, 2.0 * period)
+    at = max(period, 2e-6)  # s: the supply, which rises in 1 µs, is on
+    stepped = EventfulDriver(driver.updated({"supply_rise_s": 1e-6}), Events(control_at=at, controls={group: height}))
     setup = Point.of(motor, stepped, contact=None, step=period / _STEPS, audit=False)
-    line = groups.voltage("line", group)
-    samples = setup.run((2.0 + _AFTER) * period, [line]).vectors()
-    after = samples["time"] >= 2.0 * period
-    return samples["time"][after] - 2.0 * period, samples[line][after] / (stepped.height * values["gain"])
+    samples = setup.run(at + _AFTER * period, [line]).vectors()
+    after = samples["time"] >= at
+    return samples["time"][after] - at, samples[line][after] / (height * values["gain"])
 
 
 def stability(motor: Motor, driver: Driver) -> tuple[dict[str, Loop], dict[str, tuple[Array, Array]]]:
-    """Return group → its loop with the overshoot of its step, and group → that step as :func:`step_response` has it.
-
-    Both are empty for a stage without feedback. Raise SimulationError if ngspice fails.
-    """
+    """Return group → its loop, and group → the step of :func:`step_response`; empty for a stage without feedback."""
     loops, steps = {}, {}
     for group in GROUPS if driver.kind == "feedback" else ():
         loop = margins(motor, driver, group)
@@ -167,14 +136,12 @@ def stability(motor: Motor, driver: Driver) -> tuple[dict[str, Loop], dict[str, 
 
 def stability_notes(loops: Mapping[str, Loop]) -> list[str]:
     """Return one sentence for each loop that is unstable, or whose phase margin is below :data:`LEAST_MARGIN`."""
-    notes = []
+    notes, remedy = [], "Raise amplifier.isolation_resistance, or take a shorter cable or a slower amplifier."
     for group, loop in loops.items():
         of = f"The loop of the amplifier of group {group.upper()}"
-        remedy = "Raise amplifier.isolation_resistance, or take a shorter cable or a slower amplifier."
-        at = f" at {engineering(loop.crossover_hz, 'Hz')}" if loop.crossover_hz else ""
         if not loop.stable:
-            notes.append(f"{of} is unstable into this load: it oscillates near its crossover{at}. {remedy}")
+            notes.append(f"{of} is unstable into this load: it oscillates near its crossover{loop.at}. {remedy}")
         elif loop.phase_margin_deg is not None and loop.phase_margin_deg < LEAST_MARGIN:
-            margin = f"{loop.phase_margin_deg:.3g}°{at}; the limit is {LEAST_MARGIN:g}°"
+            margin = f"{loop.phase_margin_deg:.3g}°{loop.at}; the limit is {LEAST_MARGIN:g}°"
             notes.append(f"{of} has a phase margin of {margin}. {remedy}")
     return notes

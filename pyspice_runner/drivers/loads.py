@@ -12,10 +12,9 @@ network with the group.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from math import inf, pi, radians
 from typing import Any
@@ -236,13 +235,14 @@ LIMITED = 0.01  # of the time; a limit that is reached for longer is exceeded
 SHORT_OF = 0.1  # of the wanted voltage, by which less is a caution: a tenth of the amplitude is a fifth of the power
 
 
-def limited(
-    driver: Driver, samples: Mapping[str, Array], mean: Callable[[Array], float]
-) -> dict[str, dict[str, float]]:
-    """Return group → limit of its stage → share of the time in which it is reached, by the mean of a signal."""
+def limited(driver: Driver, samples: Mapping[str, Array], begin_s: float) -> dict[str, dict[str, float]]:
+    """Return group → limit of its stage → share of the time from ``begin_s`` on in which it is reached."""
+    time = samples["time"]
+    later = time >= (begin_s if begin_s < time[-1] else time[0])
     return {
         group: {
-            name: mean(samples[part.power_vector("limit", name)])
+            name: float(np.trapezoid(samples[part.power_vector("limit", name)][later], time[later]))
+            / float(np.ptp(time[later]))
             for part in driver.parts(group)
             for name, _ in part.library.limits
         }
@@ -250,35 +250,31 @@ def limited(
     }
 
 
-def limit_notes(driver: Driver, shares: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Return one sentence for each limit of a stage that is reached for more than :data:`LIMITED` of the time."""
-    return [
-        f"The {part.label} of group {group.upper()} is at a limit for {100.0 * shares[group][name]:.3g} % of the time: "
-        f"{meaning}."
+def stage_notes(driver: Driver, delivered: Mapping[str, Mapping[str, Any]], *, pins: bool = True) -> list[str]:
+    """Return one sentence for each limit of a stage that is reached for more than :data:`LIMITED` of the time.
+
+    With ``pins`` also for each group that gets less than its wanted voltage, by more than :data:`SHORT_OF`.
+    """
+    notes = [
+        f"The {part.label} of group {group.upper()} is at a limit for {100.0 * share:.3g} % of the time: {meaning}."
         for group in GROUPS
         for part in driver.parts(group)
         for name, meaning in part.library.limits
-        if shares[group][name] > LIMITED
+        if (share := delivered[group]["limited"][name]) > LIMITED
     ]
-
-
-def short_notes(driver: Driver, delivered: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return one sentence for each group that gets less than its wanted voltage, by more than :data:`SHORT_OF`."""
-    notes = []
-    for group, found in delivered.items():
+    for group, found in delivered.items() if pins else ():
         got, wanted, most = found["got_v"], found["wanted_v"], driver.reachable(group)
-        if got >= (1.0 - SHORT_OF) * wanted:
-            continue
         high, low = driver.rails(group)
         why = "The difference is in the impedance of the stage and the parts behind it."
         if most < wanted:
             why = f"{high - low:.4g} V between the rails are enough for {most:.4g} V. Raise supply_v."
         elif max(found["limited"].values(), default=0.0) > LIMITED:
             why = "The stage is at a limit. Raise it, or lower the voltage."
-        notes.append(
-            f"The {found['place']} of group {group.upper()} has {got:.4g} V, {100.0 * got / wanted:.3g} % of the "
-            f"{wanted:.4g} V wanted. {why}"
-        )
+        if got < (1.0 - SHORT_OF) * wanted:
+            notes.append(
+                f"The {found['place']} of group {group.upper()} has {got:.4g} V, {100.0 * got / wanted:.3g} % of the "
+                f"{wanted:.4g} V wanted. {why}"
+            )
     return notes
 
 
@@ -383,6 +379,8 @@ class Events:
     stop_at: float | None = None  # s, when the controls stop: the gates of a bridge, the input of an amplifier
     first: float | None = None  # Hz, at which the frequency begins to sweep; ``None``: it stays
     rate: float = 0.0  # Hz/s, of the sweep
+    control_at: float | None = None  # s, when the controls, which are no sines then, step to their voltages
+    controls: Mapping[str, float] = field(default_factory=dict)  # group → V
 
 
 class EventfulDriver(Driver):
@@ -412,6 +410,8 @@ class EventfulDriver(Driver):
             turned = radians(self.phase_deg) if group == "b" else 0.0
             angle = f"{2.0 * pi!r}*({begins!r}+{0.5 * events.rate!r}*time)*time+{turned!r}"
             control = f"{control_amplitude(self, group)!r}*{on}*sin({angle})"
+            if events.control_at is not None:
+                control = f"{events.controls.get(group, 0.0)!r}*u(time-{events.control_at!r})"
             circuit.raw_spice += f"Bcontrol_{group} control_{group} 0 V={control}\n"
         if events.load_at is not None:
             step = f"PWL(0 0 {events.load_at!r} 0 {events.load_at + _EDGE!r} {events.load_torque!r})"
@@ -447,15 +447,10 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
         within = (samples["time"] >= begin) & (samples["time"] <= end)
         cut = {vector: values[within] for vector, values in samples.items()}
         found[name] = maxima(motor, driver, cut)
-        shares = limited(driver, cut, partial(mean_from, cut["time"], driver.supply_rise_s))
-        found[name]["exceeded"] += limit_notes(driver, shares)
+        shares = limited(driver, cut, driver.supply_rise_s)
+        notes = stage_notes(driver, {group: {"limited": shares[group]} for group in GROUPS}, pins=False)
+        found[name]["exceeded"] += notes
     return found
-
-
-def mean_from(time: Array, begin: float, values: Array) -> float:
-    """Return the mean of a signal from a time in s on; of all of it, if it ends before."""
-    later = time >= (begin if begin < time[-1] else time[0])
-    return float(np.trapezoid(values[later], time[later]) / np.ptp(time[later]))
 
 
 def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> list[str]:

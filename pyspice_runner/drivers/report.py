@@ -10,7 +10,6 @@ from cmath import phase
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import groupby
 from math import degrees, isfinite
 from typing import Any
@@ -261,14 +260,11 @@ class DriveReport(Result):
                 f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
             )
             if delivered := self.delivered.get(group):
-                shares = (
-                    f"; {name} limit {100.0 * share:.3g} % of the time"
-                    for name, share in delivered["limited"].items()
-                    if share
-                )
+                limits = delivered["limited"].items()
+                reached = (f"; {name} limit {100.0 * share:.3g} % of the time" for name, share in limits if share)
                 found[f"group {group}, wanted"] = (
                     f"{engineering(delivered['wanted_v'], 'V')} at the {delivered['place']}, which has "
-                    f"{engineering(delivered['got_v'], 'V')}{''.join(shares)}"
+                    f"{engineering(delivered['got_v'], 'V')}{''.join(reached)}"
                 )
             if loop := self.stability.get(group):
                 found[f"group {group}, loop"] = loop.words()
@@ -392,9 +388,8 @@ def drive_report(
     )
     delivered = measured.delivered(ports, design.wanted_v if design else {})
     loops, steps = stability(motor, driver)
-    limits = stability_notes(loops)
-    limits += loads.limit_notes(driver, {group: delivered[group]["limited"] for group in GROUPS})
-    report.maxima["exceeded"] += [*limits, *([] if design else loads.short_notes(driver, delivered))]
+    limits = [*stability_notes(loops), *loads.stage_notes(driver, delivered, pins=design is None)]
+    report.maxima["exceeded"] += limits
     report = replace(report, delivered=delivered, stability=loops, steps=steps)
     runs = [report.maxima]
     if events:
@@ -406,7 +401,11 @@ def drive_report(
         reached = None if speed is not None else report.mean_rotor_speed_rad_s
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in GROUPS}
-        report = replace(report, design=design.ran(parts, reached, most, motor, limits))
+        design = design.ran(parts, reached, most, motor)
+        if limits:
+            reasons = [*limits, *([] if design.feasible else [design.reason])]
+            design = replace(design, feasible=False, reason=" ".join(reasons))
+        report = replace(report, design=design)
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
@@ -560,22 +559,16 @@ class _Measurement:
             losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
         return put_in, losses, sum(feeds), sum(stored)
 
-    def delivered(
-        self, ports: Mapping[str, Mapping[str, Port]], wanted_v: Mapping[str, float]
-    ) -> dict[str, dict[str, Any]]:
+    def delivered(self, ports: Mapping[str, Mapping[str, Port]], wanted_v: Mapping[str, float]) -> dict[str, Any]:
         """Return what :attr:`DriveReport.delivered` has, for the voltages that a design wants at the pins."""
-        driver, begin = self.driver, max(self.window.start, self.driver.supply_rise_s)
-        shares = loads.limited(driver, self.samples, partial(loads.mean_from, self.samples["time"], begin))
-        at_pins = bool(wanted_v) or driver.network == "none"
+        driver, place = self.driver, "pin" if wanted_v or self.driver.network == "none" else "stage"
+        shares = loads.limited(driver, self.samples, max(self.window.start, driver.supply_rise_s))
         found = {}
         for group in GROUPS:
-            got = ports["pin" if at_pins else "out"][group].harmonics[0].voltage_v
-            found[group] = {
-                "place": "pin" if at_pins else "stage",
-                "wanted_v": wanted_v.get(group, driver.amplitude(group)),
-                "got_v": got * (1.0 if at_pins else driver.values(group, "transformer").get("ratio", 1.0)),
-                "limited": shares[group],
-            }
+            got = ports["pin" if place == "pin" else "out"][group].harmonics[0].voltage_v
+            ratio = driver.values(group, "transformer").get("ratio", 1.0) if place == "stage" else 1.0
+            wanted = wanted_v.get(group, driver.amplitude(group))
+            found[group] = {"place": place, "wanted_v": wanted, "got_v": ratio * got, "limited": shares[group]}
         return found
 
     def supply_currents(self) -> dict[str, Array]:

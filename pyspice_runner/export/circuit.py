@@ -20,7 +20,7 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.motor.stator import STEP_WORDS, coarsest_step
+from pyspice_runner.motor.stator import STEP_WORDS, longest_step
 from pyspice_runner.spice.library import check_name, definition_texts, part_name, read_library
 
 RESONATOR = "resonator"
@@ -140,7 +140,7 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
     main = max(circuit.arms, key=lambda arm: arm.capacitance_f)
     resonances = np.array([arm.series_resonance_hz for arm in circuit.arms])
     greatest = float(np.max(np.abs(circuit.device_admittance(resonances))))
-    step = coarsest_step(resonances, [arm.quality_factor for arm in circuit.arms])
+    step = longest_step(resonances, [arm.quality_factor for arm in circuit.arms])
     check = part_name("piezomotor_check", name)
     elements = [f"Xcheck pin p pin check {check} step={step!r}"]  # with its ammeter between p and pin
     node = "pin"

@@ -258,7 +258,7 @@ _SHIFT = 0.5 * STEP_ERROR  # of it by the shift of the resonance; the rest is fo
 _POINTS = 100  # smallest number of steps in a period of it
 
 
-def coarsest_step(frequency_hz: ArrayLike, quality: ArrayLike) -> float:
+def longest_step(frequency_hz: ArrayLike, quality: ArrayLike) -> float:
     """Return the longest time step in s, with two digits, at which resonances keep their power within STEP_ERROR.
 
     The trapezoidal rule shifts a resonance by δ = (ωh)²/12 of its frequency; driven at its own frequency it then has

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-from math import exp, pi, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.drivers.feedback import LEAST_MARGIN, Loop, loop_gain, margins, stability_notes, step_response
+from pyspice_runner.drivers.feedback import loop_gain, margins, step_response
 from pyspice_runner.motor.drive import two_phases
 from pyspice_runner.spice.library import definitions, read_library
 
@@ -92,30 +91,6 @@ def test_the_step_of_a_stable_loop_settles_and_that_of_an_unstable_one_oscillate
         assert bool(swing > 2.0) is (settings is UNSTABLE)
 
 
-def test_the_overshoot_is_that_of_two_poles() -> None:
-    """Into a small load: an integrator and one pole at its crossover have a damping of 1/2, 16.3 % of overshoot.
-
-    The group of 600 pF behind 10 ohm, the cable and the coil of 1 nH are above 20 MHz, and turn the phase by a degree.
-    """
-    chosen = driver(
-        **{"amplifier.second_pole": 1e6, "amplifier.output_resistance": 0.1, "amplifier.output_inductance": 1e-9}
-    )
-    loop = margins(MOTOR, chosen, "a")
-    assert loop.phase_margin_deg == pytest.approx(51.8, abs=1.0)
-    _, output = step_response(MOTOR, chosen, "a", loop)
-    assert output.max() - 1.0 == pytest.approx(exp(-pi * 0.5 / sqrt(0.75)), abs=0.02)
-
-
-def test_notes_tell_of_unstable_loops_and_small_margins() -> None:
-    loops = {"a": Loop(True, 1e6, LEAST_MARGIN - 1.0), "b": Loop(False, 1e6, -5.0)}
-    small, unstable = stability_notes(loops)
-    assert "group A has a phase margin of 29° at 1\N{NO-BREAK SPACE}MHz; the limit is 30°" in small
-    assert "group B is unstable" in unstable
-    assert not stability_notes({"a": Loop(True, 1e6, 60.0)})
-    with pytest.raises(pr.ParameterError, match="no feedback"):
-        margins(MOTOR, driver().updated({"kind": "linear"}), "a")
-
-
 def test_a_report_has_margin_and_step_and_the_powers_of_the_linear_amplifier(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -125,9 +100,7 @@ def test_a_report_has_margin_and_step_and_the_powers_of_the_linear_amplifier(
         assert run([*words, "--driver", kind, "--plot", str(tmp_path / "plot.png")]) == 0
         found[kind] = json.loads(capsys.readouterr().out)
     assert found["linear"]["stability"] == {}
-    loop = found["feedback"]["stability"]["a"]
-    assert loop["stable"]
-    assert loop["phase_margin_deg"] > 60.0
+    assert found["feedback"]["stability"]["a"]["phase_margin_deg"] > 60.0
     assert found["feedback"]["cautions"] == []
     assert abs(found["feedback"]["balance_residual"]) < 0.01
     # 10 ohm of isolation at 0.1 A take 1 % of the voltage in phase
