@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 @command(
-    "motor driver against voltage frequency phase rail stage network match part mosfet duration events speed",
-    "load_torque audit", LAW, "timeout", CHANGES, TARGETS,
+    "motor driver against voltage frequency phase rail stage network source_resistance match part mosfet duration",
+    "events speed load_torque audit", LAW, "timeout", CHANGES, TARGETS,
     driver=option(str, "linear", DRIVERS),
     against=option(str | None, None, "A second driver for comparison."),
     voltage=VOLTAGE,
@@ -34,7 +34,10 @@ if TYPE_CHECKING:
         Literal["linear", "feedback", "half-bridge", "full-bridge", "push-pull"] | None, None,
         "Power stage of the design; default: full-bridge.",
     ),
-    network=option(Literal["none", "inductor", "llcc"], "inductor", "Network of the design."),
+    network=option(Literal["none", "inductor", "l", "llcc"], "inductor", "Network of the design."),
+    source_resistance=option(
+        float | None, None, "Resistance to which a network l (default: 50) or llcc transforms the motor, ohm."
+    ),
     duration=option(float | None, None, "Simulated time, s; default: 3e-3, of a design up to 6e-3."),
     events=option(
         bool, False, "Also run a load step, a stop and a frequency sweep, for the stress on the parts.", "--events"

@@ -71,8 +71,8 @@ def _laws(incomplete: str) -> list[str]:
 
 
 DRIVERS = (
-    "ideal, linear, feedback, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with +inductor "
-    "or +llcc a matching network"
+    "ideal, linear, feedback, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with "
+    "+inductor, +l or +llcc a matching network"
 )
 VOLTAGE = option(float | None, None, "Amplitude of group A, V; default: the motor's recommended drive.")
 PHASE = option(float | None, None, "Phase of group B ahead of group A, degrees; default: the recommended drive.")
@@ -390,13 +390,17 @@ class Call:
         given: dict[str, Any] = self._parts()
         if not strict:
             present = {
-                item.label for item in pr.Driver(kind=stage, network=network, voltage=1.0, frequency=1e4).parts("a")
+                item.label
+                for item in pr.Driver(
+                    kind=stage, network="llcc" if network == "l" else network, voltage=1.0, frequency=1e4
+                ).parts("a")
             }
             labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
             given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
         if self.mosfet is not None and (strict or stage in BRIDGES):
             given["mosfet"] = self.mosfet
-        return pr.DriverSpec(drive, stage, network, self.values.get("rail"), given, self.values.get("match", True))
+        rail, match, ohms = (self.values.get(name) for name in ("rail", "match", "source_resistance"))
+        return pr.DriverSpec(drive, stage, network, rail, given, match is not False, ohms)
 
     def _parts(self) -> dict[str, Any]:
         """Return the changes of the driver's parts, by ``--part`` and by ``--set driver.…``."""

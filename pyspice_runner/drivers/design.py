@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from math import copysign, degrees, pi, sqrt
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,8 +26,9 @@ from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
 from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads
+from pyspice_runner.drivers.matching import match_to_source
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
 from pyspice_runner.motor.motor import Motor
@@ -105,24 +106,32 @@ class DriverSpec:
     Attributes:
         drive: voltages, phase and frequency wanted at the pins.
         stage: kind of the power stage, as of :class:`Driver`.
-        network: ``"inductor"``, ``"llcc"`` or ``"none"``.
+        network: ``"inductor"``, ``"llcc"`` or ``"none"``; ``"l"`` is an LLCC filter of the two elements that a match
+            to ``source_ohm`` needs.
         rail: voltage in V between the rails of the stage, to which the transformer is fitted; by default the rails are
             as the voltage requires.
         parts: further values of the driver, by their names or by PART.PARAMETER, as for :meth:`.Driver.updated`.
         match: whether the parts of a network are chosen for the motor, if none of them is given.
+        source_ohm: resistance in Ω to which ``"l"`` (default 50 Ω) or ``"llcc"`` transforms the group at the operating
+            point, behind stage and transformer; by default an LLCC filter keeps the voltages of the pins.
 
     Raises:
-        ParameterError: by the constructor, for a drive of two tones.
+        ParameterError: by the constructor, for a drive of two tones, or an invalid source resistance.
     """
 
     drive: TwoPhaseDrive
     stage: str = "full-bridge"
-    network: NetworkKind = "inductor"
+    network: NetworkKind | Literal["l"] = "inductor"
     rail: float | None = None
     parts: Mapping[str, Any] = field(default_factory=dict)
     match: bool = True
+    source_ohm: float | None = None
 
     def __post_init__(self) -> None:
+        if self.network == "l" and self.source_ohm is None:
+            object.__setattr__(self, "source_ohm", SOURCE_OHM)
+        valid = self.source_ohm is None or (self.source_ohm > 0.0 and self.network in ("l", "llcc"))
+        require(valid, "source_ohm", self.source_ohm, "> 0 Ω, and left out without the network l or llcc", unit="Ω")
         if not isinstance(self.drive, TwoPhaseDrive):
             raise ParameterError("A driver makes two phases of one tone: give a TwoPhaseDrive.")
 
@@ -132,10 +141,14 @@ class DriverSpec:
         return self.stage if self.network == "none" else f"{self.stage}+{self.network}"
 
     @property
+    def _filter(self) -> NetworkKind:
+        return "llcc" if self.network == "l" else self.network
+
+    @property
     def designed(self) -> bool:
         """Whether the driver is designed for its motor: with a rail, or with a network whose parts are not given."""
         given = {path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in self.parts if "." in path}
-        return self.rail is not None or (self.match and self.network != "none" and self.network not in given)
+        return self.rail is not None or (self.match and self.network != "none" and self._filter not in given)
 
     def driver(self, **values: Any) -> Driver:
         """Return the driver without a design; ``values`` take the place of values of the drive.
@@ -145,7 +158,7 @@ class DriverSpec:
         """
         own = {path: value for path, value in self.parts.items() if "." not in path}
         of_parts = {path: value for path, value in self.parts.items() if "." in path}
-        driver = Driver(kind=self.stage, network=self.network, **two_phases(self.drive) | values | own)
+        driver = Driver(kind=self.stage, network=self._filter, **two_phases(self.drive) | values | own)
         return driver.updated(of_parts)
 
     def built(self, motor: Motor, *, contact: ContactLaw | None, **settings: Any) -> Driver:
@@ -208,23 +221,17 @@ class Design:
         return found
 
     def ran(
-        self,
-        runs: Sequence[Sequence[PartLoad]],
-        speed_rad_s: float | None,
-        volts: Mapping[str, float],
-        motor: Motor,
-        limits: Sequence[str] = (),
+        self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
     ) -> Design:
         """Return the design after runs from rest, from the loads of their parts and the maximum voltages at the pins.
 
-        ``limits`` are sentences on limits of the stage that were reached.
         ``speed_rad_s`` is the mean at the end of the first one, ``None`` for a held shaft.
         """
         assert self.driver is not None
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
         both = tuple(part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
-        notes = [*limits, *exceeded(both, self.driver), *depolarised(motor, volts)]
+        notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         if starts is False:
             notes.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
         feasible = self.feasible and not notes
@@ -248,6 +255,7 @@ class Design:
         return reached >= ARRIVED or (reached >= TURNING and min(spare, default=0.0) > 0.0)
 
 
+SOURCE_OHM = 50.0  # Ω, of high-frequency amplifiers and of a network l by default
 ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
 
 
@@ -400,7 +408,7 @@ _FILTER = 0.6
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
-_SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil: those of the libraries
+_SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil of a design
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
@@ -599,14 +607,15 @@ class _Search:
         """Return the settings of the network."""
         if driver.network == "none":
             return {}
+        if self.spec.source_ohm is not None:
+            return self._transforming(driver, self.spec.source_ohm)
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
         for group in GROUPS:
             most = stock.largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
-            clamped = self.ideal.motor.piezo.capacitance_f(group)
-            clamped += driver.values(group, CABLE).get("capacitance", 0.0)
+            clamped = self._clamped(driver, group)
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
@@ -623,6 +632,37 @@ class _Search:
             isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
             values[f"{label}.bleeder"] = nearest(BLED / (omega * capacitor), stock.E12) if isolated else NO_BLEEDER
         return values
+
+    def _transforming(self, driver: Driver, source_ohm: float) -> dict[str, float]:
+        """Return the settings of a network that transforms each group to a resistance at the operating point.
+
+        The windings lose, which the match counts; coils are wound and capacitors combined to three digits.
+        """
+        omega, values = self.omega, dict[str, float]()
+        for group in GROUPS:
+            load = load_of(driver, group, self.middle.group(group).impedance_ohm)
+            coil = lost = 0.0  # inductance in series, conductance of the parallel coil
+            least = 0.0 if self.spec.network == "l" else _FILTER / (omega**2 * self._clamped(driver, group))
+            for _ in range(_ROUNDS):
+                winding = min(omega * coil / stock.WINDING_QUALITY, 0.5 * source_ohm)
+                match = match_to_source(1.0 / (1.0 / load + lost), source_ohm - winding, driver.frequency)
+                coil, across = max(match["series_inductance"], least), match.get("parallel_inductance", NO_COIL)
+                lost = 0.0 if across == NO_COIL else 1.0 / (omega * across * stock.WINDING_QUALITY)
+            excess = coil - match["series_inductance"]
+            found = {
+                "series_inductance": coil - driver.leakage(group),
+                "series_resistance": max(omega * coil / stock.WINDING_QUALITY, 1e-2),
+                "series_capacitance": 1.0 / (omega**2 * excess) if excess else NO_CAPACITOR,
+                "parallel_inductance": across,
+                "parallel_resistance": max(lost * (omega * across) ** 2, 1e-2),
+                "parallel_capacitance": match.get("parallel_capacitance", NO_PARALLEL),
+            }
+            values |= {f"llcc_{group}.{name}": float(f"{value:.3g}") for name, value in found.items()}
+        return values
+
+    def _clamped(self, driver: Driver, group: str) -> float:
+        """Return the clamped capacitance in F of a group, with that of its cable."""
+        return self.ideal.motor.piezo.capacitance_f(group) + driver.values(group, CABLE).get("capacitance", 0.0)
 
     def _across(self, group: str, most: float) -> dict[str, float]:
         """Return the settings of the pair across a group, which cancels the middle of its susceptances."""
@@ -696,7 +736,7 @@ class _Search:
         parts = part_loads(driver, part_phasors(driver, points))
         peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
         faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
-        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._explanation(points, share)
+        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._explanation(driver, points, share)
         return replace(found, points=points, parts=parts, feasible=not faults, reason=reason)
 
     @property
@@ -710,7 +750,8 @@ class _Search:
 
     def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> Iterator[str]:
         """Yield a sentence for each pin whose voltage leaves the band, a motor that brakes, an amplifier's overload."""
-        for point, group in product(points, GROUPS):
+        kept = [point for point in points if self.spec.source_ohm is None or point.state == OPERATING]
+        for point, group in product(kept, GROUPS):
             volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
             if abs(volts / wanted - 1.0) > PIN_BAND:
                 yield (
@@ -728,13 +769,18 @@ class _Search:
             if most > limit:
                 yield f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A."
 
-    def _explanation(self, points: tuple[RangePoint, ...], share: float) -> str:
+    def _explanation(self, driver: Driver, points: tuple[RangePoint, ...], share: float) -> str:
         """Return the explanation of a feasible network."""
         worst = max(
             abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in GROUPS
         )
         notes = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
         notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
+        if self.spec.source_ohm is not None:
+            at = next(point for point in points if point.state == OPERATING)
+            found = [driver.passed(group, at.group(group).impedance_ohm, 1.0, self.omega)[-1][1] for group in GROUPS]
+            seen = " and ".join(f"{one.volts / one.amperes:.3g} Ω" for one in found)
+            return f"At the operating point the stage sees {seen}. {notes}"
         if self.driver.network == "inductor" and share < 1.0:
             notes += (
                 f" The network cancels {100.0 * share:.0f} % of the reactance at the operating point; with more the "

@@ -54,6 +54,7 @@ OF_ONE, OF_SEVERAL = ({"abstol": abstol, "chgtol": "1e-12", "trtol": "7"} for ab
 _CANDIDATES = 256  # phases at which a run may start
 _STORE = re.compile(r"^([LC]\w*) (\S+) (\S+) (?:\{[^}]*\}|\S+) ic=\{(start_\w+)\}$", re.M)
 _SECONDARY = "start_secondary"  # parameter of a transformer: the current into its secondary
+_CAPACITORS = {"inductor": "start_voltage", "llcc": "start_series_voltage"}  # parameters of those in series
 PRIMARY = ("start_primary", "start_p", "start_n")  # those of the currents into its primary
 _COILS = (_SECONDARY, "start_current", "start_series_current")  # parameters of coils between a stage and a pin
 
@@ -302,7 +303,9 @@ class Plant:
                 pins = {"0": "0"} | dict(zip(part.library.pin_names, nodes, strict=True))
                 for device, first, second, start in _STORE.findall(part.library.subcircuit):
                     # a capacitance of 1 F stands for a short circuit
-                    short = start == "start_voltage" and part.values.get("capacitance") == NO_CAPACITOR
+                    short = start == _CAPACITORS.get(part.label) and NO_CAPACITOR in (
+                        part.values.get("capacitance"), part.values.get("series_capacitance")
+                    )  # fmt: skip
                     no_winding = start == "start_winding" and part.values["winding_capacitance"] == 0.0
                     follows = start.startswith(DELAY) or (part.instance, start) in self._in_series
                     if short or no_winding or follows:
