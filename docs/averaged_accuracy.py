@@ -11,7 +11,6 @@ from runpy import run_path
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.averaged.run import TRUSTED_CHECK, TRUSTED_OPEN
 from pyspice_runner.circuit.law import law_of
 from pyspice_runner.circuit.source import DriveSource
 from pyspice_runner.control.simulate import Sample
@@ -20,7 +19,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
 
 put = run_path(str(Path(__file__).with_name("tables.py")))["put"]
-ALLOWED = 0.02  # of the friction torque: error of a point whose check passes
+ALLOWED = 0.02  # of the friction torque: error of a point that is trusted
 OWN: dict[str, float] = {}  # changes nothing of the set's mount
 SETTLED = 60e-3  # s: five decay times of the mount, twenty of the modes
 CASES = (  # set, mount, V, Hz, degrees, speeds of the held shaft in rad/s
@@ -39,7 +38,7 @@ TRANSIENTS = {  # what changes at STEP
     "load step": {"load_torque": LOAD},
 }
 MOVING = (("bimodal40", 100.0, 40.7e3, 90.0),)  # set, V, Hz, degrees
-STATES_HEAD = "| motor | drive | rad/s | full, mN·m | averaged, mN·m | error, % of μF₀R | open, % | check passes |"
+STATES_HEAD = "| motor | drive | rad/s | full, mN·m | averaged, mN·m | error, % of μF₀R | open, % | trusted |"
 TRANSIENTS_HEAD = "| motor | event | speed before, after, rad/s | error, RMS, % of the maximum speed |"
 
 
@@ -54,7 +53,7 @@ class Row:
         full: mean torque of the full model, N·m.
         averaged: that of the averaged motor, N·m.
         error: their difference over μ F₀ R.
-        check: motion that is left out.
+        trusted: whether the averaged run is trusted.
         opened: share of the period in which the contact is open.
         sticks: whether the contact never slips. A standing rotor then keeps the torque that the start left.
     """
@@ -65,16 +64,16 @@ class Row:
     full: float
     averaged: float
     error: float
-    check: float
+    trusted: bool
     opened: float
     sticks: bool
 
     @property
     def verdict(self) -> str:
-        """``yes`` where the check passes, ``no`` where it does not, ``sticks`` where the torque has no one value."""
+        """``yes`` where the run is trusted, ``no`` where it is not, ``sticks`` where the torque has no one value."""
         if self.sticks:
             return "sticks"
-        return "yes" if self.check <= TRUSTED_CHECK and self.opened <= TRUSTED_OPEN else "no"
+        return "yes" if self.trusted else "no"
 
 
 def rows(cases: tuple[int, ...] | None = None) -> Iterator[Row]:
@@ -93,7 +92,7 @@ def rows(cases: tuple[int, ...] | None = None) -> Iterator[Row]:
             averaged = float(run.torque_n_m[-1])
             yield Row(
                 name if mount is None else f"{name}, on the mount", drive, speed, state.torque_n_m, averaged,
-                (averaged - state.torque_n_m) / friction_torque, float(run.check[-1]), float(run.separated[-1]),
+                (averaged - state.torque_n_m) / friction_torque, run.trusted, float(run.separated[-1]),
                 float(run.slip[-1]) == 0.0,
             )  # fmt: skip
 

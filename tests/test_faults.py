@@ -169,7 +169,7 @@ def test_the_words_of_an_ngspice_that_only_complains_are_reported(
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["simulate", "--averaged", "--duration", "20e-3"], "is stable is not known: "),
+        (["simulate", "--averaged", "--duration", "20e-3"], "against the full motor is not known: "),
         (["live"], "The page has no first picture: "),
     ],
     ids=["averaged", "live"],

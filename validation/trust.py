@@ -2,8 +2,9 @@
 """Estimated against true errors of averaged transients: ``python -m validation.trust``.
 
 The first 16 cases are spin-ups and steps of load, direction, preload, frequency and voltage of two motors at 30 to
-150 V; the others are drawn, and no constant of the estimate was fitted to them. True errors are those of samples of
-whole periods against the full motor, RMS; of the torque those at held speeds, at times that the estimate does not use.
+150 V. By them and the first drawn ones the parts and the margin of the estimate were chosen; it is validated on the
+last ones, drawn with another seed. True errors are those of samples of whole periods against the full motor, RMS; of
+the torque those at held speeds, at times that the estimate does not use.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.averaged.errors import QUANTITIES, operating_point, values_of
+from pyspice_runner.averaged.errors import COLUMN, operating_point, settled_at, values_of
 from pyspice_runner.averaged.point import AveragedPoint
-from pyspice_runner.averaged.simulate import settled_at
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import steady_states
+from pyspice_runner.units import linear_name
 from validation.campaign import Campaign
 
-SEED = 49
+SEED, FRESH_SEED = 49, 50
+FRESH = 24  # number of the first case of the other seed
 FLAGSHIP, PLATE = "bimodal40", str(Path(__file__).parents[1] / "examples" / "plate40.toml")
 DURATION, CHANGE, AT_ONCE = 20e-3, 10e-3, 1e-6  # s: of a run, of the change in it, that the change takes
 HELD = 9  # times at which the torque is compared
 WITHIN = 3.0  # median of stated over true error
-CLOSE = 0.02  # stated error of a run that needs no comparison with the full motor
 # set, V, Hz, degrees, changing quantity, its values before and after
 TABLE: tuple[tuple[str, float, float, float, str, float, float], ...] = (
     (FLAGSHIP, 30.0, 40.5e3, 90.0, "spin-up", 0.0, 0.0),
@@ -48,6 +49,7 @@ TABLE: tuple[tuple[str, float, float, float, str, float, float], ...] = (
     (PLATE, 80.0, 41e3, 70.0, "frequency", 41e3, 40e3),
     (PLATE, 80.0, 40.2e3, 70.0, "voltage", 80.0, 140.0),
 )
+TORQUE = COLUMN["torque"]
 SAMPLED = {  # curve → sample
     "rotor_speed_rad_s": "speed_rad_s", "current_amplitude_a_a": "current_amplitude_a",
     "current_amplitude_b_a": "current_b_amplitude_a", "electrical_power_w": "electrical_power_w",
@@ -58,7 +60,7 @@ def case(index: int) -> tuple[str, float, float, float, str, float, float]:
     """Return a row of the table, or draw one."""
     if index < len(TABLE):
         return TABLE[index]
-    chance = np.random.default_rng((SEED, index))
+    chance = np.random.default_rng((FRESH_SEED if index >= FRESH else SEED, index))
     name, frequency, phase = ((FLAGSHIP, 40.7e3, 90.0), (PLATE, 40.2e3, 70.0))[index % 2]
     preload = pr.load_motor(name).contact.preload_n
     voltage, frequency = float(chance.uniform(40.0, 150.0)), 1e3 * float(chance.choice([40.0, 40.2, 40.5, 40.7, 41.0]))
@@ -90,19 +92,21 @@ def outcome(index: int) -> dict[str, Any]:
     for curve, column in SAMPLED.items():
         error = averaged.samples[column] - full.samples[column]
         true[curve] = float(np.sqrt(np.mean(error**2)) / np.abs(full.samples[column]).max())
-    true[QUANTITIES[0]] = None if stated.unknown else _torque_error(found, motor, drive, courses)
+    true[TORQUE] = None if stated.unknown else _torque_error(motor, drive, courses)
+    shares = {name: stated.shares.get(name, stated.shares.get(linear_name(name))) for name in COLUMN.values()}
     return {
         "index": index, "motor": motor.name, "voltage": voltage, "frequency": frequency, "event": what,
-        "before": before, "after": after, "stated": dict(stated.shares), "true": true, "unknown": stated.unknown,
-        "open": float(found.separated.max()),
+        "before": before, "after": after, "stated": {} if stated.unknown else shares, "true": true,
+        "unknown": stated.unknown, "trusted": found.trusted, "open": float(found.separated.max()),
     }  # fmt: skip
 
 
-def _torque_error(found: Any, motor: pr.Motor, drive: pr.TwoPhaseDrive, courses: Mapping[str, Any]) -> float | None:
+def _torque_error(motor: pr.Motor, drive: pr.TwoPhaseDrive, courses: Mapping[str, Any]) -> float | None:
     run = AveragedPoint.of(Point.of(motor, drive), DURATION, courses=courses)
-    rows = np.searchsorted(found.time_s, DURATION * (np.arange(HELD) + 0.5) / HELD)
-    points = [operating_point(run, {name: float(one[row]) for name, one in found.curves.items()}) for row in rows]
-    own = [settled_at(run, point)[QUANTITIES[0]] for point in points]
+    rows = run.recorded(DURATION)
+    places = np.searchsorted(rows["time"], DURATION * (np.arange(HELD) + 0.5) / HELD)
+    points = [operating_point(run, {name: float(one[row]) for name, one in rows.items()}) for row in places]
+    own = [settled_at(run, point)["torque"] for point in points]
     errors = [
         one - values_of(state)[0] for one, state in zip(own, steady_states(points), strict=True) if state.determined
     ]
@@ -115,31 +119,57 @@ def ratios(record: Sequence[Mapping[str, Any]], name: str) -> list[float]:
     return [one["stated"][name] / one["true"][name] for one in record if name in one["stated"] and one["true"][name]]
 
 
-def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the shares of unknown runs and of those within 2 %, and stated over true errors."""
-    known = [one for one in record if not one["unknown"]]
-    close = [one for one in known if max(one["stated"].values()) <= CLOSE]
-    worst = [max(one["stated"].values()) / max(filter(None, one["true"].values())) for one in known]
-    table = {name: ratios(record, name) for name in (*QUANTITIES, *SAMPLED)} | {"largest of a run": worst}
+def counts(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the shares of unknown and trusted runs, and stated over true errors."""
+    trusted = [one for one in record if one["trusted"]]
+    found = {name: ratios(record, name) for name in COLUMN.values()}
     return {
         "cases": len(record),
-        "unknown": len(record) - len(known),
-        "within_2_percent": len(close) / len(record),
-        "largest_true_error_of_these": max((max(filter(None, one["true"].values())) for one in close), default=None),
+        "unknown": sum(bool(one["unknown"]) for one in record),
+        "trusted": len(trusted) / len(record),
+        "largest_true_error_of_trusted": max(
+            (max(filter(None, one["true"].values())) for one in trusted), default=None
+        ),
         "stated_over_true": {
             name: {"minimum": min(values), "median": float(np.median(values)), "maximum": max(values)}
-            for name, values in table.items()
+            for name, values in found.items()
         },
-    }  # fmt: skip
+    }
 
 
-def passes(table: Mapping[str, Any]) -> bool:
-    """Whether no error is above the stated one, and the median of the largest of a run is within a factor of three."""
-    found = table["stated_over_true"]
-    return min(one["minimum"] for one in found.values()) >= 1.0 and found["largest of a run"]["median"] <= WITHIN
+def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the counts of the listed, the first drawn, the last drawn and all cases."""
+    last = len(record)
+    bounds = {"listed": (0, len(TABLE)), "drawn": (len(TABLE), FRESH), "fresh": (FRESH, last), "all": (0, last)}
+    by_index = sorted(record, key=lambda one: int(one["index"]))
+    return {name: counts(by_index[first:last]) for name, (first, last) in bounds.items()}
 
 
-CAMPAIGN = Campaign("trust", outcome, summary, passes, 32)
+def table(record: Sequence[Mapping[str, Any]]) -> str:
+    """Return the listed cases, with stated / true errors in percent."""
+    lines = ["motor; event; trusted; stated / true, %: " + ", ".join(COLUMN)]
+    for one in sorted(record, key=lambda one: int(one["index"]))[: len(TABLE)]:
+        errors = [
+            f"{100.0 * one['stated'][name]:.2f} / {100.0 * one['true'][name]:.2f}"
+            for name in COLUMN.values()
+            if name in one["stated"]
+        ]
+        event = f"{one['event']} at {one['voltage']:g} V, {1e-3 * one['frequency']:g} kHz"
+        lines.append(
+            f"{one['motor']}; {event}; {'yes' if one['trusted'] else 'no'}; {', '.join(errors) or one['unknown']}"
+        )
+    return "\n".join(lines)
+
+
+def passes(found: Mapping[str, Any]) -> bool:
+    """Whether no error is above the stated one, and medians of listed and of all cases are within a factor of three."""
+    every, listed = ([*found[part]["stated_over_true"].values()] for part in ("all", "listed"))
+    return min(one["minimum"] for one in every) >= 1.0 and max(one["median"] for one in [*every, *listed]) <= WITHIN
+
+
+CAMPAIGN = Campaign("trust", outcome, summary, passes, 40)
 
 if __name__ == "__main__":
-    sys.exit(CAMPAIGN.main())
+    status = CAMPAIGN.main()
+    print(table(CAMPAIGN.cases()))
+    sys.exit(status)

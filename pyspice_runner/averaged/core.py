@@ -197,16 +197,20 @@ class AveragedMotor:
         *,
         timeout: float | None = None,
         progress: Callable[[float], object] | None = None,
+        begin: bool = True,
     ) -> dict[str, Array]:
-        """Run from rest with inputs that follow courses; return ``time`` and :attr:`shown` after each internal step.
+        """Run with inputs that follow courses; return ``time`` and :attr:`shown` after each internal step.
+
+        It begins at rest, or without ``begin`` where the motor is.
 
         Raise SimulationError if the equations have no solution, or after ``timeout`` in s of wall time.
         """
-        self.begin(**{name: first(course) for name, course in courses.items()})
+        if begin:
+            self.begin(**{name: first(course) for name, course in courses.items()})
         found = [np.array([[0.0, *self._values[: len(self.shown)]]])]
         deadline = monotonic() + (inf if timeout is None else timeout)
-        for begin, end in self._follow(courses, 0.0, duration):
-            time = ctypes.c_double(begin)
+        for start, end in self._follow(courses, 0.0, duration):
+            time = ctypes.c_double(start)
             while time.value < end:
                 rows = np.empty((_ROWS, 1 + len(self.shown)))
                 into = rows.ctypes.data_as(_POINTER)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.averaged.core import AveragedMotor
+from pyspice_runner.averaged.core import Array, AveragedMotor
 from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.library import (
     HARMONICS,
@@ -44,6 +44,7 @@ SPECIAL = {"preload": "N", "temperature": "K"}
 # setting of the drive → node at which a bench has its value
 COMMANDS = {"frequency": "set_frequency", "voltage_a": "set_a", "voltage_b": "set_b", "phase_deg": "set_phase"}
 MOST_POINTS_OF_A_SCHEDULE = 10_000
+LONGEST_STEPS = {"spice": 50, "compiled": 200}  # smallest number of steps of a run; linear in between
 VALUES_OF_A_FUNCTION = 1000  # over the duration of a run
 ScheduleLike = ArrayLike | Callable[[float], float]
 
@@ -96,6 +97,20 @@ class AveragedPoint:
         )  # fmt: skip
         running.begin(**{name: first(course) for name, course in self.inputs.items()})
         return running
+
+    def recorded(self, duration: float, *, steady: bool = False) -> dict[str, Array]:
+        """Return the records of the compiled motor, from rest or its steady state; voltages are those of the groups.
+
+        Raise SimulationError if there is no C compiler, or the run fails.
+        """
+        running = self.compiled(max(duration / LONGEST_STEPS["compiled"], self.front.stage.period))
+        if steady:
+            running.settle()
+        rows = running.record(self.inputs, duration, timeout=self.point.solver.timeout, begin=not steady)
+        if self.front.networks:
+            rows |= {f"amplitude_{group}": rows[f"pin_amplitude_{group}"] for group in "ab"}
+            rows["phase"] = rows["phase"] + rows["pin_phase_b"] - rows["pin_phase_a"]
+        return rows
 
     def bench(self) -> Bench:
         """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.

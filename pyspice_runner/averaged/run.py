@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The result of a run of the averaged motor, its own check, and where it differs from the full motor."""
+"""The result of a run of the averaged motor, and the estimate of its errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -23,8 +23,8 @@ from pyspice_runner.run.window import averaged_to_come
 Array = NDArray[np.float64]
 ROUNDING_W = 1e-9  # power of a motor without drive
 SMALL_RISE_K = 1.0  # added to a temperature rise to which its change is taken
-TRUSTED_CHECK, TRUSTED_OPEN = 0.02, 0.0
-MOST_FACTOR = 4.0  # of the normal force by its damping, in piezomotor_averaged_phase.lib
+# estimated error up to which a run is trusted: parameters of a motor, and speeds of one, are hardly known better
+TRUSTED = 0.02
 # a burst of 20 periods turns a beam by 10 % less than the averaged motor at 70 V and by 4 % less at 110 V, one of 40 by
 # 9 % more and 1 % less, one of 80 by 1 % more and 0.3 % less (docs/tracking.md)
 FEWEST_PERIODS = 60
@@ -56,12 +56,20 @@ COLUMNS: dict[str, tuple[str, str]] = {
 }
 
 
+WORDS = {
+    "torque_n_m": "torque", "force_n": "force", "rotor_speed_rad_s": "speed", "speed_m_s": "speed",
+    "current_amplitude_a_a": "current of group A", "current_amplitude_b_a": "current of group B",
+    "electrical_power_w": "power",
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class ErrorEstimate:
     """Estimated errors of an averaged run against the full motor, RMS over the run, by the names of its curves.
 
     Attributes:
-        errors: of torque (at the speed of the run), speed, amplitudes of both currents, and power; empty if unknown.
+        errors: of torque (at the speed of the run), speed of a free shaft, amplitudes of both currents, and power;
+            empty if unknown.
         shares: the same relative to the friction torque μ F₀ R, and to the maximum in the run.
         unknown: why the errors are not known.
     """
@@ -70,18 +78,70 @@ class ErrorEstimate:
     shares: Mapping[str, float]
     unknown: str = ""
 
+    @property
+    def caution(self) -> str:
+        """Why a run with this estimate is not trusted, empty if it is."""
+        if self.unknown:
+            return f"The error against the full motor is not known: {self.unknown}"
+        if max(self.shares.values(), default=0.0) <= TRUSTED:
+            return ""
+        return (
+            f"The estimated error against the full motor is above {100.0 * TRUSTED:g} %: {self}. Use the full motor, "
+            "or give more phases and harmonics."
+        )
+
+    def __str__(self) -> str:
+        """Return the shares, or why they are not known."""
+        shares = [f"{WORDS[name]} {100.0 * share:.2g} %" for name, share in self.shares.items()]
+        return self.unknown or ", ".join(shares) or "none"
+
+
+def exact() -> ErrorEstimate:
+    """Return the estimate of a run of the full motor itself, without any error."""
+    return ErrorEstimate({}, {})
+
+
+class Estimated:
+    """A result with an estimate of its errors against the full motor.
+
+    The first use of ``error_estimate``, ``trusted``, ``cautions``, ``summary`` or ``to_dict`` computes it, in about
+    1.5 s and five times the CPU time of the run; curves and all else do not.
+    """
+
+    find_error: Callable[[], ErrorEstimate]
+
+    @cached_property
+    def error_estimate(self) -> ErrorEstimate:
+        """Estimated error at the commands of the run, without any of the full motor itself."""
+        return self.find_error()
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the estimated errors of torque, speed, currents and power are known and within 2 %.
+
+        Short bursts of the drive, limit cycles through standstill, and a speed beyond the limit are not trusted either.
+        """
+        return not any(self._doubts())
+
+    def _doubts(self) -> Iterator[str]:
+        """Yield why the result is not trusted."""
+        if caution := self.error_estimate.caution:
+            yield caution
+
 
 @dataclass(frozen=True, repr=False)
-class RunOverTime(Result):
-    """A run whose curves are attributes, with the model's own check and a netlist on demand.
+class RunOverTime(Estimated, Result):
+    """A run whose curves are attributes, with an estimate of its errors and a netlist on demand.
 
     Attributes:
         provenance: motor, drive and run settings, JSON-ready.
         write_deck: returns the netlist of the run, for ngspice; ``None`` if ngspice cannot run it.
+        find_error: returns the estimate of the errors.
     """
 
     provenance: dict[str, Any] = field(repr=False)
     write_deck: Callable[[], str | None] = field(repr=False)
+    find_error: Callable[[], ErrorEstimate] = field(repr=False)
 
     curves_name: ClassVar[str] = "curves"  # of the attribute with the arrays by their names
     speed_name: ClassVar[str] = "rotor_speed_rad_s"
@@ -94,6 +154,10 @@ class RunOverTime(Result):
         object.__setattr__(self, self.curves_name, self._localised(self.columns()))
         self.__dict__.update(self.columns())
 
+    def _trust(self) -> dict[str, str]:
+        """Return the rows of a summary about the errors."""
+        return {"error against the full motor": str(self.error_estimate), "trusted": "yes" if self.trusted else "no"}
+
     def columns(self) -> Mapping[str, Array]:
         """Return the curves over time."""
         return cast("Mapping[str, Array]", getattr(self, self.curves_name))
@@ -103,23 +167,9 @@ class RunOverTime(Result):
         """Netlist of the run, for ngspice, without a controller; ``None`` if ngspice cannot run it."""
         return self.write_deck()
 
-    @property
-    def trusted(self) -> bool:
-        """Whether the averaged model's own check passes throughout the run, and the rotor keeps its limit of speed.
-
-        The check passes where the harmonics of the model are enough, the contact stays closed, damping multiplies
-        the normal force by 4 at most, and the drive has no burst below 60 periods. Where it does not, speed and torque
-        may be off by more than 2 % of the friction torque μ F₀ R. The full motor has no such check.
-        """
-        return not (self._model_cautions or self._too_fast)
-
-    @property
-    def _model_cautions(self) -> tuple[str, ...]:
-        raise NotImplementedError
-
-    @property
-    def _too_fast(self) -> tuple[str, ...]:
-        return too_fast(self.provenance["motor"], float(np.abs(self.columns()[self.speed_name]).max()))
+    def _doubts(self) -> Iterator[str]:
+        yield from too_fast(self.provenance["motor"], float(np.abs(self.columns()[self.speed_name]).max()))
+        yield from super()._doubts()
 
     @property
     def _watched(self) -> dict[str, str]:
@@ -156,7 +206,6 @@ class AveragedRun(RunOverTime):
         solver_seconds: wall time that the engine took.
         ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
         audit: the power balance.
-        check_stability: returns cautions where the full motor is not stable at the end; called for ``cautions``.
     """
 
     curves: Mapping[str, Array] = field(repr=False)
@@ -164,39 +213,21 @@ class AveragedRun(RunOverTime):
     solver_seconds: float
     ngspice_version: str | None
     audit: Audit = field(default_factory=Audit)
-    check_stability: Callable[[], tuple[str, ...]] = field(default=tuple, repr=False)
-    find_error: Callable[[], ErrorEstimate] = field(
-        default=partial(ErrorEstimate, {}, {}, "It was not estimated."), repr=False
-    )
 
     units = COLUMNS
 
-    @cached_property
-    def error_estimate(self) -> ErrorEstimate:
-        """Estimated error against the full motor, by its steady states at operating points of the run.
-
-        It is computed when first asked for: in about 1 s, or up to 20 s where the contact sticks throughout.
-        """
-        return self.find_error()
-
-    @cached_property
-    def _stability_cautions(self) -> tuple[str, ...]:
-        return self.check_stability()
-
-    @property
-    def _model_cautions(self) -> tuple[str, ...]:
+    def _doubts(self) -> Iterator[str]:
         amplitude = np.maximum(self.curves["amplitude_a_v"], self.curves["amplitude_b_v"])
-        bursts = short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min()))
-        return (*cautions_over_time(self.provenance["motor"], self.curves), *bursts)
+        yield from short_bursts(self.curves["time_s"], amplitude, float(self.curves["frequency_hz"].min()))
+        yield from super()._doubts()
 
     def _limits(self) -> Iterator[str]:
-        """Yield the findings of the model's own check; whether friction holds a held shaft at the end."""
+        """Yield why the run is not trusted; whether friction holds a held shaft at the end."""
         end = {name: float(self.curves[name][-1]) for name in ("slip", "separated")}
         run = self.provenance["run"]
-        yield from self._model_cautions
+        yield from self._doubts()
         if run["speed_rad_s"] is not None and stuck(end, max(GRAZING, 1.0 / run["phases"])):
             yield f"{STUCK} The interval of torques is in the result of steady_state."
-        yield from self._stability_cautions
         yield from self.provenance["cautions"]
 
     @property
@@ -234,7 +265,7 @@ class AveragedRun(RunOverTime):
             "torque": f"{last['torque_n_m']:.4g} N·m",
             "duration": f"{last['time_s']:.4g} s",
             "settled": f"no: {self._moving}" if self._moving else "yes",
-            "check": "passed" if self.trusted else "not passed",
+            **self._trust(),
             **contact_row(self.provenance["run"]),
             "electrical power": f"{last['electrical_power_w']:.4g} W",
             "temperature rise": f"{last['temperature_k']:.4g} K",
@@ -251,7 +282,7 @@ class AveragedRun(RunOverTime):
                 "stick": max(0.0, 1.0 - last["separated"] - last["slip"]),
                 "slip": last["slip"],
             },
-            **self._entries("energy_residual", "trusted", "settled", "to_come"),
+            **self._entries("energy_residual", "trusted", "error_estimate", "settled", "to_come"),
             "greatest_check": float(self.curves["check"].max()),
             "greatest_separated": float(self.curves["separated"].max()),
             "end": last,
@@ -260,35 +291,6 @@ class AveragedRun(RunOverTime):
             **self.provenance,
             **self._entries("cautions"),  # in place of those of the operating point alone
         })  # fmt: skip
-
-
-def cautions_over_time(motor: Mapping[str, Any], curves: Mapping[str, Array]) -> tuple[str, ...]:
-    """Return :func:`model_cautions` of a run with the curves of :data:`COLUMNS`, of a motor as of ``to_dict``."""
-    check, opened = (float(curves[name].max()) for name in ("check", "separated"))
-    damping = contact_law.normal_damping(Contact(**motor["contact"]))
-    fastest = float(np.max(2.0 * np.pi * curves["frequency_hz"] * curves["tip_y_amplitude_m"]))
-    return model_cautions(check, opened, 1.0 + damping * fastest)
-
-
-def model_cautions(check: float, opened: float, factor: float = 1.0) -> tuple[str, ...]:
-    """Return the cautions for the largest check value, open share, and factor of the normal force by its damping."""
-    found = []
-    if check > TRUSTED_CHECK:
-        found.append(
-            f"The motion that the averaged model leaves out moves the tip by {check:.2g} of its static penetration "
-            f"or limit of stick; up to {TRUSTED_CHECK:g} is accurate. Give more harmonics, or use the full motor."
-        )
-    if opened > TRUSTED_OPEN:
-        found.append(
-            f"The contact is open for up to {100.0 * opened:.3g} % of the period, where the averaged model is less "
-            "accurate. Compare with the full motor, or give more phases and harmonics."
-        )
-    if factor > MOST_FACTOR:
-        found.append(
-            f"Damping along the normal multiplies the normal force by up to {factor:.3g}; the averaged model limits "
-            f"this factor to {MOST_FACTOR:g}, so that its forces are too small. Use the full motor."
-        )
-    return tuple(found)
 
 
 # --- where a run is not what the full motor does sample by sample: short bursts, and cycles of stopping ---

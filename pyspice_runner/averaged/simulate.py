@@ -15,13 +15,13 @@ from pydantic import SkipValidation
 
 from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule
-from pyspice_runner.averaged.point import AveragedPoint, ScheduleLike
+from pyspice_runner.averaged.point import LONGEST_STEPS, AveragedPoint, ScheduleLike
 from pyspice_runner.averaged.run import COLUMNS, Array, AveragedRun
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, ShaftLoad, ideal_drive
+from pyspice_runner.motor.drive import Drive, ShaftLoad
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -33,11 +33,8 @@ from pyspice_runner.run.kernel import progress_callback, run_bench, transient_ti
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.compiler import find_compiler
-from pyspice_runner.steady.steady import stability_cautions
 
 FEWEST_PERIODS = 10
-DECAYS = 8.0  # decay times of the slowest mode, after which a held motor is settled
-LONGEST_STEPS = {"spice": 50, "compiled": 200}  # smallest number of steps of a run; linear in between
 BALANCE_BOUND = 0.05  # of the energy put in; the engine's own steps, summed by the trapezoidal rule
 
 
@@ -61,9 +58,8 @@ def simulate_averaged(
 ) -> AveragedRun:
     """Run the averaged motor from preloaded rest: seconds of motor time in some milliseconds.
 
-    Amplitudes and means replace the waveforms; ``docs/tracking.md`` says what that leaves out. The result says by
-    :attr:`AveragedRun.trusted` whether the model's own check passes; :attr:`AveragedRun.error_estimate` compares it
-    with the full motor.
+    Amplitudes and means replace the waveforms; ``docs/tracking.md`` says what that leaves out.
+    :attr:`AveragedRun.error_estimate` compares the run with the full motor.
 
     Args:
         motor: the motor.
@@ -117,7 +113,6 @@ def simulate_averaged(
         seconds, version = outcome.seconds, outcome.ngspice_version
         deck_sha256, write_deck = {"deck_sha256": outcome.deck_sha256}, partial(str, outcome.deck)
     columns = averaged_columns(motor, rows, course)
-    end = {name: float(values[-1]) for name, values in columns.items()}
     residual = missing_energy(columns, rows["stored_energy"])
     missing = (
         f"The energy balance misses {100.0 * residual:.3g} % of the energy put in; the time steps explain up to "
@@ -137,34 +132,7 @@ def simulate_averaged(
             **averaged_ceramic(motor, amplitudes, columns),
         },
         write_deck=write_deck,
-        find_error=partial(estimate, run, columns, settled_at, timeout),
-        check_stability=partial(_stability, run, end, timeout),
-    )  # fmt: skip
-
-
-def settled_at(run: AveragedPoint, point: Point, aside: float = 0.0) -> dict[str, float]:
-    """Return the settled values of the averaged motor at a point, held at a speed that is aside by this in rad/s."""
-    assert point.load.speed is not None
-    held = simulate_averaged(
-        point.motor, point.drive, DECAYS * point.motor.decay_s, contact=point.law, speed=point.load.speed + aside,
-        phases=run.phases, harmonics=run.harmonics, timeout=point.solver.timeout,
-    )  # fmt: skip
-    return {name: float(values[-1]) for name, values in held.curves.items()}
-
-
-def _stability(run: AveragedPoint, end: dict[str, float], timeout: float | None) -> tuple[str, ...]:
-    """Return the cautions for the stability of the motion at the end of a run, whose columns end with these values."""
-    if not end["amplitude_a_v"] + end["amplitude_b_v"]:
-        return ()
-    motor, thermal = run.point.motor, run.point.thermal
-    if thermal is not None:
-        motor = thermal.warmed(motor, end["temperature_k"])
-    if "preload" in run.settings:
-        preload = float(np.interp(end["time_s"], *np.transpose(run.settings["preload"])))
-        motor = motor.updated({"contact.preload_n": preload})
-    drive = ideal_drive(end["amplitude_a_v"], end["amplitude_b_v"], end["phase_deg"], end["frequency_hz"])
-    return stability_cautions(
-        motor, drive, end["rotor_speed_rad_s"], end["tip_y_amplitude_m"], run.point.law, timeout
+        find_error=partial(estimate, run, duration),
     )  # fmt: skip
 
 

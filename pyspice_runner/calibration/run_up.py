@@ -24,7 +24,7 @@ import numpy as np
 
 from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.library import check_averaged, require_averaged
-from pyspice_runner.averaged.run import AveragedRun, model_cautions
+from pyspice_runner.averaged.run import AveragedRun
 from pyspice_runner.averaged.simulate import FEWEST_PERIODS, simulate_averaged
 from pyspice_runner.calibration.points import ERROR, MEASURED, SPEED, Curve, conditions_of_row, read_columns
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -127,15 +127,15 @@ class RunUp(Curve):
         return np.interp(self.at, time, speed)
 
     def cautions(self, motor: Point) -> list[str]:
-        """Return where the averaged motor fails its own check and steady states do not help, a sentence each."""
+        """Return why the averaged motor is not trusted, if steady states do not help."""
         try:
             run = self._run(motor)
         except (ParameterError, SimulationError):
             return []  # its values count as left out
-        found = model_cautions(*(float(run.curves[name].max()) for name in ("check", "separated")))
-        if found and _torques(motor, run.curves["rotor_speed_rad_s"]) is not None:
+        caution = run.error_estimate.caution
+        if not caution or _torques(motor, run.curves["rotor_speed_rad_s"]) is not None:
             return []
-        return [f"{self.source}: {caution} The intervals leave this error out." for caution in found]
+        return [f"{self.source}: {caution} The intervals leave this error out."]
 
     def _run(self, motor: Point) -> AveragedRun:
         load, timeout = motor.load.torque, motor.solver.timeout

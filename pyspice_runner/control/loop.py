@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.core import AveragedMotor
-from pyspice_runner.control.run import CONTROLLED
+from pyspice_runner.control.run import CONTROLLED, ControlledRun
 from pyspice_runner.control.simulate import Sample, check_sample_time, simulate_controlled
 from pyspice_runner.control.state_space import at_speed, by_input, settled, small_signals_at
 from pyspice_runner.errors import ParameterError, SimulationError, require
@@ -32,7 +32,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result
-from pyspice_runner.steady.steady import STANDS, stability_cautions
+from pyspice_runner.steady.steady import STANDS
 from pyspice_runner.units import linear_words
 
 Array = NDArray[np.float64]
@@ -111,11 +111,11 @@ class ControlLoop(Result):
         time_s: sample times of the step response.
         step_predicted: the response by the small signals over the step.
         step_simulated: that of the averaged motor.
-        trusted: whether the averaged motor's own check passes throughout the step.
-        model_cautions: those of the signs of the gains, and of the simulated step.
+        model_cautions: those of the signs of the gains.
         provenance: motor, drive, operating point and settings, JSON-ready.
         spread: the loop at other operating points, which is a schedule of the gains as well.
         dead_band_v: amplitude of group A below which the motor stands at this load; ``None`` for a phase.
+        simulated: the run of the averaged motor with the step.
     """
 
     quantity: Quantity
@@ -131,11 +131,16 @@ class ControlLoop(Result):
     time_s: Array = field(repr=False)
     step_predicted: Array = field(repr=False)
     step_simulated: Array = field(repr=False)
-    trusted: bool
     model_cautions: tuple[str, ...] = field(repr=False)
     provenance: dict[str, Any] = field(repr=False)
     spread: tuple[SpreadPoint, ...] = ()
     dead_band_v: float | None = None
+    simulated: ControlledRun | None = field(default=None, repr=False)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the simulated step is trusted, by the estimate of its errors; it takes about 1 s."""
+        return self.simulated is not None and self.simulated.trusted
 
     @property
     def gain_units(self) -> dict[str, str]:
@@ -145,7 +150,7 @@ class ControlLoop(Result):
 
     def _limits(self) -> Iterator[str]:
         """Yield the cautions of the simulated step, and operating points at which the loop is not stable."""
-        yield from self.model_cautions
+        yield from (*self.model_cautions, *(self.simulated.cautions if self.simulated else ()))
         if lost := [one for one in self.spread if one.phase_margin_deg is None]:
             yield f"At {len(lost)} of {len(self.spread)} operating points the loop has no margin: {lost[0].reason}"
 
@@ -374,7 +379,7 @@ def sampled_loop(
         overshoot=max(0.0, float(predicted.max()) - 1.0), overshoot_simulated=0.0,
         frequency_hz=frequency, plant=responses, loop_gain=loop,
         time_s=np.linspace(0.0, sample_time * (count - 1), count), step_predicted=predicted, step_simulated=np.zeros(0),
-        trusted=False, model_cautions=tuple(cautions), dead_band_v=band,
+        model_cautions=tuple(cautions), dead_band_v=band,
         provenance={
             "motor": motor.to_dict(),
             "drive": drive.model_dump(),
@@ -635,8 +640,7 @@ def _simulated(loop: ControlLoop, motor: Motor, drive: TwoPhaseDrive) -> Control
     if loop.quantity == "phase":
         deviation = (deviation + 180.0) % 360.0 - 180.0
     response = np.asarray(deviation[STEPPED:] / step)
-    unstable = stability_cautions(motor, drive, speed, run["operating_point"]["tip_y_amplitude"])
     return replace(
         loop, step_simulated=response, overshoot_simulated=max(0.0, float(response.max()) - 1.0),
-        trusted=result.trusted, model_cautions=(*loop.model_cautions, *unstable, *result.cautions),
+        simulated=result,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.averaged.run import RunOverTime, cautions_over_time, limit_cycle, presliding, short_bursts
+from pyspice_runner.averaged.run import RunOverTime, limit_cycle, presliding, short_bursts
 from pyspice_runner.result import contact_row
 from pyspice_runner.run.window import Array, change_to_come
 
@@ -85,15 +85,13 @@ class ControlledRun(RunOverTime):
     curves_name = "samples"
     speed_name = "speed_rad_s"
 
-    @property
-    def _model_cautions(self) -> tuple[str, ...]:
-        if "check" not in self.samples:
-            return ()
+    def _doubts(self) -> Iterator[str]:
         seen, running = self.samples, self.provenance["run"]["start"] == "steady"
-        amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
-        bursts = short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
-        cycles = limit_cycle(seen["time_s"], seen["position_rad"], amplitude, self._still)
-        return (*cautions_over_time(self.provenance["motor"], seen), *bursts, *cycles)
+        if self.provenance["run"]["averaged"]:
+            amplitude = np.maximum(np.abs(seen["voltage_a_v"]), np.abs(seen["voltage_b_v"]))
+            yield from short_bursts(seen["time_s"], amplitude, float(seen["frequency_hz"].min()), running=running)
+            yield from limit_cycle(seen["time_s"], seen["position_rad"], amplitude, self._still)
+        yield from super()._doubts()
 
     @property
     def _still(self) -> float:
@@ -122,9 +120,9 @@ class ControlledRun(RunOverTime):
         )
         return (caution,)
 
-    def _limits(self) -> Iterable[str]:
-        """Return the findings of the averaged motor's own check, and whether the rotor is too fast or hunts."""
-        return (*self._model_cautions, *self._too_fast, *self._hunts)
+    def _limits(self) -> Iterator[str]:
+        """Yield why the run is not trusted, and whether the rotor hunts."""
+        yield from (*self._doubts(), *self._hunts)
 
     @property
     def _watched(self) -> dict[str, str]:
@@ -165,7 +163,7 @@ class ControlledRun(RunOverTime):
         return self._mean((error + 180.0) % 360.0 - 180.0 if quantity == "phase" else error)
 
     def summary(self) -> dict[str, str]:
-        """Return the last sample, what has settled, the static error, and the averaged motor's own check."""
+        """Return the last sample, what has settled, the static error, and the error against the full motor."""
         found = {}
         for name, (unit, _) in SAMPLES.items():
             if name in self.samples and unit != "1":
@@ -175,13 +173,12 @@ class ControlledRun(RunOverTime):
         if self.static_error is not None:
             name = CONTROLLED[self.provenance["run"]["quantity"]]
             found["static error"] = f"{self.static_error:.3g} {SAMPLES[name][0]}, mean of the last quarter"
-        checked = {"check": "passed" if self.trusted else "not passed"} if "check" in self.samples else {}
-        return self._localised(found | checked | contact_row(self.provenance["run"]))
+        return self._localised(found | self._trust() | contact_row(self.provenance["run"]))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the last sample and the settings, JSON-ready."""
         end = {name: float(values[-1]) for name, values in self.samples.items()}
         checked = [name for name in CHECKS if name in self.samples]
         greatest = {f"greatest_{name}": float(self.samples[name].max()) for name in checked}
-        checks = self._entries("trusted", "settled", "to_come", "static_error")
+        checks = self._entries("trusted", "error_estimate", "settled", "to_come", "static_error")
         return self._localised({"end": end, **checks, **greatest, **self.provenance, **self._entries("cautions")})

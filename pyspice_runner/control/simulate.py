@@ -14,7 +14,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, degrees, inf, isfinite
 from pathlib import Path
@@ -23,8 +23,10 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import SkipValidation
 
+from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import Schedule, first
 from pyspice_runner.averaged.point import COMMANDS, AveragedPoint, ScheduleLike, deck_of, schedule_of
+from pyspice_runner.averaged.run import ErrorEstimate, exact
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
@@ -182,7 +184,23 @@ def simulate_controlled(
             quantity=quantity,
         ),
         write_deck=write_deck,
+        find_error=partial(replayed, run, samples, parts.delay_s, duration, start == "steady") if averaged else exact,
     )  # fmt: skip
+
+
+def replayed(
+    run: AveragedPoint, samples: Mapping[str, Array], delay: float, duration: float, steady: bool
+) -> ErrorEstimate:
+    """Estimate the errors of an averaged run with the commands of samples, which act after a delay, s, in a period."""
+    settings = dict(run.settings)
+    for name, column in zip(COMMANDS, ("frequency_hz", "voltage_a_v", "voltage_b_v", "phase_deg"), strict=True):
+        if len(settings[name]) == 1:
+            rows = [(0.0, first(settings[name]))]
+            for time, value in zip(samples["time_s"] + delay, samples[column], strict=True):
+                if value != rows[-1][1]:
+                    rows += [(float(time), rows[-1][1]), (float(time) + run.front.stage.period, float(value))]
+            settings[name] = rows
+    return estimate(replace(run, settings=settings), duration, steady=steady)
 
 
 def _controlled(controller: object, course: Schedule) -> tuple[str | None, Callable[[float], float]]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import copysign, degrees
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.averaged.core import INPUTS, AveragedMotor, LinearMotor
+from pyspice_runner.averaged.errors import DECAYS, estimate
 from pyspice_runner.averaged.point import AveragedPoint
-from pyspice_runner.averaged.run import model_cautions
+from pyspice_runner.averaged.run import ErrorEstimate, Estimated
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import TwoPhaseDrive, too_fast
 from pyspice_runner.motor.motor import Motor
@@ -28,7 +30,6 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
 from pyspice_runner.run.dynamometer import stuck
 from pyspice_runner.run.point import Point
-from pyspice_runner.steady.steady import stability_cautions
 from pyspice_runner.units import linear_unit
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ AT_SPEED = 1e-3  # of the speed: where no amplitude comes closer, the speed jump
 
 
 @dataclass(frozen=True, repr=False)
-class StateSpace(Result):
+class StateSpace(Estimated, Result):
     """The averaged motor about a steady state.
 
     Attributes:
@@ -64,7 +65,7 @@ class StateSpace(Result):
         outputs: names of the outputs and their units.
         point: the steady state: outputs, torque, and the check of the averaged model.
         provenance: motor, drive and load, JSON-ready.
-        stability_cautions: whether the full motor is not stable at this state.
+        find_error: returns the estimate of the errors at the steady state, at its speed.
     """
 
     a: Array = field(repr=False)
@@ -76,12 +77,11 @@ class StateSpace(Result):
     outputs: Mapping[str, str]
     point: Mapping[str, float]
     provenance: dict[str, Any] = field(repr=False)
-    stability_cautions: tuple[str, ...] = ()
+    find_error: Callable[[], ErrorEstimate] = field(repr=False)
 
     def _limits(self) -> Iterator[str]:
-        """Yield the cautions of the averaged model at the steady state, of a speed beyond its limit, and of stick."""
-        yield from self.stability_cautions
-        yield from model_cautions(self.point["check"], self.point["separated"])
+        """Yield why the averaged motor is not trusted at the steady state, a speed beyond its limit, and stick."""
+        yield from self._doubts()
         yield from too_fast(self.provenance["motor"], self.point["speed"])
         if stuck(self.point):
             yield (
@@ -265,9 +265,11 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     if motor.slider:
         described = [{name: linear_unit(unit) for name, unit in known.items()} for known in described]
     states, inputs, outputs = described
+    duration = DECAYS * motor.decay_s
+    held = AveragedPoint.of(Point.of(motor, drive, speed=point["speed"]), duration)
     return StateSpace(
         small.by_state[np.ix_(kept, kept)], driven[kept], by_state[:, kept], through,
         states, inputs, outputs, point,
         {"motor": motor.to_dict(), "drive": drive.model_dump(), "run": {"load_torque_n_m": load_torque}},
-        stability_cautions(motor, drive, point["speed"], point["tip_y_amplitude"]),
+        partial(estimate, held, duration),
     )  # fmt: skip

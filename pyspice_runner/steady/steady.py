@@ -17,12 +17,10 @@ from typing import Any, Generic, TypeVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError, require
-from pyspice_runner.motor.contact import static_penetration
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
@@ -55,7 +53,6 @@ from pyspice_runner.units import engineering
 
 Place = TypeVar("Place")
 
-SHALLOW = 0.5  # of the static penetration; unstable motions of closed contacts were found from 0.63 on
 STANDS = 1e-3  # rad/s or m/s, below which a motor does not turn
 OFFSETS = 2  # copies of each point, whose steps lie between each other's
 MOST_REFINEMENTS = 2  # halvings of the step beyond the default
@@ -274,6 +271,7 @@ def steady_states(
     accuracy: float | None = ACCURACY,
     waveforms: bool = False,
     starts: Sequence[Orbit | None] | None = None,
+    averages: bool = True,
 ) -> list[SteadyState]:
     """Find the steady states of many operating points together; see :func:`steady_state`.
 
@@ -281,7 +279,8 @@ def steady_states(
 
     ``starts`` are guesses to start from; ``None`` stands for a start of the point's own. Behind a driver they are
     solutions with ideal voltages near those at its pins. Without ``accuracy`` the quantities are those at the coarse
-    step, for differences between points that are close to each other.
+    step, for differences between points that are close to each other. Without ``averages`` unstable points keep the
+    quantities of their periodic motion, for callers that refuse them.
 
     Raises:
         ParameterError: for a drive that has no steady state to be found.
@@ -302,7 +301,7 @@ def steady_states(
     with KeptProcesses() as processes:
 
         def solved(part: Part[int]) -> list[SteadyState]:
-            return solve_part(part, accuracy, near, processes, waveforms=waveforms)
+            return solve_part(part, accuracy, near, processes, waveforms=waveforms, averages=averages)
 
         for part, states in zip(parts, in_threads(solved, parts, cores(), processes.stop), strict=True):
             found |= zip(part.setups, states, strict=True)
@@ -312,40 +311,6 @@ def steady_states(
             for place, answer in zip(places, answers, strict=True):
                 found[place] = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
     return list(found.values())
-
-
-def stability_cautions(
-    motor: Motor,
-    drive: Drive,
-    speed: float,
-    tip_y_amplitude_m: float,
-    contact: ContactLaw | None = PAPER_LAW,
-    timeout: float | None = None,
-) -> tuple[str, ...]:
-    """Return a caution for averaged models where the periodic motion that they describe is unstable, at a held speed.
-
-    The multipliers are those of the full motor at the coarse step, computed unless the amplitude of the tip towards the
-    rotor is below :data:`SHALLOW` of the static penetration. A failure of ngspice gives a caution as well.
-    """
-    if tip_y_amplitude_m < SHALLOW * static_penetration(motor.contact):
-        return ()
-    speed = speed if abs(speed) >= STANDS else 0.0  # the averaged contact creeps where friction holds the shaft
-    try:
-        point = Point.of(motor, drive, speed=speed, contact=contact, audit=False, timeout=timeout)
-        (state,) = steady_states([point], accuracy=None)
-        check_runs([state])
-    except (ParameterError, SimulationError) as error:
-        return (f"Whether the motion at {drive.label} is stable is not known: {error}",)
-    if state.stable:
-        return ()
-    found = "was not found"
-    if state.converged:
-        found = f"is unstable ({state.instability}, multiplier {state.largest_multiplier:.5g})"
-    caution = (
-        f"The periodic motion that the averaged model describes {found} in the full motor at {drive.label}, which "
-        "moves in another way. Use speed_torque or simulate for the time averages."
-    )
-    return (caution,)
 
 
 def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> list[Orbit | None]:
@@ -431,6 +396,7 @@ def solve_part(
     processes: KeptProcesses,
     *,
     waveforms: bool = False,
+    averages: bool = True,
 ) -> list[SteadyState]:
     """Find the steady states of a part, in its order; the arguments are those of :func:`steady_states`, by place."""
     setups, (steps, coarse) = list(part.setups.values()), part.steps
@@ -452,11 +418,11 @@ def solve_part(
         answers = _answers(points, maps, steps, accuracy)
         unstable = {
             place: points[place] for place, one in answers.items()
-            if points[place].plant.law and np.abs(one.point.multipliers).max(initial=0.0) >= 1.0
+            if averages and points[place].plant.law and np.abs(one.point.multipliers).max(initial=0.0) >= 1.0
         }  # fmt: skip
-        averages, blocks = time_averages(unstable, maps[0], accuracy)
+        averaged, blocks = time_averages(unstable, maps[0], accuracy)
         maps += blocks
-        for place, average in averages.items():
+        for place, average in averaged.items():
             mean = _answer(answers[place].point, blocks[0], *average)
             answers[place] = replace(mean, map=answers[place].map, method=AVERAGE)
     found = []

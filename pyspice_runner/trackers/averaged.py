@@ -7,7 +7,7 @@ from cmath import rect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from math import pi, radians
+from math import ceil, pi, radians
 from time import monotonic
 
 import numpy as np
@@ -15,9 +15,17 @@ from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.averaged.core import AveragedMotor, Loop
 from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor, schedule_text
-from pyspice_runner.averaged.point import deck_of
-from pyspice_runner.averaged.simulate import LONGEST_STEPS, RECORDED, averaged_engine, mode_amplitudes, phasor
+from pyspice_runner.averaged.point import (
+    LONGEST_STEPS,
+    VALUES_OF_A_FUNCTION,
+    AveragedPoint,
+    ScheduleLike,
+    deck_of,
+)
+from pyspice_runner.averaged.run import ErrorEstimate
+from pyspice_runner.averaged.simulate import RECORDED, averaged_engine, mode_amplitudes, phasor
 from pyspice_runner.circuit.bench import Bench, add_cooling
 from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS
@@ -172,6 +180,28 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
     return _spice(run, run_bench(bench(), ["all"], setup.solver.timeout, "transient", timing))
 
 
+def replayed(run: TrackedRun, time: Array, frequency: Array) -> ErrorEstimate:
+    """Estimate the errors of the averaged motor at the frequencies in Hz that a tracker sets at times in s."""
+    setup, source, disturbances = run.setup, run.source, run.source.disturbances
+    thermal, every = disturbances.drifting, ceil(len(time) / VALUES_OF_A_FUNCTION)
+    stage, preload = averaged_front(source).stage, setup.motor.contact.preload_n
+    moved: dict[str, tuple[str, float]] = {  # course → what disturbs it, and its value before
+        "load_torque": ("load", 0.0), "preload": ("preload", preload), "voltage_a": ("supply", stage.voltage),
+        "voltage_b": ("supply", stage.voltage_b), "temperature": ("temperature", 0.0),
+    }  # fmt: skip
+    courses: dict[str, ScheduleLike] = {"frequency": np.transpose([time, frequency])[::every]}
+    for name, (kind, before) in moved.items():
+        if disturbances.of(kind):
+            courses[name] = disturbances.course(kind, before, before or 1.0)
+    if disturbances.of("temperature") and thermal:  # the stator follows the course at once, not its own losses
+        thermal = thermal.model_copy(update={"heat_capacity_j_per_k": 1e-9, "thermal_resistance_k_per_w": 1e-3})
+    drive = source.driver or TwoPhaseDrive(**two_phases(source.tracker))
+    point = Point.of(
+        setup.motor, drive, speed=setup.load.speed, contact=setup.law, thermal=thermal, timeout=setup.solver.timeout
+    )
+    return estimate(AveragedPoint.of(point, run.duration, courses=courses), run.duration)
+
+
 def _compiled(run: TrackedRun, deck: str | None) -> AveragedTrack:
     setup, source, disturbances = run.setup, run.source, run.source.disturbances
     tracker, own, front = source.tracker, source.loop_filter, averaged_front(source)
@@ -259,8 +289,6 @@ def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
         "time_s": vectors["time"], "frequency_hz": vectors["v(tuned)"], "rotor_speed_rad_s": vectors["v(shaft)"],
         "phase_deg": np.degrees(np.angle(velocity * force.conjugate())),
         "temperature_k": vectors["v(temperature)"] if drifting else np.zeros(len(vectors["time"])),
-        "check": vectors["v(xmotor.check)"], "separated": vectors["v(xmotor.open)"],
-        "tip_y_amplitude_m": 1e-6 * np.abs(phasor(vectors, "v(xmotor.y_{}1)")),
         "normal_force_n": vectors["v(xmotor.normal)"], "heat_w": vectors["v(heat)"],
         "restart": vectors["v(xtracker.restart)"],
     }  # fmt: skip

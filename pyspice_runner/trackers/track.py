@@ -8,15 +8,16 @@ does not see this phase, so an error of its sensing counts as an error.
 from __future__ import annotations
 
 from cmath import phase
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from math import degrees, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from pyspice_runner.averaged.library import check_averaged
-from pyspice_runner.averaged.run import cautions_over_time
+from pyspice_runner.averaged.run import ErrorEstimate, Estimated, exact
 from pyspice_runner.averaged.simulate import averaged_ceramic
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
@@ -33,8 +34,7 @@ from pyspice_runner.run.point import MOST_POINTS, Point, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, Array, has_settled
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
-from pyspice_runner.steady.steady import stability_cautions
-from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, run_averaged
+from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, replayed, run_averaged
 from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
 from pyspice_runner.trackers.tracker import (
     LOST_DEG,
@@ -82,7 +82,7 @@ class LostLock:
 
 
 @dataclass(frozen=True, repr=False)
-class Tracking(Result):
+class Tracking(Estimated, Result):
     """A run with a tracker."""
 
     locked: bool  # whether it locked before the disturbance, and is locked at the end; false without a tracker
@@ -119,7 +119,9 @@ class Tracking(Result):
     ceramic: dict[str, Any] = field(default_factory=dict)
     # of the stator above that at which its parameters hold; averaged runs only
     temperature_k: Array | None = field(default=None, repr=False)
-    model_cautions: tuple[str, ...] = ()  # cautions by the check of the averaged model
+    model_cautions: tuple[str, ...] = ()  # modes that the groups cannot separate
+    # returns the estimate of the errors of an averaged run
+    find_error: Callable[[], ErrorEstimate] = field(default=exact, repr=False)
     # gain and margin of a locked phase-locked loop in front of the running motor at the end, else ``None``
     loop: LoopDesign | None = None
     no_loop: str = ""  # why a locked loop has no ``loop``
@@ -201,7 +203,7 @@ class Tracking(Result):
 
     def _limits(self) -> Iterator[str]:
         """Yield whether it is not locked, whether the mode's motion has not built up, and limits of the ceramic."""
-        yield from (*self._lock(), *self.model_cautions)
+        yield from (*self._lock(), *self.model_cautions, *self._doubts())
         lasted = float(self.time_s[-1] - self.time_s[0])
         if lasted < BUILT_UP * self.lag.time_constant_s:
             yield (
@@ -611,15 +613,11 @@ def _at_pins(pins: Complex, frequency: float) -> TwoPhaseDrive:
 def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     """Track the averaged motor."""
     done, motor = run_averaged(run, engine), run.setup.motor
-    curves, time, timeout = done.curves, done.curves["time_s"], run.setup.solver.timeout
-    end = {name: float(values[-1]) for name, values in curves.items()}
+    curves, time = done.curves, done.curves["time_s"]
     phases, restart = curves["phase_deg"], curves["restart"]
     periods = Periods(
         time, curves["frequency_hz"], phases, curves["rotor_speed_rad_s"], restart, weight=np.gradient(time)
     )
-    hot = _at_end(run, end["temperature_k"])
-    drive = _at_pins(done.voltages, end["frequency_hz"])
-    unstable = stability_cautions(hot, drive, end["rotor_speed_rad_s"], end["tip_y_amplitude_m"], timeout=timeout)
     stated = run.setup.to_dict()
     settings = {
         "duration_s": run.duration, "contact": stated["contact"], "speed_rad_s": stated["speed_rad_s"],
@@ -628,7 +626,8 @@ def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:
     }  # fmt: skip
     found = judged(
         run, periods, done, settings, temperature_k=curves["temperature_k"],
-        model_cautions=_inseparable(motor, run.source.mode) + cautions_over_time(motor.to_dict(), curves) + unstable,
+        model_cautions=_inseparable(motor, run.source.mode),
+        find_error=partial(replayed, run, time, curves["frequency_hz"]),
         ceramic=averaged_ceramic(motor, done.amplitudes, curves),
     )  # fmt: skip
     found = replace(found, sensing=_sensing(run, done.voltages, done.currents, found.end_frequency_hz))

@@ -172,17 +172,27 @@ def test_a_run_that_ngspice_cannot_follow_is_saved_without_a_netlist(motor: pr.M
         assert one.save(tmp_path / "run.csv").exists()
 
 
-def test_the_check_of_the_averaged_motor_is_in_the_result() -> None:
-    """At 150 V the contact of beam40 opens; at 60 V it does not."""
+def test_the_error_of_the_averaged_motor_is_in_the_result() -> None:
+    """At 150 V the contact of beam40 opens. The commands of the controller are those of the estimate."""
     motor = pr.load_motor(BEAM40)
-    for voltage, trusted in ((150.0, False), (60.0, True)):
-        drive = pr.default_drive(motor).model_copy(update={"voltage": voltage})
-        for engine in ("compiled", "spice"):
-            run = simulate_controlled(motor, drive, lambda _: {}, duration=3e-3, sample_time=1e-3, engine=engine)
-            assert run.trusted == trusted
-            assert any("open for up to" in caution for caution in run.cautions) != trusted
-            assert run.to_dict()["trusted"] == trusted
-            assert (run.to_dict()["greatest_separated"] == 0.0) == trusted
+    drive = pr.default_drive(motor).model_copy(update={"voltage": 60.0})
+    quarter = 10.0 * drive.period
+
+    def louder(sample: pr.Sample) -> dict[str, float]:
+        return {"voltage": 150.0 if sample.time_s > 3.5 * quarter else 60.0}
+
+    averaged, full = (
+        simulate_controlled(motor, drive, louder, duration=16.0 * quarter, sample_time=quarter, averaged=averaged)
+        for averaged in (True, False)
+    )
+    found = averaged.to_dict()
+    assert found["greatest_separated"] > 0.0
+    assert found["trusted"]
+    assert averaged.cautions == ()
+    error = float(np.sqrt(np.mean((averaged.speed_rad_s - full.speed_rad_s) ** 2)) / np.abs(full.speed_rad_s).max())
+    assert error <= found["error_estimate"]["shares"]["rotor_speed_rad_s"] <= 10.0 * error
+    assert full.trusted
+    assert not full.error_estimate.shares
 
 
 @pytest.mark.parametrize(

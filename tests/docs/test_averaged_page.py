@@ -47,7 +47,7 @@ def test_a_transient_of_the_page_is_what_is_measured(case: tuple[str, str]) -> N
 LOOPS = run_path(str(DOCS / "averaged_loops.py"))
 
 
-def test_a_limit_cycle_through_standstill_is_not_trusted_and_a_slow_start_is() -> None:
+def test_a_loop_of_the_page_is_trusted_as_there_and_not_in_a_limit_cycle() -> None:
     for name, row in LOOPS["read"]()["samples"].items():
         run = LOOPS["LOOPS"][name](True)
         assert run.trusted == row["trusted"]

@@ -16,7 +16,8 @@ def test_no_recorded_error_is_above_the_stated_one() -> None:
     table = summary(record)
     assert passes(table)
     assert table == json.loads(CAMPAIGN.record.with_suffix(".json").read_text(encoding="utf-8"))
-    wrong = {**record[0], "unknown": "", "stated": {"rotor_speed_rad_s": 0.01}, "true": {"rotor_speed_rad_s": 0.02}}
+    wrong = {**record[0], "index": len(record), "unknown": ""}
+    wrong |= {"stated": {"rotor_speed_rad_s": 0.01}, "true": {"rotor_speed_rad_s": 0.02}}
     assert not passes(summary([*record, wrong]))
 
 
