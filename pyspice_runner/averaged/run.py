@@ -123,6 +123,10 @@ class Estimated:
         """
         return not any(self._doubts())
 
+    def _trust(self) -> dict[str, str]:
+        """Return the rows of a summary about the errors."""
+        return {"error against the full motor": str(self.error_estimate), "trusted": "yes" if self.trusted else "no"}
+
     def _doubts(self) -> Iterator[str]:
         """Yield why the result is not trusted."""
         if caution := self.error_estimate.caution:
@@ -153,10 +157,6 @@ class RunOverTime(Estimated, Result):
     def __post_init__(self) -> None:
         object.__setattr__(self, self.curves_name, self._localised(self.columns()))
         self.__dict__.update(self.columns())
-
-    def _trust(self) -> dict[str, str]:
-        """Return the rows of a summary about the errors."""
-        return {"error against the full motor": str(self.error_estimate), "trusted": "yes" if self.trusted else "no"}
 
     def columns(self) -> Mapping[str, Array]:
         """Return the curves over time."""

@@ -150,7 +150,7 @@ class StateSpace(Estimated, Result):
     def to_dict(self) -> dict[str, Any]:
         """Return matrices, names, units and the steady state, JSON-ready."""
         return {**self._entries("a", "b", "c", "d", "states", "inputs", "outputs", "point"), **self.provenance,
-                **self._entries("cautions")}  # fmt: skip
+                **self._entries("trusted", "error_estimate", "cautions")}  # fmt: skip
 
 
 def settled(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> AveragedMotor:

@@ -149,6 +149,7 @@ class Tracking(Estimated, Result):
             "periods": len(self.time_s),
             **self._entries("solver_seconds", "ngspice_version", "audit"),
             **({} if self.temperature_k is None else {"temperature_k": float(self.temperature_k[-1])}),
+            **({} if self.temperature_k is None else self._entries("trusted", "error_estimate")),
             **self.ceramic,
             "cautions": list(self.cautions),
         })  # fmt: skip
@@ -254,6 +255,7 @@ class Tracking(Estimated, Result):
             rows["driver"] = self.settings["driver"]["label"]
         if self.temperature_k is not None:
             rows["temperature rise at the end"] = f"{self.temperature_k[-1]:.3g} K"
+            rows |= self._trust()
         if self.stall_torque_n_m is not None:
             rows["stall torque"] = engineering(self.stall_torque_n_m, "N·m")
         if self.settings["tracker"]["kind"] == "pll":
