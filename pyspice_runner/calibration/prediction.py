@@ -48,6 +48,7 @@ from pyspice_runner.steady.steady import ACCURACY, SteadyState, check_runs, stea
 # and their curvature stays small. Harmonic balance is smooth
 COARSE_DIFFERENCE, DIFFERENCE = 0.05, 0.002
 LARGEST_DIFFERENCE = 0.2  # of the span of a quantity: another motion, or one that the harmonics do not describe
+SLOPED = 0.1  # error of a time average over its distance from the periodic motion, up to which it has a derivative
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
 
 State = SteadyState | BalancedState | None
@@ -61,6 +62,7 @@ class Prediction:
     values: Array  # at the measured points, then of the curves
     solutions: tuple[Solution, ...] = ()  # of the points
     peaks: Mapping[int, Peak] = field(default_factory=dict)  # by the places of measured resonances
+    scatter: Array | float = 0.0  # errors of values that are time averages, 0 of others
 
     @property
     def known(self) -> bool:
@@ -104,7 +106,9 @@ class Predictor:
     motor_of: Callable[[Point, Mapping[str, float]], Point] = Point.updated  # of the motor at the start and values
     counter: Counter = field(default_factory=Counter)
     shift: Array | None = None  # of the values by ngspice at fine steps; NaN where it has none
-    reference: Prediction | None = None  # by ngspice, where the shift was taken
+    tilt: Array | None = None  # derivative of the shift of time averages; the fast model has the periodic motion
+    origin: Array | float = 0.0  # coordinates where both were taken
+    reference: Prediction | None = None  # by ngspice there
     harmonic: bool = True  # whether harmonic balance is close to ngspice
 
     @cached_property
@@ -121,11 +125,15 @@ class Predictor:
 
     @cached_property
     def errors(self) -> Array:
-        """Standard errors of the measured values; of spectra, once refined, by the magnitudes predicted there."""
+        """Standard errors of the measured values, once refined with those of predicted time averages.
+
+        Those of spectra are by the magnitudes predicted there.
+        """
         predicted = self.reference.values if self.reference else np.full(len(self.measured), np.nan)
-        return np.concatenate([
+        errors = np.concatenate([
             one.errors_at(predicted[own]) if isinstance(one, Curve) else one.errors for one, own in self.sets
         ])  # fmt: skip
+        return np.hypot(errors, self.reference.scatter) if self.reference else errors
 
     @cached_property
     def balanced(self) -> bool:
@@ -182,7 +190,10 @@ class Predictor:
         found = [self._prediction(trial, fine) for trial in trials]
         if self.shift is None or fine:
             return found
-        return [replace(one, values=one.values + self.shift) for one in found]
+        return [
+            replace(one, values=one.values + self.shift + (0.0 if self.tilt is None else self.tilt @ (x - self.origin)))
+            for x, one in zip(vectors, found, strict=True)
+        ]
 
     def _trial(self, x: Array) -> _Trial:
         thermal = self.thermal(x)
@@ -208,7 +219,11 @@ class Predictor:
             full = steady_states(setups, accuracy=ACCURACY if fine else None, starts=own)
             if fine:
                 check_runs(full)
-            states = [state if state.determined else None for state in full]
+            # where the motion is unstable the fast model has the periodic one, and the shift leads to the time average
+            states = [
+                state if state.determined or (not fine and state.converged and not state.held_by_friction) else None
+                for state in full
+            ]
         self.counter.add(len(states))
         return states
 
@@ -240,21 +255,40 @@ class Predictor:
 
         The prediction is that of ngspice, with the solutions of the fast model.
         """
-        plain = replace(self, shift=None)
+        plain = replace(self, shift=None, tilt=None)
         (fast,) = plain.at([x], near)
         (fine,) = plain.at([x], replace(self.reference or fast, peaks=fast.peaks), fine=True)
         if self.balanced and self._far(fast, fine):
             plain = replace(plain, harmonic=False)
             (fast,) = plain.at([x], fine)
-        found = replace(plain, shift=fine.values - fast.values, reference=fine)
+        shift = fine.values - fast.values
+        tilt = plain._tilt(x, shift, fast, fine)
+        found = replace(plain, shift=shift, tilt=tilt, origin=x, reference=fine)
         return found, replace(fine, solutions=fast.solutions, peaks=fast.peaks)
 
+    def _tilt(self, x: Array, shift: Array, fast: Prediction, fine: Prediction) -> Array | None:
+        """Return the derivative of the shift where time averages are known well enough, 0 elsewhere."""
+        sloped = (fine.scatter > 0.0) & (fine.scatter <= SLOPED * np.abs(shift))
+        if not np.any(sloped):
+            return None
+        steps = self._steps(x, COARSE_DIFFERENCE)
+        pairs = zip(self.at([*(x + steps)], fast), self.at([*(x + steps)], fine, fine=True), strict=True)
+        changes = np.array([there.values - near.values - shift for near, there in pairs]).T / steps.sum(axis=1)
+        return np.where(sloped[:, None], np.nan_to_num(changes, nan=0.0), 0.0)
+
+    def _steps(self, x: Array, size: float) -> Array:
+        """Return a change of each coordinate within its bounds, as rows."""
+        forward = [1.0 if one + size <= unknown.bounds[1] else -1.0
+                   for unknown, one in zip(self.unknowns, x, strict=True)]  # fmt: skip
+        return size * np.diag(forward)
+
     def _far(self, fast: Prediction, fine: Prediction) -> bool:
-        """Whether a point by the fast model is missing, or too far off."""
+        """Whether a point by the fast model is missing, or too far off where the periodic motion is stable."""
         assert self.points is not None
         names = np.array(self.points.quantities)
+        known = (np.isfinite(fine.values) & (fine.scatter == 0.0))[: len(names)]
         for name in self.points.quantities:
-            there = np.flatnonzero((names == name) & np.isfinite(fine.values[: len(names)]))
+            there = np.flatnonzero((names == name) & known)
             size = span(name, fine.values[there])
             if not np.all(np.abs(fast.values[there] - fine.values[there]) <= LARGEST_DIFFERENCE * size):
                 return True
@@ -264,7 +298,7 @@ class Predictor:
         """Return the values of a trial. With ``fine``, raise the error of a curve if no value is known."""
         if trial.motor is None:
             return Prediction(np.full(len(self.measured), np.nan))
-        parts, states = [], trial.states
+        parts, states, scatter = [], trial.states, np.zeros(len(self.measured))
         if points := self.points:
             own = np.array([
                 trial.peaks[place].frequency_hz if quantity == RESONANCE
@@ -276,6 +310,8 @@ class Predictor:
                 own = points.signs * own
                 own = np.log(np.where(own > 0.0, own, np.nan))
             parts.append(own)
+            shares = [_scatter(states[row], name) for row, name in zip(points.rows, points.quantities, strict=True)]
+            scatter[: len(own)] = np.nan_to_num(np.multiply(shares, 1.0 if points.logarithmic else np.abs(own)))
         lost: ParameterError | SimulationError | None = None
         for one in self.curves:
             try:
@@ -286,7 +322,7 @@ class Predictor:
         if fine and lost is not None and np.isnan(np.concatenate(parts)).all():
             raise lost
         solutions = tuple(state.solution if state else None for state in states)
-        return Prediction(np.concatenate(parts), solutions, trial.peaks)
+        return Prediction(np.concatenate(parts), solutions, trial.peaks, scatter)
 
     def jacobian(self, x: Array, here: Prediction, *, central: bool = False) -> Array:
         """Return the derivative of the predicted values; 0 where it is not known.
@@ -304,16 +340,23 @@ class Predictor:
 
     def _differences(self, x: Array, here: Prediction, size: float, central: bool) -> Array:
         """Return difference quotients with a change of each coordinate."""
-        forward = np.array([1.0 if one + size <= unknown.bounds[1] else -1.0
-                            for unknown, one in zip(self.unknowns, x, strict=True)])  # fmt: skip
-        steps = size * np.diag(forward)
+        steps = self._steps(x, size)
         near = np.array([one.values for one in self.at([*(x + steps), *(x - steps if central else ())], here)])
-        length = (size * forward)[:, None]
+        length = steps.sum(axis=1)[:, None]
         found = (near[: len(x)] - here.values) / length
         if central:
             both = (near[: len(x)] - near[len(x) :]) / (2.0 * length)
             found = np.where(np.isfinite(both), both, found)
         return np.asarray(np.nan_to_num(found.T, nan=0.0))
+
+
+def _scatter(state: State, quantity: str) -> float:
+    """Return the relative error of a time average, 0 of others: that of the torque, or of the friction torque."""
+    if not isinstance(state, SteadyState) or state.stable or not state.reached or quantity == RESONANCE:
+        return 0.0
+    contact = state.motor.contact
+    torque = contact.friction * contact.preload_n * state.motor.rotor.radius_m
+    return state.torque_error_n_m / (abs(state.torque_n_m) if quantity == "torque_n_m" else torque)
 
 
 def _values(state: SteadyState | BalancedState) -> Mapping[str, float]:

@@ -292,6 +292,8 @@ class Calibration(Result):
             text = f"{one.value:.5g} ± {one.standard_error:.2g}{unit}, 95 %: {low:.4g} to {high:.4g}"
             found[one.path] = text if one.identifiable else f"{text} (not identified by the data)"
         found["RMS residual"] = f"{self.rms_residual:.3g} standard errors, {len(self.measured)} values"
+        if self.predictor.reference and (averages := np.count_nonzero(self.predictor.reference.scatter)):
+            found["time averages"] = f"{averages} of {len(self.measured)} values"
         return found | {f"law {one.law}": self._against(one) for one in self.rivals}
 
     def _against(self, other: Rival) -> str:

@@ -128,9 +128,14 @@ class Judgement:
         known = int(self.known[:count].sum())
         if known < count:
             found.append(
-                f"{count - known} of {count} measured values were left out: the calibrated motor has no stable steady "
-                "state there, its contact sticks throughout, it has no resonance near the measured one, or its "
-                "averaged motor does not run."
+                f"{count - known} of {count} measured values were left out: the calibrated motor has no steady state "
+                "there, its contact sticks throughout, it has no resonance near the measured one, or its averaged "
+                "motor does not run."
+            )
+        if averages := np.count_nonzero(self.here.scatter):
+            found.append(
+                f"{averages} of {count} values are compared with time averages, since the periodic motion is unstable "
+                "there. The errors of these averages are included."
             )
         if self.freedom < 1:
             found.append(

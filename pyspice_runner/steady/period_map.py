@@ -54,6 +54,7 @@ GROSS_SLIP = 1.999  # state of the contact from which on all its sliders slip
 COPIES_PER_DECK = 8  # measured: beyond, the parse trees of the B-sources no longer fit the cache of a core
 _SLIDERS_PER_DECK = 100  # the same of a brush: 3 copies with 32 sliders
 _FEWEST = 4  # copies in a deck over one period; fewer take less time than the start of ngspice
+_LONG = 1000  # steps that take longer than the start
 # steps; the first uniform step begins after less than two and lets a slider that slips forget its start, and ngspice 46
 # shortens the last two
 _LEAD = 5.5
@@ -250,7 +251,7 @@ class PeriodMap:
         workers, law = self.workers, copies[0].plant.law  # the same in all
         most = COPIES_PER_DECK if self.uniform else 1  # elsewhere the steps would depend on the other copies
         decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(law.sliders if law else 1, 1))))
-        least = _FEWEST if whole else 1  # a long run is worth a deck of its own
+        least = _FEWEST if whole and self.steps < _LONG else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
         decks = min(decks, len(copies))
         ends = np.array_split(np.arange(len(copies)), decks)
