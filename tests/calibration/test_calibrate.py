@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.calibration import prediction
+from pyspice_runner.calibration.points import read_points
 from pyspice_runner.calibration.record import Record
 from pyspice_runner.calibration.result import Rival
+from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum
 from pyspice_runner.run.point import Point
@@ -197,3 +200,22 @@ def test_the_command_calibrates_with_points_and_a_spectrum_and_writes_the_motor(
     assert found["identifiable"]
     assert "points.csv" in output.read_text(encoding="utf-8")
     assert plot.stat().st_size > 10_000
+
+
+def test_a_calibration_has_errors_and_slopes_of_time_averages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first point counts as one here: the prediction a step beside is that of ngspice, and its error is larger."""
+    motor = pr.load_motor(SET)
+    base = Point.of(motor, pr.default_drive(motor).updated({"frequency": 46e3}), audit=False)
+    points = read_points({"speed_rad_s": [2.0, 8.0], "torque_n_m": [0.01, 0.008], "torque_n_m_error": [1e-4, 1e-4]})
+    unknowns = unknowns_of(motor, base.drive, ["contact.friction", "contact.preload_n"])
+    plain = prediction.Predictor(base, unknowns, points)
+    monkeypatch.setattr(prediction, "_scatter", lambda state, _: 1e-2 * (getattr(state, "speed_rad_s", 0) == 2.0))
+    monkeypatch.setattr(prediction, "SLOPED", float("inf"))
+    found, here = plain.refined(np.zeros(2))
+    beside = np.array([0.0, prediction.COARSE_DIFFERENCE])
+    (fast,), (fine,) = found.at([beside], here), plain.at([beside], here, fine=True)
+    untilted = replace(found, tilt=None).at([beside], here)[0].values[0]
+    # what is left is the end of Newton's method from other starts
+    assert abs(fast.values[0] - fine.values[0]) < 0.1 * abs(untilted - fine.values[0])
+    assert found.errors[0] == pytest.approx(np.hypot(1e-4, 1e-2 * here.values[0]))
+    assert found.errors[1] == 1e-4

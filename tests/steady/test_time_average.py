@@ -23,16 +23,12 @@ STALL = 7.385e-3  # N·m at stall: validation/records/unstable.jsonl has 7.3846 
 
 @pytest.mark.parametrize("speed", [2.0, None])
 def test_the_time_average_of_a_stable_motion_is_its_mean(speed: float | None) -> None:
-    damping = {
-        f"modes.{at}.damping_n_s_per_m": 5.0 * mode.damping_n_s_per_m for at, mode in enumerate(UNINTENDED.modes)
-    }
-    motor = UNINTENDED.updated(damping | {"mount.damping_n_s_per_m": 500.0, "rotor.inertia_kg_m2": 1e-7})
+    changes = {f"modes.{at}.damping_n_s_per_m": 5.0 * one.damping_n_s_per_m for at, one in enumerate(UNINTENDED.modes)}
+    motor = UNINTENDED.updated(changes | {"mount.damping_n_s_per_m": 500.0, "rotor.inertia_kg_m2": 1e-7})
     (state,) = steady_states([Point.of(motor, DRIVE, speed=speed)])
     assert state.stable
     assert state.solution is not None
-    period_map = PeriodMap(DRIVE.period, 80)
-    found, _ = time_averages({7: state.solution}, period_map, 1e-3)
-    mean, error = found[7]
+    mean, error = time_averages({7: state.solution}, PeriodMap(DRIVE.period, 80), 1e-3)[0][7]
     radius, friction = motor.rotor.radius_m, motor.contact.friction * motor.contact.preload_n
     assert radius * mean["friction"] == pytest.approx(state.torque_n_m, abs=2e-3 * radius * friction)
     assert mean["speed"] == pytest.approx(state.speed_rad_s, rel=2e-3)
