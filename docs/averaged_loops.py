@@ -124,18 +124,19 @@ DESIGNS: dict[str, dict[str, Any]] = {
 SETTLES = {"position": 0.1}  # s, from rest to the modulation; of the other loops less
 QUICKLY = 0.06
 MODULATION = {"speed": 0.5, "position": 0.5, "phase": 3.0}  # V, V and Hz: a per cent of the operating point
-CYCLES = 3
+CYCLES = (2, 3)  # of the modulation, before the measurement and in it
 SETTLING = 20  # samples in which a loop of the phase, closed at the steady speed, settles
 
 
 def injected(
-    loop: ControlLoop, motor: pr.Motor, drive: pr.TwoPhaseDrive, *, settles: float, size: float = 1.0, **how: Any
-) -> complex:
+    loop: ControlLoop, motor: pr.Motor, drive: pr.TwoPhaseDrive, *, settles: float, size: float = 1.0,
+    cycles: tuple[int, int] = CYCLES, **how: Any,
+) -> complex:  # fmt: skip
     """Return the loop gain at the designed crossover, by a sine that is added to the controller's output.
 
     The ratio of returned to injected signal is minus the loop gain (R. D. Middlebrook, Int. J. Electronics 38, 1975).
-    ``settles`` in s is the time before the sine, ``size`` that of the sine relative to the usual one; ``how`` goes to
-    ``simulate_controlled``.
+    ``settles`` in s is the time before the sine, ``size`` that of the sine relative to the usual one; ``cycles`` of the
+    sine pass before the measurement and in it; ``how`` goes to ``simulate_controlled``.
     """
     wanted = loop.provenance["run"]
     step, point = wanted["sample_time_s"], wanted["operating_point"]
@@ -162,13 +163,13 @@ def injected(
         turned = {"phase_deg": commands["phase_deg"]} if "phase_deg" in commands else {}
         return {"voltage": before + sine} | turned
 
-    first = begins + 2 * cycle
+    first, measured = begins + cycles[0] * cycle, cycles[1] * cycle
     pr.simulate_controlled(
-        motor, drive, modulated, duration=(first + CYCLES * cycle + 0.5) * step, sample_time=step,
+        motor, drive, modulated, duration=(first + measured + 0.5) * step, sample_time=step,
         load_torque=wanted["load_torque_n_m"], **how,
     )  # fmt: skip
-    wave = np.exp(-2j * np.pi * np.arange(CYCLES * cycle) / cycle)
-    returned, added = wave @ np.array(signals[first : first + CYCLES * cycle])
+    wave = np.exp(-2j * np.pi * np.arange(measured) / cycle)
+    returned, added = wave @ np.array(signals[first : first + measured])
     return complex(-returned / added)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.averaged.errors import estimate
-from pyspice_runner.averaged.library import Schedule, first
+from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, first
 from pyspice_runner.averaged.point import COMMANDS, AveragedPoint, ScheduleLike, deck_of, schedule_of
 from pyspice_runner.averaged.run import ErrorEstimate, exact
 from pyspice_runner.averaged.simulate import averaged_engine
@@ -86,6 +86,8 @@ def simulate_controlled(
     start: Literal["rest", "steady"] = "rest",
     records: int = 1,
     thermal: Thermal | None = None,
+    phases: int = PHASES,
+    harmonics: int = HARMONICS,
     step: float | None = None,
     engine: Engine = "auto",
     timeout: float | None = None,
@@ -115,6 +117,8 @@ def simulate_controlled(
             the start, of the compiled averaged motor only.
         records: number of values between two samples in the ``records`` of the result.
         thermal: drift with temperature; the losses then heat the stator.
+        phases: number of phases of the period at which the averaged motor evaluates the contact.
+        harmonics: number of harmonics of its tip's motion, 1 to 6.
         step: time step in s of the full motor; by default that of ``simulate``. It is made a whole part of the sample
             time.
         engine: of the averaged motor, as in :func:`simulate_averaged`.
@@ -127,7 +131,7 @@ def simulate_controlled(
     given = dict(courses or {})
     course = schedule_of("reference", given.pop("reference", 0.0), duration)
     point = Point.of(motor, drive, load_torque=load_torque, thermal=thermal)
-    run = AveragedPoint.of(point, duration, courses=given, shaft=shaft)
+    run = AveragedPoint.of(point, duration, courses=given, shaft=shaft, phases=phases, harmonics=harmonics)
     stage = run.front.stage
     check_sample_time(sample_time, stage)
     count = int(duration / sample_time * (1.0 + 1e-9)) if isfinite(duration) and duration > 0.0 else 0

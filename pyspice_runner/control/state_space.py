@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.averaged.core import INPUTS, AveragedMotor, LinearMotor
 from pyspice_runner.averaged.errors import DECAYS, estimate
+from pyspice_runner.averaged.library import PHASES
 from pyspice_runner.averaged.point import AveragedPoint
 from pyspice_runner.averaged.run import ErrorEstimate, Estimated
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -153,18 +154,20 @@ class StateSpace(Estimated, Result):
                 **self._entries("trusted", "error_estimate", "cautions")}  # fmt: skip
 
 
-def settled(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> AveragedMotor:
+def settled(motor: Motor, drive: TwoPhaseDrive, load_torque: float, phases: int = PHASES) -> AveragedMotor:
     """Return an averaged motor in its steady state at a drive, under a load torque in N·m.
 
     Raise ParameterError for a load that is out of range or a drive that does not suit the motor.
     """
-    run = AveragedPoint.of(Point.of(motor, drive.model_copy(update={"soft_start": 0.0}), load_torque=load_torque), 0.0)
-    running = run.compiled()
+    point = Point.of(motor, drive.model_copy(update={"soft_start": 0.0}), load_torque=load_torque)
+    running = AveragedPoint.of(point, 0.0, phases=phases).compiled()
     running.settle()
     return running
 
 
-def small_signals_at(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[dict[str, float], LinearMotor]:
+def small_signals_at(
+    motor: Motor, drive: TwoPhaseDrive, load_torque: float, phases: int = PHASES
+) -> tuple[dict[str, float], LinearMotor]:
     """Return values of the steady state at a drive, under a load torque in N·m, and the small signals about it.
 
     Averages over a period do not describe a free vibration that is not slow against it, such as that of a mode far from
@@ -172,7 +175,7 @@ def small_signals_at(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> 
     """
     from scipy.linalg import eig, matrix_balance  # takes long to load
 
-    running = settled(motor, drive, load_torque)
+    running = settled(motor, drive, load_torque, phases)
     found = running.linearised()
     balanced, (scale, _) = matrix_balance(found.by_state, permute=False, separate=True)
     poles, left, right = eig(balanced, left=True)

@@ -48,7 +48,8 @@ def contact_period(
     along, towards = motion(x), motion(y)
     radius, stiffness = CONTACT["radius"], CONTACT["normal_stiffness"]
     seat = (CONTACT["preload"] / stiffness) ** (2.0 / 3.0) + series * CONTACT["preload"]
-    approach = np.maximum(seat + towards - along**2 / (2.0 * radius), 0.0)
+    reach = seat + towards - along**2 / (2.0 * radius)
+    approach = np.maximum(reach, 0.0)
 
     rate = 0.5 * phases * frequency
     central = [np.roll(values, -1) - np.roll(values, 1) for values in (along, towards)]
@@ -74,6 +75,8 @@ def contact_period(
     limit = CONTACT["mu"] * CONTACT["compliance"] * stiffness ** (2.0 / 3.0) * depth * hold
     moved = along - np.roll(along, 1) - speed * radius / (phases * frequency)
     moved += 0.5 * (along + np.roll(along, 1)) / radius * (towards - np.roll(towards, 1))
+    # within 1 nm of depth, the share of the interval after the contact has closed
+    moved *= (depth + 1e-9) / (depth + 1e-9 + np.maximum(-np.roll(reach, 1), 0.0))
     slider = np.zeros(phases)
     last = 0.0
     for _ in range(200):  # until the slider repeats
