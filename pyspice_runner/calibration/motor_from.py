@@ -18,7 +18,8 @@ resonances under preload            ``contact.normal_stiffness_n_per_m15``, and 
 A preloaded resonance gives the ratio of stiffness and mass; speed and torque separate the two poorly. Therefore the
 contact stiffnesses of the base motor, which follow from its materials, have a prior width of 20 %. All other values of
 contact and rotor are those of the base motor. Current and power at a rated point are further measurements of the same
-values.
+values. Without spectra the motor is similar to the base motor of its class (:mod:`.similar`), and further numbers give
+its friction and factors of quality, capacitance and normal motion.
 """
 
 from __future__ import annotations
@@ -299,11 +300,11 @@ class _Family:
         speeds = {one: state.values["speed_rad_s"] for one, state in states if state}
         against = {one: speed for one, speed in speeds.items() if self.sheet.sign * speed < -STANDS}
         found = ", ".join(f"{speed:.3g} {self.sheet.unit('speed')} at {one:.4g} V" for one, speed in against.items())
-        told = (
+        caution = (
             f"The motor turns against its measured direction at lower voltages: {found}. A control loop for such a "
             "motor may run away. Start from a base that is closer."
         )
-        return [told] if found else []
+        return [caution] if found else []
 
     def missed(self, computed: Mapping[str, float]) -> list[str]:
         """Return a sentence for each number to which the values were fitted and that the motor does not have."""
@@ -402,14 +403,14 @@ def _of_spectra(
     fit = fit_groups(spectra, modes)
     borrowed = _tips(fit, base) if tips is None and mass_kg is None else None
     if borrowed is None and tips is None and mass_kg is None:
-        told = (
+        caution = (
             f"{base.name} has no modes like those of the spectra: all modes have one mass, and the signs of the "
             "couplings give the motion of the tip. Give tips and mass_kg, or a closer base."
         )
-        fit = replace(fit, cautions=(*fit.cautions, told))
+        fit = replace(fit, cautions=(*fit.cautions, caution))
     if mass_kg is None and sheet.low_speed is None:
-        told = f"The preload is that of {base.name}, and with it the dead band. For a control loop give low_speed too."
-        fit = replace(fit, cautions=(*fit.cautions, told))
+        caution = f"Preload and dead band are those of {base.name}. For a control loop give low_speed too."
+        fit = replace(fit, cautions=(*fit.cautions, caution))
     contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
         values[FRICTION] = contact.friction
