@@ -14,9 +14,10 @@ Source: K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 199
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from itertools import product
-from math import atan2, copysign, cos, degrees, log, pi, radians, sin, tan
+from itertools import product, takewhile
+from math import atan2, copysign, cos, degrees, pi, radians, sin, tan
 from typing import Any, Literal
 
 import numpy as np
@@ -29,9 +30,9 @@ from pyspice_runner.control.state_space import at_speed, by_input, settled, smal
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result
+from pyspice_runner.steady.small_signals import loop_margins
 from pyspice_runner.steady.steady import STANDS
 from pyspice_runner.units import linear_words
 
@@ -48,7 +49,7 @@ SAMPLE_TIME = 0.5e-3  # s
 MARGINS = (60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 45.0)  # deg; an integrator alone and a plant without lag: 90°
 LEAST_GAIN_MARGIN = 6.0  # dB
 INTEGRAL_PART = 30.0  # deg, smallest lag of a PI controller at the crossover; a PD controller leads by at most 60°
-TRIED, SLOWEST, STEP_DEG = 90, 2e-4, 5.0  # crossovers that are tried, the lowest of the highest; step of the margins
+TRIED, SLOWEST, STEP_DEG = 90, 5e-4, 5.0  # crossovers that are tried, the lowest of the highest; step of the margins
 ROUNDING = 1.0 + 1e-6  # of a step of the encoder, in the comparison with an error that is a multiple of it
 # of a period, at which the contact of the plant is evaluated: where it opens, the slope of the torque versus amplitude
 # is 11 % above that of the full motor with the 64 of a run, and 1 % with these
@@ -254,7 +255,7 @@ def dead_band(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> float:
 
 
 def _over_amplitudes(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[float, dict[float, float]]:
-    """Return the dead band in V, and amplitudes up to that of the drive with the speed that each gives from rest."""
+    """Return the dead band in V, and amplitudes from one that does not turn the motor on, with the speed from rest."""
     running = AveragedMotor(motor)
 
     def speed(voltage: float) -> float:
@@ -267,17 +268,18 @@ def _over_amplitudes(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> 
         running.advance(0.5 * _RUN, _RUN)
         return (running.get("position") - half) / (0.5 * _RUN)
 
-    speeds = {voltage: speed(voltage) for voltage in (drive.voltage * np.arange(1, _PARTS + 1) / _PARTS).tolist()}
-    direction, high = copysign(1.0, speeds[drive.voltage]), drive.voltage
-    for voltage, one in reversed(speeds.items()):  # above it the motor turns in one direction
-        if direction * one <= STANDS:
+    speeds = dict[float, float]()
+    for voltage in (drive.voltage * np.arange(_PARTS, 0, -1) / _PARTS).tolist():
+        speeds[voltage] = speed(voltage)
+        if abs(speeds[voltage]) <= STANDS:
             break
-        high = voltage
+    direction = copysign(1.0, speeds[drive.voltage])  # of all amplitudes above the dead band
+    high = min(takewhile(lambda one: direction * speeds[one] > STANDS, speeds), default=drive.voltage)
     low = high - drive.voltage / _PARTS
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if direction * speed(middle) > STANDS else (middle, high)
-    return 0.5 * (low + high), speeds
+    return 0.5 * (low + high), dict(reversed(speeds.items()))
 
 
 def _wrong_signs(gain: float, speed: float, drive: TwoPhaseDrive, speeds: Mapping[float, float]) -> Iterator[str]:
@@ -308,6 +310,11 @@ class _Plant:
     row: Array  # states → angle, or phase integrated over time in deg·s
     point: Mapping[str, float]  # the steady state of a run
 
+    def sign(self, crossover: float) -> float:
+        """Return the sign of the effect of the input, far below a crossover in Hz."""
+        slow = complex(self.response(np.array([LOWEST * crossover]))[0])
+        return -1.0 if (slow * (1j if self.quantity == "position" else 1.0)).real < 0.0 else 1.0
+
     def response(self, frequency: Array) -> Complex:
         """Return the transfer function from the input to a sample: a mean since the last one, or the present angle."""
         z = np.exp(2j * pi * frequency * self.sample_time)
@@ -316,60 +323,38 @@ class _Plant:
         return np.asarray(found if self.quantity == "position" else found * (1.0 - 1.0 / z) / self.sample_time)
 
 
-@checked
 def sampled_loop(
-    motor: Motor,
-    drive: TwoPhaseDrive,
-    *,
-    quantity: Quantity = "speed",
-    crossover: float | None = None,
-    margin: float | None = None,
-    sample_time: float = SAMPLE_TIME,
-    load_torque: float = 0.0,
-    over: Mapping[str, Sequence[float]] | None = None,
-) -> ControlLoop:
-    """Design a sampled controller about the steady state at a drive.
+    motor: Motor, drive: TwoPhaseDrive, quantity: Quantity, crossover: float | None, margin: float | None,
+    sample_time: float, load_torque: float, over: Mapping[str, Sequence[float]] | None,
+) -> ControlLoop:  # fmt: skip
+    """Design a sampled controller about the steady state at a drive; the arguments are those of :func:`.control_loop`.
 
     The controller of the ``speed`` is u = V₀ + k (e + (T/T_i) Σ e), which sets the amplitude of both groups in
     proportion; e is the error of the mean speed since the last sample, T the sample time. That of the ``position`` is
     u = V_d + |k (e − T_d ω)| with the dead band V_d and the mean speed ω; the set point of the design moves at the
     speed of the steady state. That of the ``phase`` sets the frequency by the phase of the mean current into group A,
     like that of the speed.
-
-    Args:
-        motor: the motor.
-        drive: amplitudes, phase and frequency of the steady state.
-        quantity: the controlled quantity.
-        crossover: wanted frequency at which the loop gain is 1, Hz; by default the highest with this margin, 6 dB of
-            gain margin, and at the crossover a lag of the PI controller of 30° or more, or a lead of the PD up to 60°.
-        margin: wanted phase margin, degrees; by default 60°, or the next that the motor allows.
-        sample_time: time in s between two samples; at least one period of the drive.
-        load_torque: torque in N·m that a load draws from the shaft.
-        over: axes of a grid of other operating points: ``drive.voltage``, ``speed`` (rad/s, to which the amplitude of
-            both groups brings the motor under its load), ``load.torque``, ``temperature`` (K, of the stator above that
-            at which its parameters hold) or the path of a parameter of the motor → values.
-
-    Raises:
-        ParameterError: for a value out of range, or a crossover and margin that no controller of this kind gives.
-        SimulationError: if there is no C compiler, no steady state, a motor that stands still, or no stable loop.
     """
     check_sample_time(sample_time, drive)
     highest = 0.5 * NYQUIST / sample_time
-    allowed = f"> 0 and ≤ {highest:.4g} Hz, {NYQUIST:g} times half of the sampling rate"
-    require(crossover is None or 0.0 < crossover <= highest, "crossover", crossover, allowed, unit="Hz")
+    allowed = f"from {SLOWEST * highest:.3g} to {highest:.4g} Hz, {NYQUIST:g} times half of the sampling rate"
+    require(crossover is None or SLOWEST * highest <= crossover <= highest, "crossover", crossover, allowed, unit="Hz")
     allowed = f"from {LEAST_MARGIN:g} to {MOST_MARGIN:g}°"
     require(margin is None or LEAST_MARGIN <= margin <= MOST_MARGIN, "margin", margin, allowed, unit="°")
     plant = _plant(motor, drive, load_torque, quantity, sample_time)
-    crossover, margin = _chosen(plant, crossover, margin)
-    gain, ratio = _gains(plant, crossover, margin)
     band, cautions = None, list[str]()
     if quantity != "phase":
         band, speeds = _over_amplitudes(motor, drive, load_torque)
-        cautions = list(_wrong_signs(gain, plant.point["speed"], drive, speeds))
+        cautions = list(_wrong_signs(plant.sign(highest), plant.point["speed"], drive, speeds))
+    try:
+        crossover, margin = _chosen(plant, crossover, margin)
+    except (ParameterError, SimulationError) as error:
+        raise type(error)(" ".join((str(error), *cautions))) from None
+    gain, ratio = _gains(plant, crossover, margin)
     frequency = np.geomspace(LOWEST * crossover, 0.5 / sample_time, POINTS)
     responses = plant.response(frequency)
     loop = _controller(plant, gain, ratio, frequency) * responses
-    found, phase_margin, gain_margin = _margins(frequency, loop)
+    found, phase_margin, gain_margin = loop_margins(frequency, loop)
     count = max(FEWEST, int(CYCLES / crossover / sample_time))
     predicted = _predicted(plant, gain, ratio, count)
     designed = ControlLoop(
@@ -421,9 +406,11 @@ def _spread(
                 there = at_speed(changed, there, load_torque, at["speed"])
             plant = _plant(changed, there, load_torque, loop.quantity, run["sample_time_s"])
             point = replace(point, speed=plant.point["speed"], voltage=there.voltage)
+            if plant.sign(run["crossover_hz"]) * fixed[0] < 0.0:
+                raise SimulationError("The gain of the motor has the opposite sign there: the loop runs away.")
             _predicted(plant, *fixed, 1)  # which raises for a loop that is not stable
             responses = _controller(plant, *fixed, loop.frequency_hz) * plant.response(loop.frequency_hz)
-            crossover, margin, _ = _margins(loop.frequency_hz, responses)
+            crossover, margin, _ = loop_margins(loop.frequency_hz, responses)
             point = replace(point, crossover_hz=crossover, phase_margin_deg=margin)
         except SimulationError as error:
             point = replace(point, reason=str(error))
@@ -475,9 +462,7 @@ def _gains(plant: _Plant, crossover: float, margin: float) -> tuple[float, float
     at = np.array([crossover])
     value = complex(plant.response(at)[0])
     half = pi * crossover * plant.sample_time  # ω T/2
-    # of a plant with a negative gain the controller has one too
-    slow = complex(plant.response(LOWEST * at)[0]) * (1j if plant.quantity == "position" else 1.0)
-    sign = -1.0 if slow.real < 0.0 else 1.0
+    sign = plant.sign(crossover)  # of a plant with a negative gain the controller has one too
     phase = atan2((sign * value).imag, (sign * value).real)
     phase -= 2.0 * pi if phase > 0.5 * pi else 0.0
     turned = radians(margin - 180.0) - phase  # phase of the controller
@@ -531,11 +516,10 @@ def _chosen(plant: _Plant, crossover: float | None, margin: float | None) -> tup
 
 def _stable(plant: _Plant, crossover: float, margin: float) -> bool:
     """Whether a controller gives crossover and margin, in a loop that is stable."""
-    try:
+    with suppress(ParameterError, SimulationError):
         _predicted(plant, *_gains(plant, crossover, margin), 1)
-    except (ParameterError, SimulationError):
-        return False
-    return True
+        return True
+    return False
 
 
 def _robust(plant: _Plant, crossover: float, margin: float) -> bool:
@@ -544,7 +528,7 @@ def _robust(plant: _Plant, crossover: float, margin: float) -> bool:
         return False
     gain, ratio = _gains(plant, crossover, margin)
     frequency = np.geomspace(LOWEST * crossover, 0.5 / plant.sample_time, POINTS)
-    _, worst, bound = _margins(frequency, _controller(plant, gain, ratio, frequency) * plant.response(frequency))
+    _, worst, bound = loop_margins(frequency, _controller(plant, gain, ratio, frequency) * plant.response(frequency))
     turned = abs(degrees(np.angle(_controller(plant, 1.0, ratio, np.array([crossover]))[0])))
     integral = 90.0 - turned if plant.quantity == "position" else turned
     return integral >= INTEGRAL_PART and worst >= margin - 1.0 and (bound is None or bound >= LEAST_GAIN_MARGIN)
@@ -556,56 +540,27 @@ def _controller(plant: _Plant, gain: float, ratio: float, frequency: Array) -> C
     return np.asarray(gain * (1.0 + ratio * part))
 
 
-def _margins(frequency: Array, loop: Complex) -> tuple[float, float, float | None]:
-    """Return crossover in Hz, phase margin in degrees and gain margin in dB, each the worst of several."""
-    level, phase, place = np.log(np.abs(loop)), np.unwrap(np.angle(loop)), np.log(frequency)
-    index = np.arange(len(loop))
-
-    def crossings(values: Array) -> Array:
-        """Return the indices, with the share of a step, at which values are 0."""
-        found = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-        return np.asarray(found + values[found] / (values[found] - values[found + 1]))
-
-    ones = crossings(level)
-    if not ones.size:
-        raise SimulationError("The loop gain does not cross 1 below half of the sampling rate.")
-    margins = (np.degrees(np.interp(ones, index, phase)) + 360.0) % 360.0 - 180.0
-    worst = int(margins.argmin())
-    turns = np.concatenate([crossings(phase - pi * odd) for odd in range(-9, 10, 2)])
-    levels = np.interp(turns, index, level)
-    above = levels[levels < 0.0]
-    crossover = float(np.exp(np.interp(ones[worst], index, place)))
-    return crossover, float(margins[worst]), -20.0 * float(above.max()) / log(10.0) if above.size else None
-
-
 def _predicted(plant: _Plant, gain: float, ratio: float, count: int) -> Array:
     """Return the samples after a unit step of the set point, by the small signals.
 
     Raise SimulationError for a loop that is not stable.
     """
-    states = len(plant.transition)
-
-    def after(whole: Array, reference: float) -> tuple[Array, float]:
-        """States, last row, sum or last sample → the same one sample later, and the sample."""
-        x, last, memory = whole[:states], whole[states], whole[states + 1]
-        now = float(plant.row @ x)
-        if plant.quantity == "position":
-            sample = now
-            memory, output = now, gain * (reference - now - ratio * (now - memory))
-        else:
-            sample = (now - last) / plant.sample_time
-            memory = memory + reference - sample
-            output = gain * (reference - sample + ratio * memory)
-        return np.array([*(plant.transition @ x + plant.held * output), now, memory]), sample
-
-    columns = np.array([after(unit, 0.0)[0] for unit in np.eye(states + 2)]).T
+    states, position = len(plant.transition), plant.quantity == "position"
+    last, memory = np.eye(states + 2)[states:]  # the row before, and the sum of the errors or the angle before
+    now = np.append(plant.row, [0.0, 0.0])
+    sample = now if position else (now - last) / plant.sample_time
+    kept = now if position else memory - sample
+    output = -gain * (now + ratio * (now - memory)) if position else gain * (ratio * kept - sample)
+    moved = np.hstack([plant.transition, np.zeros((states, 2))]) + np.outer(plant.held, output)
+    after = np.vstack([moved, now, kept])
     # the angle itself, and the charge, are integrals that a loop of their mean does not hold
-    if np.abs(np.linalg.eigvals(columns)).max() > 1.0 + 1e-6:
+    if np.abs(np.linalg.eigvals(after)).max() > 1.0 + 1e-6:
         raise SimulationError("The loop is not stable by the small signals: lower the crossover or raise the margin.")
+    by_reference = np.append(plant.held * gain * (1.0 if position else 1.0 + ratio), [0.0, 0.0 if position else 1.0])
     whole, samples = np.zeros(states + 2), []
     for _ in range(count):
-        whole, sample = after(whole, 1.0)
-        samples.append(sample)
+        samples.append(float(sample @ whole))
+        whole = after @ whole + by_reference
     return np.array(samples)
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import pi, radians
+from math import log, pi, radians
 from typing import Any, Unpack
 
 import numpy as np
@@ -382,3 +382,28 @@ def cold_admittance(motor: Motor, frequency: float) -> Complex:
     stator = motor.stator.on_carrier(motor.mount)
     motion = np.linalg.solve(stator.dynamic_stiffness(omega), stator.coupling)
     return np.asarray(dielectric_matrix(motor, frequency) + 1j * omega * stator.coupling.T @ motion)
+
+
+def loop_margins(frequency: Array, loop: Complex) -> tuple[float, float, float | None]:
+    """Return crossover in Hz, phase margin in degrees and gain margin in dB of a loop gain, each the worst of several.
+
+    The gain margin is ``None`` without bound. Raise SimulationError if the gain does not cross 1.
+    """
+    level, phase, place = np.log(np.abs(loop)), np.unwrap(np.angle(loop)), np.log(frequency)
+    index = np.arange(len(loop))
+
+    def crossings(values: Array) -> Array:
+        """Return the indices, with the share of a step, at which values are 0."""
+        found = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+        return np.asarray(found + values[found] / (values[found] - values[found + 1]))
+
+    ones = crossings(level)
+    if not ones.size:
+        raise SimulationError(f"The loop gain does not cross 1 from {frequency[0]:.3g} to {frequency[-1]:.3g} Hz.")
+    margins = (np.degrees(np.interp(ones, index, phase)) + 360.0) % 360.0 - 180.0
+    worst = int(margins.argmin())
+    turns = np.concatenate([crossings(phase - pi * odd) for odd in range(-9, 10, 2)])
+    levels = np.interp(turns, index, level)
+    above = levels[levels < 0.0]
+    crossover = float(np.exp(np.interp(ones[worst], index, place)))
+    return crossover, float(margins[worst]), -20.0 * float(above.max()) / log(10.0) if above.size else None

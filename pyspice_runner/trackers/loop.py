@@ -40,7 +40,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.copies import Plant
 from pyspice_runner.steady.monodromy import differentiable
-from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised
+from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised, loop_margins
 from pyspice_runner.trackers.tracker import (
     LoopFilter,
     TrackedSource,
@@ -121,11 +121,8 @@ def crossing(
     below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
     if below.size != 1:
         raise SimulationError(f"The loop gain crosses 1 {below.size} times near {tracker.bandwidth_hz:g} Hz.")
-    near = slice(int(below[0]), int(below[0]) + 2)
-    crossover = float(np.exp(np.interp(0.0, level[near][::-1], np.log(frequency[near])[::-1])))
-    phase = np.unwrap(np.angle(gain))
-    margin = 180.0 + float(np.degrees(np.interp(np.log(crossover), np.log(frequency), phase)))
-    return LoopDesign(loop_filter, crossover, (margin + 180.0) % 360.0 - 180.0, frequency, gain, **more)
+    crossover, margin, _ = loop_margins(frequency, gain)
+    return LoopDesign(loop_filter, crossover, margin, frequency, gain, **more)
 
 
 Complex = NDArray[np.complex128]

@@ -78,7 +78,9 @@ def test_the_slow_gain_of_the_plant_is_that_of_two_steady_states(motor: pr.Motor
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is not valid: it must be > 0 and ≤ 800 Hz"),
+        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is not valid: it must be from 0.4 to 800 Hz"),
+        ({"crossover": 1e-9}, pr.ParameterError, r"crossover = 1e-09 Hz is not valid: it must be from 0.4 to 800 Hz"),
+        ({"mode": 1}, pr.ParameterError, "control_loop: mode and contact are those of a tracker"),
         ({"margin": 200.0}, pr.ParameterError, "margin = 200 ° is not valid: it must be from 5 to 120°"),
         ({"sample_time": 1e-6}, pr.ParameterError, "at least one period of the drive"),
         ({"crossover": 300.0, "margin": 90.0}, pr.ParameterError, r"is not possible: a PI controller gives .* to .*°"),
@@ -136,6 +138,14 @@ def test_a_position_loop_rests_within_a_step_of_the_encoder_and_a_hunting_one_ha
             assert run.voltage_a_v[-1] == 0.0
 
 
+def test_the_loop_of_a_tracker_takes_no_settings_of_a_sampled_one(motor: pr.Motor) -> None:
+    tracker = pr.Tracker(kind="pll", voltage=60.0, frequency=40.7e3)
+    with pytest.raises(pr.ParameterError, match="control_loop: there is no argument 'foo'"):
+        pr.control_loop(motor, tracker, foo=1)  # type: ignore[call-overload]
+    with pytest.raises(pr.ParameterError, match=r"crossover, margin, .* are those of a sampled loop"):
+        pr.control_loop(motor, tracker, crossover=40.0)  # type: ignore[call-overload]
+
+
 def test_a_margin_alone_is_used_where_no_robust_loop_has_it(motor: pr.Motor) -> None:
     loop = pr.control_loop(motor, pr.default_drive(motor), quantity="phase", margin=20.0)
     assert loop.phase_margin_deg == pytest.approx(20.0, abs=0.5)
@@ -161,6 +171,8 @@ def test_gains_against_the_drive_or_of_a_changing_sign_have_a_caution(motor: pr.
     assert "-3.67 rad/s, against the sign of the phase of 62°: the gains are negative" in told[False]
     assert "changes its sign below the drive: 1.7 rad/s at 62.5 V, -0.0475 rad/s at 75 V, -1.83 rad/s" in told[False]
     assert not any(words in told[True] for words in ("against", "its sign"))
+    spread = pr.control_loop(motor, at, **design, over={"drive.frequency": [40.0e3]}).spread  # type: ignore[arg-type]
+    assert "The gain of the motor has the opposite sign there" in spread[0].reason
 
 
 def beam() -> tuple[pr.Motor, pr.TwoPhaseDrive]:
