@@ -68,7 +68,10 @@ class OperatingPoint(Point):
         timeout: float | None = None,
         audit: bool = True,
     ) -> None:
-        law, solver = law_of(contact), Solver(step, accuracy, exact_resonance, timeout, audit)
+        law, solver = (
+            None if motor.is_transducer else law_of(contact),
+            Solver(step, accuracy, exact_resonance, timeout, audit),
+        )
         super().__init__(motor, source_of(drive, motor, law), load, law, solver, thermal)
 
     @property

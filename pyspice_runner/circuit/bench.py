@@ -19,6 +19,7 @@ from pyspice_runner.circuit.state import (
     held_piezo,
     motor_states,
     plate_nodes,
+    plates_of,
     start_values,
 )
 from pyspice_runner.motor import groups
@@ -74,7 +75,7 @@ def motor_bench(
     """
     source.check(motor)
     circuit = Circuit(title or f"{motor.name}: transient")
-    source.add(circuit, motor, GROUPS, begun=begun)
+    source.add(circuit, motor, motor.groups, begun=begun)
     powers = {} if plotted else dict(source.powers)
     for power in powers.values():
         circuit.raw_spice = circuit.raw_spice.replace(power.line, "")
@@ -90,9 +91,9 @@ def motor_bench(
         add_cooling(circuit, thermal)
         nodes = ("temperature", "heat", *nodes)
     add_motor(
-        circuit, motor, ("a", "b", circuit.gnd, "shaft", *nodes),
+        circuit, motor, (*motor.groups, circuit.gnd, *([] if motor.is_transducer else ["shaft"]), *nodes),
         law=law, discretisation=discretisation, start=start,
-        thermal=thermal or source.thermal, approach="approach" in nodes, check=check, plotted=False,
+        thermal=thermal or source.thermal, approach=bool({"approach", "tool"} & {*nodes}), check=check, plotted=False,
     )  # fmt: skip
     signals = {**plotted_nodes(motor, law, "xmotor"), **powers}
     return _bench(circuit, motor, source, law, start, discretisation, signals)
@@ -151,8 +152,8 @@ def _bench(
         states = motor_states(motor, law)
         nodes |= start_values(states, [state.of(start) for state in states], discretisation)[1]
     else:
-        for group, voltage in zip(GROUPS, source.initial_voltages(), strict=True):
-            nodes |= dict.fromkeys(plate_nodes(group), voltage) if abs(voltage) > 1e-12 else {}
+        for group, voltage in zip(motor.groups, source.initial_voltages(), strict=False):
+            nodes |= dict.fromkeys(plates_of(motor, group), voltage) if abs(voltage) > 1e-12 else {}
     return Bench(circuit, options, {f"xmotor.{node}": voltage for node, voltage in nodes.items()}, signals)
 
 
@@ -219,15 +220,18 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
     ``Vb2`` are −Y_AB, −Y_BB. Shafts are free to turn on their bearings.
     """
     circuit = Circuit(title or f"{motor.name}: admittance, {'preloaded' if preloaded else 'free'}")
-    for copy, driven in (("1", "a"), ("2", "b")):
-        for group in ("a", "b"):
+    if motor.is_transducer and not preloaded:
+        motor = motor.model_copy(update={"load": None})
+    shaft = [] if motor.is_transducer else ["shaft"]
+    for copy, driven in zip("12", motor.groups, strict=False):
+        for group in motor.groups:
             amplitude = 1 if group == driven else 0
             circuit.V(f"{group}{copy}", f"{group}{copy}", circuit.gnd, f"DC 0 AC {amplitude}")
         add_motor(
             circuit,
             motor,
-            (f"a{copy}", f"b{copy}", circuit.gnd, f"shaft{copy}"),
+            (*(f"{group}{copy}" for group in motor.groups), circuit.gnd, *(f"{pin}{copy}" for pin in shaft)),
             instance=f"motor{copy}",
-            law=PAPER_LAW if preloaded else None,
+            law=PAPER_LAW if preloaded and shaft else None,
         )
     return circuit

@@ -39,10 +39,12 @@ from pyspice_runner.circuit.state import (
     held_piezo,
     motor_states,
     plate_nodes,
+    plates_of,
     pushes,
     start_values,
     static_sway,
     stems,
+    transducer_branches,
     written,
     written_stator,
 )
@@ -73,6 +75,7 @@ MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the cont
 MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if the carrier moves along it, too
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
+TRANSDUCER = "transducer"
 REVISION = 3  # of the exported motor: its pins, its parameters and what they mean
 # parameters of the X line that set parameters of the contact; they come first
 _FIRST = ("preload", "friction", "normal_stiffness", "compliance", "radius")
@@ -231,6 +234,9 @@ class MotorSubCircuit(Assembly):
             self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
 
     def _add_groups(self, warm: tuple[str, ...]) -> None:
+        if self._motor.is_transducer:
+            self._add_plain_groups()
+            return
         piezo, thermal = held_piezo(self._motor, self._law), self._thermal
         drift = {"capacitance_drift": thermal.capacitance_drift_per_k} if thermal else {}
         part = "piezomotor_group_thermal" if thermal else "piezomotor_group"
@@ -241,6 +247,20 @@ class MotorSubCircuit(Assembly):
             self._put(groups.named("group", group), part, nodes, values | drift)
         if piezo.capacitance_ab_f:
             self._add_capacitance_between(piezo, warm)
+
+    def _add_plain_groups(self) -> None:
+        """Add the clamped capacitances of a transducer, branch by branch."""
+        piezo = self._motor.piezo
+        for group in self._motor.groups:
+            pin = groups.named("own", group) if piezo.capacitance_ab_f else group
+            branches = transducer_branches(self._motor, group)
+            plates = plates_of(self._motor, group) or (pin,)
+            for number, (node, (ohm, farad)) in enumerate(zip(plates, branches, strict=True)):
+                if ohm:
+                    self.raw_spice += f"Rplate_{group}{number} {pin} {node} {ohm!r}\n"
+                self.raw_spice += f"Cplate_{group}{number} {node} {self._common} {farad!r}\n"
+        if piezo.capacitance_ab_f:
+            self._add_capacitance_between(piezo, ())
 
     def _add_capacitance_between(self, piezo: Piezo, warm: tuple[str, ...]) -> None:
         """Add the capacitance between the groups: each group draws a share of the other's current, of opposite sign.
@@ -271,7 +291,10 @@ class MotorSubCircuit(Assembly):
             if along_y or along_x:
                 values["recoil"] = along_y or along_x
             inside = [f"xmode{index}.{node}" for node in ("force", "damped", "velocity", "elastic")]
-            self._put(f"mode{index}", part, ("a", "b", self._common, *inside, base, *warm), values | more)
+            if self._motor.is_transducer:  # in all digits: what a fit found is no eigenvalue
+                values |= {name: repr(values[name]) for name in ("mass", "stiffness", "damping", "coupling_a")}
+            pins = [*self._motor.groups, *[self._common] * (3 - len(self._motor.groups))]
+            self._put(f"mode{index}", part, (*pins, *inside, base, *warm), values | more)
             tip["stiffness"] = values["stiffness"]
             force, _, velocity, elastic = inside
             ends = (force, velocity, elastic, "fx", "fy", "x", "y", "vx", "vy")
@@ -341,6 +364,52 @@ class MotorSubCircuit(Assembly):
         nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values(), "base")
         self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
         return MOUNTED
+
+
+class TransducerSubCircuit(MotorSubCircuit):
+    """``.subckt transducer a com`` of a transducer under its load, with a pin b for a second group.
+
+    The X line has the resistance of the load as parameter ``load``; with ``approach`` it is the voltage of a pin
+    ``tool``, 1 V = 1 N·s/m. Other arguments are those of :class:`MotorSubCircuit`, as far as they have a meaning.
+    """
+
+    def __init__(
+        self, motor: Motor, *, discretisation: Discretisation | None = None, approach: bool = False,
+        check: bool = False, name: str = "", thermal: Thermal | None = None, **_: Any,
+    ) -> None:  # fmt: skip
+        if thermal:
+            raise ParameterError("The drift with temperature is that of motors. Leave it out for a transducer.")
+        what = f"resistance of the load, against {'the face' if motor.loads_face else 'a mode'}"
+        self.settable = (LibraryParameter("load", "N.s/m", rounded(motor.load_resistance_n_s_per_m), 0.0, 1e9, what),)
+        tool = ["tool"] if approach else []
+        pins = (*motor.groups, "com", *tool)
+        Assembly.__init__(self, name or TRANSDUCER, *pins, load=repr(self.settable[0].default))
+        self._motor, self._law, self._discretisation, self._thermal = motor, None, discretisation, None
+        self._common, self._mount = "common" if check else "com", None
+        self._add_groups(())
+        self._add_modes((), 0.0)
+        self.R("free_fx", "fx", self.gnd, 1)
+        self.R("free_fy", "fy", self.gnd, 1)
+        self._add_load("V(tool)" if approach else "{load}")
+        if check:
+            limits: dict[str, float | str] = {"step": coarsest_step(motor), "outside": outside(self.settable)}
+            self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
+
+    def _add_load(self, resistance: str) -> None:
+        """Add the force of the load, a current drawn from a node where 1 A = 1 N, by the velocity that it opposes."""
+        motor, load = self._motor, self._motor.tool
+        if motor.loads_face:
+            force, velocity, (moved, per_m) = "fy", "vy", ("y", 1e-6)
+        else:
+            place = motor.load_motion.index(1.0) if 1.0 in motor.load_motion else 0
+            force, velocity, moved = (f"xmode{place + 1}.{node}" for node in ("force", "velocity", "elastic"))
+            per_m = 1.0 / spring_values(motor.modes[place], self._discretisation)["stiffness"]
+        self.raw_spice += f"Bload {force} 0 I=V({velocity})*{resistance}\n"
+        if load.stiffness_n_per_m:
+            self.raw_spice += f"Gspring {force} 0 {moved} 0 {load.stiffness_n_per_m * per_m!r}\n"
+        if load.mass_kg:
+            self.raw_spice += f"Emass heavy 0 {velocity} 0 1\nVmass heavy mass 0\nCmass mass 0 {load.mass_kg!r}\n"
+            self.raw_spice += f"Fmass {force} 0 Vmass 1\n"
 
 
 def _expressions(law: Library, values: Mapping[str, float], flexibility: float, covered: float) -> dict[str, str]:
@@ -419,7 +488,8 @@ def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
 
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s of an exported motor, for its modes, free and pressed; a carrier is slow."""
-    frequency, quality = motor.pressed_stator.damped()
+    stator = motor.loaded_stator if motor.is_transducer else motor.pressed_stator
+    frequency, quality = stator.damped()
     fast = frequency > 0.5 * min(mode.frequency_hz for mode in motor.modes)
     return longest_step(
         [*frequency[fast], *(mode.frequency_hz for mode in motor.modes)],
@@ -450,7 +520,7 @@ def add_motor(
     Raise ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does
     not have or whose value is out of range.
     """
-    write = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
+    write: Any = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
     definition = write(motor, law=law, discretisation=discretisation, startable=start is not None, **written)
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
@@ -474,7 +544,37 @@ def add_motor(
 @derived
 def _definition(motor: Motor, /, **settings: Any) -> MotorSubCircuit:
     """Return the subcircuit of a motor; many runs of one motor share it."""
+    if motor.is_transducer:
+        return TransducerSubCircuit(motor, **settings)
     return MotorSubCircuit(motor, **settings)
+
+
+def _transducer_library(motor: Motor, **settings: Any) -> str:
+    """Return the library of a transducer."""
+    circuit, step = TransducerSubCircuit(motor, check=True, **settings), coarsest_step(motor)
+    about = [
+        f"* {circuit.name}: transducer {motor.name}, under its load",
+        "*",
+        *(f"* PIN  {pin:<5}  inout  V      electrical pin" for pin in (*motor.groups, "com")),
+    ]
+    notes = [
+        *(f"* MODE {mode.name}: {mode.frequency_hz:.6g} Hz, Q {mode.quality_factor:.4g} idle" for mode in motor.modes),
+        "* NODES inside, to plot: vy (m/s) and y (um) of the face, xmode1.velocity (m/s)",
+        "* CHECK  the node check is 0, or 1 for a parameter out of its range or a step longer than STEP",
+        "*",
+        "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
+        "* OMITS  temperature, nonlinearity, a loss tangent beyond 100 times its frequency to both sides",
+        f"* REVISION {REVISION}",
+        f"* STEP   at most {step:.2g} s; {STEP_WORDS}",
+        "* TESTED WITH ngspice 39 and 46",
+        "*",
+        "* USE    the first line of a deck is its title; then:",
+        *(f"*   {line}" for line in source_lines(default_drive(motor))),
+        f"*   Xpiezo {' '.join(motor.groups)} 0 {circuit.name}",
+        f"*   .tran {step:.2g} {20.0 / motor.modes[0].frequency_hz:.2g} 0 {step:.2g} uic",
+        "*   .measure tran current_a MAX i(Va)",
+    ]
+    return circuit.library(about, notes)
 
 
 @checked
@@ -493,6 +593,8 @@ def motor_library(
     Raises:
         ParameterError: for an invalid law or name.
     """
+    if motor.is_transducer:
+        return _transducer_library(motor, name=check_name(name) if name else "", thermal=thermal)
     law = touching_law(contact, "The library contains the rotor.", motor.law)
     circuit = MotorSubCircuit(motor, law=law, thermal=thermal, check=True, name=check_name(name) if name else "")
     name = circuit.name
@@ -570,7 +672,7 @@ def editable_parameters(motor: Motor) -> str:
 def source_lines(drive: Drive) -> list[str]:
     """Return ideal sources of a drive at the nodes ``a`` and ``b``: one for each tone, in series."""
     lines = []
-    for group, tones in zip(GROUPS, drive.tones, strict=True):
+    for group, tones in zip(GROUPS, drive.tones, strict=False):
         nodes = [group, *(f"{group}{number}" for number in range(2, len(tones) + 1)), "0"]
         for number, tone in enumerate(tones):
             source = f"V{group}{number + 1 if number else ''} {nodes[number]} {nodes[number + 1]}"
@@ -617,10 +719,12 @@ def _mode_part(motor: Motor, mode: Mode, thermal: Thermal | None) -> tuple[str, 
 
 @derived
 def dielectric_branches(motor: Motor, group: str, law: Law | None = None) -> tuple[Branch, ...]:
-    """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"``, those of PLATES.
+    """Return the branches of the clamped capacitance of group ``"a"`` or ``"b"``, for a motor those of PLATES.
 
     With a law they are those of the netlist (:func:`.held_piezo`).
     """
+    if motor.is_transducer:
+        return transducer_branches(motor, group)
     own = held_piezo(motor, law).capacitance_f(group)
     return lossy_capacitance(own, max(motor.piezo.loss_tangent, SMALLEST_LOSS), branches=len(PLATES))
 
@@ -635,10 +739,9 @@ def dielectric_admittance(motor: Motor, group: str, frequency_hz: float) -> comp
 
 def dielectric_matrix(motor: Motor, frequency_hz: float) -> NDArray[np.complex128]:
     """Return the admittance matrix in S of the clamped capacitances in the netlist."""
-    piezo = motor.piezo
-    own, other = dielectric_admittance(motor, "a", frequency_hz), dielectric_admittance(motor, "b", frequency_hz)
-    between = -own * piezo.capacitance_ab_f / piezo.capacitance_a_f
-    return np.array([[own, between], [between, other]])
+    piezo, own = motor.piezo, [dielectric_admittance(motor, group, frequency_hz) for group in motor.groups]
+    between = -own[0] * piezo.capacitance_ab_f / piezo.capacitance_a_f
+    return np.where(np.eye(len(own)), np.diag(own), between)
 
 
 def _shared(piezo: Piezo, group: str) -> float:

@@ -24,13 +24,13 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.document import read_document
-from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive, check_together
+from pyspice_runner.motor.drive import Drive, OnePhaseDrive, Tone, TwoPhaseDrive, check_together
 from pyspice_runner.motor.groups import GROUPS as GROUPS
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.refusal import Stated
 from pyspice_runner.motor.thermal import Thermal
 
-Pins = tuple[str, str]  # nodes of groups A and B
+Pins = tuple[str, ...]  # nodes of the groups
 
 
 # Newton's iteration ends at a relative change of 10⁻⁶, so that its error is far below that of the time step. Nodes have
@@ -159,7 +159,7 @@ class Source(Excitation):
         """Add the source between ground and the nodes of groups A and B; it has been on for ``begun`` seconds."""
 
     @abstractmethod
-    def initial_voltages(self) -> tuple[float, float]:
+    def initial_voltages(self) -> tuple[float, ...]:
         """Return the voltages of the pins in V just after t = 0, with which the plates start."""
 
     @abstractmethod
@@ -205,7 +205,7 @@ class UniformSource(Source):
         """Return the options of a run with uniform steps."""
         return transient_options(motor, law)
 
-    def initial_voltages(self) -> tuple[float, float]:
+    def initial_voltages(self) -> tuple[float, ...]:
         """Return U_A and U_B at t = 0 in V."""
         return self.drive.initial_voltages()
 
@@ -229,9 +229,9 @@ class DriveSource(UniformSource):
         """The drive."""
         return self.drive
 
-    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:
         """Add the sources ``Va`` and ``Vb``, which have been on for ``begun`` seconds."""
-        for group, node, tones in zip(GROUPS, pins, self.drive.tones, strict=True):
+        for group, node, tones in zip(motor.groups, pins, self.drive.tones, strict=True):
             active = [tone for tone in tones if tone.amplitude] or [tones[0]]
             if self.drive.soft_start > 0.0:
                 shape = "+".join(
@@ -292,14 +292,19 @@ class Waveform(UniformSource):
         greatest = float(max(np.abs(self.voltage_a_v).max(), np.abs(self.voltage_b_v).max()))
         return TwoPhaseDrive(voltage=greatest, frequency=self.frequency)
 
+    def check(self, motor: Motor) -> None:
+        """Raise a ParameterError for a frequency far from the modes, or a voltage above what a stator withstands."""
+        kind = TwoPhaseDrive if len(motor.groups) == 2 else OnePhaseDrive
+        check_together(motor, kind(voltage=self.drive.voltage, frequency=self.frequency))
+
     @property
     def label(self) -> str:
         """Number of points and end time."""
         return f"waveform of {len(np.asarray(self.time_s))} points to {1e3 * np.asarray(self.time_s)[-1]:g} ms"
 
-    def add(self, circuit: Circuit, motor: Motor, pins: tuple[str, str], *, begun: float) -> None:  # noqa: ARG002
+    def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add the two sources ``Va`` and ``Vb`` as ``pwl`` of the time, over many lines."""
-        for group, pin, values in zip("ab", pins, (self.voltage_a_v, self.voltage_b_v), strict=True):
+        for group, pin, values in zip("ab", pins, (self.voltage_a_v, self.voltage_b_v), strict=False):
             times, volts = np.append(np.asarray(self.time_s), _EVER), np.append(values, np.asarray(values)[-1])
             pairs = [f"{at!r},{volt!r}" for at, volt in zip(times.tolist(), volts.tolist(), strict=True)]
             lines = [",".join(pairs[place : place + _ON_A_LINE]) for place in range(0, len(pairs), _ON_A_LINE)]
@@ -308,7 +313,7 @@ class Waveform(UniformSource):
             circuit.raw_spice += f"B{source} {source} 0 V={voltage}\n"
             circuit.V(group, pin, source, "DC 0")
 
-    def initial_voltages(self) -> tuple[float, float]:
+    def initial_voltages(self) -> tuple[float, ...]:
         """Return U_A and U_B at t = 0."""
         return float(np.asarray(self.voltage_a_v)[0]), float(np.asarray(self.voltage_b_v)[0])
 
@@ -396,7 +401,7 @@ def not_below_rounding(
     with 1e-5 m/N, 5 N and steps of 10 ps the error of the rate is 4e-8 m/s, below which no iteration comes. Damping
     changes the limit of stick by it, and so the velocity at which a slider is pulled back.
     """
-    if discretisation is None:
+    if discretisation is None or law is None:
         return dict(options)
     found, half_step = dict(options), discretisation.slider_time
     for motor in motors:

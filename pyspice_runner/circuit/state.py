@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.law import Law, contact_library
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.dielectric import Branch
+from pyspice_runner.motor.equivalent import constant_loss
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Mode, Mount, Piezo
 from pyspice_runner.motor.stator import Stator, carriers, discretised
@@ -69,10 +71,12 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
 
     A law without a tangential spring has none along the rotor.
     """
+    if law is None:
+        return {}
     contact, found = motor.contact, {}
-    if law and contact.series_compliance_m_per_n:
+    if contact.series_compliance_m_per_n:
         found["stem"] = contact.series_compliance_m_per_n
-    if law and contact.tangential_series_compliance_m_per_n and law.spring:
+    if contact.tangential_series_compliance_m_per_n and law.spring:
         found["stem_x"] = contact.tangential_series_compliance_m_per_n
     return found
 
@@ -90,7 +94,9 @@ def pushes(motor: Motor, law: Law | None) -> dict[str, tuple[float, ...]]:
 def held_piezo(motor: Motor, law: Law | None) -> Piezo:
     """Return the capacitances of the netlist: while the springs are held that the voltages move, C − Sᵀ R⁻¹ S."""
     piezo, matrix = motor.piezo, motor.stator.capacitance.copy()
-    for name, forces in pushes(motor, law).items():
+    if not (moved := pushes(motor, law)):
+        return piezo
+    for name, forces in moved.items():
         matrix -= stems(motor, law)[name] * np.outer(forces, forces)
     (a, between), (_, b) = matrix.tolist()
     return piezo.model_copy(update={"capacitance_a_f": a, "capacitance_b_f": b, "capacitance_ab_f": -between + 0.0})
@@ -105,9 +111,10 @@ def first_guess(
     in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
     ``stem_m`` is the compression of the compliance in series at the start in m, less that at rest.
     """
-    contact, compliance = motor.contact, stems(motor, law).get("stem")
+    compliance = stems(motor, law).get("stem")
     if law is None or not compliance or discretisation is None:
         return {}
+    contact = motor.contact
     if not {"delta", "factor"} <= {*contact_library(law, contact).subcircuit.split()}:  # of a law of the user's own
         return {}
     rate = compliance * contact.preload_n / discretisation.slider_time
@@ -226,15 +233,29 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
             State(name, "mount", f"v({{0}}.x{part}.elastic)", f"{name}_m", None, part, unit=MICRO, spring=spring),
             State(f"{name}_velocity", "mount", f"i(v.{{0}}.x{part}.vvelocity)", f"{name}_m_s", None, part, "velocity"),
         ]
-    states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
-    if motor.rotor.bearing_friction_n_m:
+    if not motor.is_transducer:
+        states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
+    if not motor.is_transducer and motor.rotor.bearing_friction_n_m:
         states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
     states += [
         State(node, "group", f"v({{0}}.{node})", groups.column("plates", group, "v"), at)
-        for group in "ab"
-        for at, node in enumerate(plate_nodes(group))
+        for group in motor.groups
+        for at, node in enumerate(plates_of(motor, group))
     ]
     return tuple(state for state in states if kinds is None or state.kind in kinds)
+
+
+def transducer_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
+    """Return the branches of the clamped capacitance of a transducer, those of a fitted circuit."""
+    return constant_loss(motor.piezo.capacitance_f(group), motor.piezo.loss_tangent, motor.stator.capacitance_at)
+
+
+def plates_of(motor: Motor, group: str) -> tuple[str, ...]:
+    """Return the nodes of the capacitances of a group; none for a capacitance without loss, which is at the pin."""
+    if not motor.is_transducer:
+        return plate_nodes(group)
+    branches = transducer_branches(motor, group)
+    return tuple(f"plate_{group}{number}" for number in range(len(branches))) if len(branches) > 1 else ()
 
 
 @cache

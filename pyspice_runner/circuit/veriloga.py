@@ -205,7 +205,7 @@ def module_values(
         "mounted": int(motor.mount is not None),
         "mounted_x": int(len(carriers(motor.mount)) > 1),
         "capacitance_a": rounded(piezo.capacitance_a_f),
-        "capacitance_b": rounded(piezo.capacitance_b_f),
+        "capacitance_b": rounded(piezo.capacitances[1]),
         "capacitance_ab": rounded(piezo.capacitance_ab_f),
         "loss": max(motor.piezo.loss_tangent, SMALLEST_LOSS),
     }

@@ -19,7 +19,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
-from pyspice_runner.motor.drive import DRIVES
+from pyspice_runner.motor.drive import DRIVES, OnePhaseDrive
 from pyspice_runner.result import Result
 from pyspice_runner.spice import Engine
 
@@ -288,8 +288,10 @@ class Call:
         self._check_frequency()
         recommended = pr.default_drive(self.loaded)
         chosen: str = self.drive or next(one for one, kind in DRIVES.items() if type(recommended) is kind)
-        other = next(one for one in DRIVES if one != chosen)
+        other = next(one for one in DRIVES if one != chosen and (chosen == "two-tone" or one == "two-tone"))
         kind = DRIVES[chosen]
+        if chosen == "one-phase":
+            self.refuse_idle(f"on {self.loaded.name}, which has one group", "phase ratio_b")
         for name in DRIVES[other].model_fields:
             if name not in kind.model_fields and self.values[name] is not None:
                 raise pr.ParameterError(
@@ -299,7 +301,7 @@ class Call:
         base: dict[str, Any]
         if type(recommended) is kind:
             base = recommended.model_dump()
-        elif chosen == "two-phase":
+        elif chosen != "two-tone":
             base = {"voltage": _VOLTAGE, "frequency": self.loaded.modes[-1].frequency_hz}
         elif self.frequency_1 is None or self.frequency_2 is None:
             raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
@@ -329,6 +331,13 @@ class Call:
                 f"tone. Give --{' and --'.join(missing)}."
             )
         return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
+
+    def phases(self, motor: pr.Motor, **more: float) -> pr.TwoPhaseDrive:
+        """Return the drive of :meth:`recommended_phases`, one phase for a motor with one group."""
+        alone = len(motor.groups) == 1
+        if alone:
+            self.refuse_idle(f"on {motor.name}, which has one group", "phase ratio_b")
+        return (OnePhaseDrive if alone else pr.TwoPhaseDrive)(**self.recommended_phases() | more)
 
     def _check_frequency(self) -> None:
         """Raise ParameterError for a frequency in Hz that is meant in kHz: a thousandth of a resonance."""

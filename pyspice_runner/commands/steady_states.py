@@ -29,12 +29,28 @@ def steady(call: Call) -> int:
     call.refuse_idle(NO_START, "soft_start")
     call.check(".json", ".csv", ".nc", ".cir")
     motor = call.loaded
+    if motor.is_transducer:
+        _linear(call)
+        return 0
     with common.busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
             motor, call.in_front(), contact=call.law, **call.pick("speed load_torque accuracy step timeout audit"),
         )  # fmt: skip
     call.deliver(result, f"{motor.name}: {result.drive.label}")
     return 0 if result.converged else 3
+
+
+def _linear(call: Call) -> None:
+    """Deliver the steady state of a transducer."""
+    from pyspice_runner.steady.transducer import transducer_state
+
+    call.refuse_idle("on a transducer, whose steady state is in closed form", "accuracy step timeout audit contact")
+    if call.driver is not None:
+        raise pr.ParameterError("The steady state of a transducer is that of ideal voltages; for a driver take drive.")
+    if call.plot is not None or (call.output is not None and call.output.suffix != ".json"):
+        raise pr.ParameterError("The steady state of a transducer is written as .json; simulate has waveforms.")
+    result = transducer_state(call.loaded, call.stated, **call.pick("speed load_torque"))
+    call.deliver(result, f"{call.loaded.name}: {result.drive.label}")
 
 
 @command(

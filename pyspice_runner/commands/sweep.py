@@ -109,7 +109,7 @@ def sweep(call: Call) -> int:
     run = {name: value for name, value in settings.items() if value is not None}
     if call.contact != PAPER_LAW.name:  # which is the default of the run
         run["contact"] = contact
-    usual = _question(analysis, call.quantity)
+    usual = _question(analysis, call.quantity, loaded)
     if loaded.slider and not call.quantity:
         usual["quantities"] = [linear_name(name) or name for name in usual["quantities"]]
     limits = _limits(call.limit, [*usual["quantities"], *FLAGS])
@@ -141,8 +141,14 @@ def sweep(call: Call) -> int:
     return 3 if result.failures else 0
 
 
-def _question(analysis: str, quantity: list[str] | None) -> dict[str, Any]:
+def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dict[str, Any]:
     """Return the analysis of a point, what is kept of it, and the settings that are not given."""
+    if motor.is_transducer and analysis in ("simulate", "operating-point"):
+        from pyspice_runner.steady.transducer import transducer_state
+
+        kept = ["power_w", "power_factor", "current_a_rms_a", "motional_current_amplitude_a_a"]
+        settings: dict[str, Any] = {"duration": 5e-3} if analysis == "simulate" else {"analysis": transducer_state}
+        return {"quantities": quantity or kept, **settings}
     if analysis == "operating-point":
         from pyspice_runner.steady.speed_torque import held_point
 

@@ -50,7 +50,7 @@ class CommandedSource(UniformSource):
         """The same as of the drive at the start."""
         return f"{self.drive.label} at the start, then as commanded"
 
-    def initial_voltages(self) -> tuple[float, float]:
+    def initial_voltages(self) -> tuple[float, ...]:
         """Return U_A and U_B at t = 0 in V: behind a network 0."""
         return (0.0, 0.0) if self.network else super().initial_voltages()
 

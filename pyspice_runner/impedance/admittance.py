@@ -25,6 +25,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.stator import square
 from pyspice_runner.result import Audit, Result
 from pyspice_runner.run.audit import audit_two_port
 from pyspice_runner.run.kernel import Outcome, run_bench
@@ -144,7 +145,7 @@ def admittance(
         start: first frequency in Hz; by default that of the motor's solid, else 5 kHz.
         stop: last frequency in Hz; by default that of the motor's solid, else 100 kHz.
         points: number of frequencies, evenly spaced.
-        state: ``"free"`` tip, or ``"preloaded"`` on the rotor.
+        state: ``"free"`` tip, or ``"preloaded"`` on the rotor; a transducer without its load, or under it.
         timeout: wall-time limit in s of each ngspice run.
         audit: whether an admittance that is not passive is an error. If not, ``audit`` of the result has the findings.
 
@@ -162,7 +163,7 @@ def admittance(
     require(3 <= points <= _MOST_POINTS, "points", points, f"a whole number from 3 to {_MOST_POINTS}")
     preloaded = state == "preloaded"
     bench = two_port_bench(motor, preloaded=preloaded)
-    normal_force = _operating_force(motor, bench, timeout) if preloaded else 0.0
+    normal_force = _operating_force(motor, bench, timeout) if preloaded and not motor.is_transducer else 0.0
     sweep = partial(sweep_two_port, bench, timeout)
     outcome = sweep(start, stop, points)
     frequency, matrix = two_port(outcome)
@@ -176,7 +177,7 @@ def admittance(
     ]
     resonances = {
         connection: _resonances(sweep, motor, [pair for pair in near if _drives(connection, pair[0])], connection)
-        for connection in get_args(Connection)
+        for connection in get_args(Connection)[: 4 if len(motor.groups) == 2 else 1]
     }
     version, deck = outcome.ngspice_version, outcome.deck
     document, unknown = motor.to_dict(), (*motor.cautions, *_beyond_solid(motor, start, stop))
@@ -195,7 +196,7 @@ def _beyond_solid(motor: Motor, start: float, stop: float) -> tuple[str, ...]:
 
 def _drives(connection: Connection, mode: Mode) -> bool:
     """Whether a connection of the groups drives a mode; forces that cancel within round-off do not."""
-    shares = np.array(COUPLING[connection]) * mode.couplings
+    shares = np.array(COUPLING[connection]) * mode.couplings  # of one group the second is 0
     return bool(abs(shares.sum()) > 1e-9 * np.abs(shares).sum())
 
 
@@ -217,6 +218,14 @@ def _expected(motor: Motor, preloaded: bool) -> Sequence[Mode]:
     from scipy.optimize import linear_sum_assignment  # takes long to load
 
     modes = motor.on_carrier().modes
+    if motor.is_transducer and preloaded:
+        stator = motor.loaded_stator
+        names = ("mass_kg", "damping_n_s_per_m", "stiffness_n_per_m")
+        loaded = np.transpose([np.diag(square(one)) for one in (stator.mass, stator.damping, stator.stiffness)])
+        return [
+            mode.model_copy(update=dict(zip(names, values, strict=True)))
+            for mode, values in zip(modes, loaded.tolist(), strict=True)
+        ]
     if not preloaded:
         return modes
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
@@ -261,10 +270,8 @@ def _resonances(
     if not found:
         return ()
     found.sort(key=lambda each: each[3])
-    weight_a, weight_b = COUPLING[connection]
-    piezo = motor.piezo
-    clamped = weight_a**2 * piezo.capacitance_a_f + weight_b**2 * piezo.capacitance_b_f
-    clamped -= 2.0 * weight_a * weight_b * piezo.capacitance_ab_f
+    weights = np.array(COUPLING[connection][: len(motor.groups)])
+    clamped = float(weights @ np.array(motor.piezo.matrix) @ weights)
     circuit = EquivalentCircuit(tuple(each[4] for each in found), clamped, 0.0, found[0][3])
     resonances = []
     for (item, frequency, y, fs, arm), pole in zip(found, circuit.antiresonances(), strict=True):

@@ -44,7 +44,7 @@ _FEWEST = 5  # points within the half-power width, below which they do not show 
 
 def connect(matrix_s: NDArray[np.complex128], connection: Connection) -> NDArray[np.complex128]:
     """Return the admittance of a two-port in S, driven through a connection of its groups."""
-    drive = np.array(COUPLING[connection])
+    drive = np.array(COUPLING[connection][: matrix_s.shape[-1]])
     result: NDArray[np.complex128] = np.einsum("i,kij,j->k", drive, matrix_s, drive)
     return result
 

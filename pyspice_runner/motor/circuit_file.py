@@ -25,7 +25,8 @@ def circuit_toml(circuit: EquivalentCircuit, *, title: str = "") -> str:
     """Return an equivalent circuit as TOML, which :func:`load_circuit` reads back without loss."""
     lines = [
         f"# Equivalent circuit{', ' if title else ''}{_comment(title)}",
-        "# USE: piezomotor export THIS.toml --output stator.lib",
+        "# USE: piezomotor simulate THIS.toml, or piezomotor export THIS.toml --output stator.lib",
+        "# It is a transducer; [load] has its load, and velocity_per_current (m/s/A) of an arm the motion of its face.",
         "# A motor's file takes these [[arms]] too, each with name, coupling_ratio, mass_kg, tip_x and tip_y besides.",
         "",
         *(f"{key} = {float(getattr(circuit, key))!r}" for key in _WHOLE),
@@ -47,12 +48,13 @@ def _comment(text: str) -> str:
 
 @checked
 def is_circuit_file(source: str | Path) -> bool:
-    """Return whether a file holds an equivalent circuit, not a motor."""
+    """Return whether a file holds an equivalent circuit without a load, not a motor."""
     path = Path(source)
     if path.suffix == ".json":
         return True
     try:
-        return path.suffix == ".toml" and "clamped_capacitance_f" in parse_toml(read_document(path, ""), path.name)
+        document = parse_toml(read_document(path, ""), path.name) if path.suffix == ".toml" else {}
+        return "clamped_capacitance_f" in document and "load" not in document
     except ParameterError:
         return False
 
@@ -72,26 +74,31 @@ def load_circuit(path: str | Path) -> EquivalentCircuit:
         raise
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{path.name} is not valid JSON: {error}. Save the fit again.") from error
+    return circuit_of(document, path.name)
+
+
+def circuit_of(document: Any, where: str) -> EquivalentCircuit:
+    """Return the equivalent circuit of a document; ``where`` names its file. Raise ParameterError if it is not one."""
     arms = document.get("arms") if isinstance(document, dict) else None
     if not isinstance(arms, list) or not arms or not all(isinstance(arm, dict) for arm in arms):
-        raise ParameterError(f"{path.name} has no arms; give what `piezomotor fit --output` wrote as .json or .toml.")
+        raise ParameterError(f"{where} has no arms; give what `piezomotor fit --output` wrote as .json or .toml.")
     found = [
-        MotionalArm(*(_number(arm, key, f"arms.{index}.{key}", path.name) for key in _ARM))
+        MotionalArm(*(_number(arm, key, f"arms.{index}.{key}", where) for key in _ARM))
         for index, arm in enumerate(arms)
     ]
-    whole = {key: _number(document, key, key, path.name) for key in _WHOLE}
+    whole = {key: _number(document, key, key, where) for key in _WHOLE}
     order = sorted(range(len(found)), key=lambda index: found[index].series_resonance_hz)
-    rows = _rows(document.get("shared_losses") or [], [found[index] for index in order], order, path.name)
+    rows = _rows(document.get("shared_losses") or [], [found[index] for index in order], order, where)
     circuit = EquivalentCircuit(tuple(found[index] for index in order), **whole, shared_losses=rows)
     if circuit.loss_tangent_falling + circuit.loss_tangent_rising > circuit.loss_tangent * (1.0 + 1e-9) + 1e-12:
         raise ParameterError(
-            f"{path.name}: loss_tangent = {circuit.loss_tangent:g} is less than its parts loss_tangent_falling and "
+            f"{where}: loss_tangent = {circuit.loss_tangent:g} is less than its parts loss_tangent_falling and "
             "loss_tangent_rising together. Correct one of them."
         )
     constant = circuit.loss_tangent - circuit.loss_tangent_falling - circuit.loss_tangent_rising
     if constant > LARGEST_LOSS_TANGENT:
         raise ParameterError(
-            f"{path.name}: the constant part of loss_tangent = {circuit.loss_tangent:g} is too large: it must be at "
+            f"{where}: the constant part of loss_tangent = {circuit.loss_tangent:g} is too large: it must be at "
             f"most {LARGEST_LOSS_TANGENT:g}. Specify a part of it as loss_tangent_falling or loss_tangent_rising."
         )
     return circuit

@@ -63,7 +63,7 @@ class Drive(Stated):
     @property
     def tones_b(self) -> tuple[Tone, ...]:
         """Sines whose sum is U_B."""
-        return self.tones[1]
+        return self.tones[-1]
 
     @property
     def label(self) -> str:
@@ -86,12 +86,10 @@ class Drive(Stated):
                 repeats = max(repeats, ratio.denominator)
         return repeats / self.frequencies[0]
 
-    def initial_voltages(self) -> tuple[float, float]:
-        """Return U_A and U_B just after t = 0, in V."""
-        if self.soft_start > 0.0:
-            return 0.0, 0.0
-        volts_a, volts_b = (sum(tone.amplitude * sin(tone.phase) for tone in tones) for tones in self.tones)
-        return volts_a, volts_b
+    def initial_voltages(self) -> tuple[float, ...]:
+        """Return the voltage of each group just after t = 0, in V."""
+        begun = 0.0 if self.soft_start > 0.0 else 1.0
+        return tuple(sum(begun * tone.amplitude * sin(tone.phase) for tone in tones) for tones in self.tones)
 
 
 class TwoPhaseDrive(Drive):
@@ -120,6 +118,20 @@ class TwoPhaseDrive(Drive):
             (Tone(self.voltage, self.frequency, 0.0),),
             (Tone(self.voltage_b, self.frequency, radians(self.phase_deg)),),
         )
+
+
+class OnePhaseDrive(TwoPhaseDrive):
+    """U sin(2πft) at the one group of a transducer; phase and ratio of group B have no effect."""
+
+    @property
+    def label(self) -> str:
+        """Amplitude and frequency."""
+        return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz"
+
+    @property
+    def tones(self) -> tuple[tuple[Tone, ...], ...]:
+        """The sine of group A."""
+        return super().tones[:1]
 
 
 def ideal_drive(voltage_a: float, voltage_b: float, phase_deg: float, frequency: float) -> TwoPhaseDrive:
@@ -168,19 +180,25 @@ class TwoToneDrive(Drive):
         return tuple((common, Tone(sign * self.voltage_2, self.frequency_2, phase)) for sign in signs)
 
 
-DRIVES: dict[str, type[TwoPhaseDrive] | type[TwoToneDrive]] = {"two-phase": TwoPhaseDrive, "two-tone": TwoToneDrive}
+DRIVES: dict[str, type[TwoPhaseDrive] | type[TwoToneDrive]] = {
+    "two-phase": TwoPhaseDrive, "two-tone": TwoToneDrive, "one-phase": OnePhaseDrive,
+}  # fmt: skip
 _USUAL_VOLTAGE = 50.0  # V, without a recommended drive: moves the tip of a small stator by some micrometres
 
 
 def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
     """Return the recommended drive of a motor's parameter set.
 
-    The default is two phases 90° apart, with 50 V at the frequency of the last mode.
+    The default is two phases 90° apart, with 50 V at the frequency of the last mode; for a transducer, of the mode with
+    the largest motional conductance, and one phase for one group.
     """
     if motor.drive is not None:
         values = dict(motor.drive)
         return DRIVES[values.pop("kind", "two-phase")](**values)
-    return TwoPhaseDrive(voltage=_USUAL_VOLTAGE, frequency=motor.modes[-1].frequency_hz)
+    kind, modes = (TwoPhaseDrive if len(motor.groups) == 2 else OnePhaseDrive), list(motor.modes)
+    if motor.is_transducer:
+        modes.sort(key=lambda mode: mode.coupling_a_n_per_v**2 / mode.damping_n_s_per_m)
+    return kind(voltage=_USUAL_VOLTAGE, frequency=modes[-1].frequency_hz)
 
 
 def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
@@ -211,7 +229,17 @@ def check_together(motor: Motor, drive: Drive) -> None:
                 f"{highest:.4g} Hz: give a frequency ≥ {SLOWEST_DRIVE * lowest:.3g} and ≤ "
                 f"{FASTEST_DRIVE * highest:.3g} Hz."
             )
+    if len(drive.tones) != len(motor.groups):
+        channels = "one group: give a OnePhaseDrive" if len(motor.groups) == 1 else "two groups: give a TwoPhaseDrive"
+        raise ParameterError(f"The drive ({drive.label}) does not suit {motor.name}, which has {channels}.")
     velocity, swing = free_tip(motor, drive)
+    if motor.is_transducer:
+        if velocity > FASTEST_TIP:
+            raise ParameterError(
+                f"The drive ({drive.label}) is too strong for {motor.name}: without its load the face would move at "
+                f"{velocity:.3g} m/s; the limit is {FASTEST_TIP:g} m/s, above which a stator breaks. Lower the voltage."
+            )
+        return
     if motor.slider:
         furthest = sqrt(2.0 * FLATTEST * static_penetration(motor.contact) * motor.rotor.radius_m)
         reason = "within which the model's slider is flat"
@@ -254,6 +282,10 @@ class Load:
 
     def check(self, motor: Motor) -> None:
         """Raise ParameterError for a value out of range for a motor's shaft, or for speed and torque together."""
+        if motor.is_transducer:
+            if self.speed is not None or self.torque:
+                raise ParameterError(f"{motor.name} has no shaft: leave speed and load_torque out. [load] is its load.")
+            return
         fastest, unit, reason = _fastest(None if motor.slider else motor.rotor.radius_m)
         if self.speed is not None and not abs(self.speed) <= fastest:
             raise ParameterError(

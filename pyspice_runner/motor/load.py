@@ -13,6 +13,10 @@ The file states the modes in one of four ways:
 ``[limits]`` those of ceramic and contact; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or
 ``two-tone``, and the arguments of its constructor.
 
+A transducer has neither contact nor rotor or slider; ``[load]`` is its load. Of one group it has capacitance_a_f alone,
+and modes without coupling of group B. Without mass and motion of the face, arms are known electrically only. The file
+that ``piezomotor fit --output`` writes is one.
+
 The contact is given by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
 is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
 """
@@ -21,7 +25,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from math import inf, sqrt
+from dataclasses import fields
+from math import copysign, inf, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +34,10 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor import beam as beam_model
+from pyspice_runner.motor.circuit_file import circuit_of
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.drive import DRIVES
+from pyspice_runner.motor.equivalent import EquivalentCircuit
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import (
     ALIASES,
@@ -69,7 +76,10 @@ def _of_mode(name: str) -> Any:
 
 
 class Arm(Parameters):
-    """A mode by its electrical values, seen at group A with group B shorted, and one mechanical calibration."""
+    """A mode by its electrical values, seen at group A with group B shorted, and one mechanical calibration.
+
+    The arm of a transducer may have none, or the velocity of its face per motional current.
+    """
 
     name: str = label("name of the mode")
     resistance_ohm: float = quantity("motional resistance", "Ω", gt=0.0, le=1e12)
@@ -92,6 +102,32 @@ class Arm(Parameters):
             "coupling_b_n_per_v": self.coupling_ratio * sqrt(coupling_squared),
             **self.model_dump(include={"name", "mass_kg", "tip_x", "tip_y", "recoil_kg", "recoil_x_kg"}),
         }
+
+
+def _of_transducer(plain: Mapping[str, Any], way: str, where: str) -> Any:
+    """Return arms or modes of a transducer with what may be left out: the motion of the face, coupling of group B."""
+    entries = plain[way]
+    if way not in ("arms", "modes") or not isinstance(entries, list):
+        return entries
+    alone = "capacitance_b_f" not in as_table(plain["piezo"], "piezo", where)
+    found = []
+    for index, entry in enumerate(entries):
+        given = dict(as_table(entry, f"{way}.{index}", where))
+        if way == "modes":
+            found.append({"tip_x": 0.0, "tip_y": 0.0, **({"coupling_b_n_per_v": 0.0} if alone else {}), **given})
+            continue
+        per_current, henry = given.pop("velocity_per_current", None), given.get("inductance_h")
+        inductance = limited(Arm, "inductance_h", henry, f"arms.{index}.inductance_h", where)
+        if per_current is not None:
+            valid = isinstance(per_current, int | float) and 1e-6 <= abs(per_current) <= 1e6
+            valid = valid and not {"mass_kg", "tip_y"} & given.keys()
+            allowed = "of 1e-6 to 1e6 m/s/A, without mass_kg and tip_y"
+            require(valid, f"{where}: arms.{index}.velocity_per_current", per_current, allowed)
+            given |= {"mass_kg": inductance / per_current**2, "tip_y": copysign(1.0, per_current)}
+        # without a calibration, 1 V is 1 N; with one, the modal coordinate is the motion of the face
+        beside = {"tip_y": 1.0 if "mass_kg" in given else 0.0, "mass_kg": min(inductance, 1.0)}
+        found.append({"name": f"arm{index + 1}", "coupling_ratio": 0.0, "tip_x": 0.0, **beside, **given})
+    return found
 
 
 def available_motors() -> tuple[str, ...]:
@@ -171,6 +207,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
 
 
 _NO_MOTION = 1e-5  # of the largest: a motion per volt that symmetry forbids
+_OF_CIRCUIT = tuple(item.name for item in fields(EquivalentCircuit) if item.name != "arms")
 _TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", *SECTIONS)
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
@@ -178,18 +215,22 @@ _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 
 def _from_document(document: dict[str, Any], file: Path) -> Motor:
     where = file.name
+    document, left_out = _of_circuit(document, file)
     check_keys(document, (*_TABLES, *_WAYS), where, "")
     way = _only(document, _WAYS, "its modes", where)
-    for key in ("name", "contact", "piezo"):
+    transducer = not {"contact", *MOVED} & document.keys()
+    for key in ("name", "piezo") if transducer else ("name", "contact", "piezo"):
         if key not in document:
             raise ParameterError(
                 f"{where} has no entry {key!r}; a motor needs name, piezo, contact, rotor or slider, and its modes."
             )
-    moved = _only(document, tuple(MOVED), "what the tip moves", where)
+    moved = "" if transducer else _only(document, tuple(MOVED), "what the tip moves", where)
     provenance: dict[str, Provenance] = {}
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
-    rotor = build(MOVED[moved], plain[moved], moved, where)
+    rotor = build(MOVED[moved], plain[moved], moved, where) if moved else None
+    if transducer:
+        plain[way] = _of_transducer(plain, way, where)
     structure, modes, capacitances = _resolve_modes(plain, way, file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
     if capacitances is not None:
@@ -199,8 +240,8 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
             )
         piezo.update(capacitances)
     radius = rotor.radius_m if isinstance(rotor, Rotor) else inf
-    contact, materials = _resolve_contact(plain["contact"], radius, where)
-    contact |= _softening(contact, structure, provenance, where)
+    contact, materials = _resolve_contact(plain["contact"], radius, where) if moved else ({}, None)
+    contact |= _softening(contact, structure, provenance, where) if moved else {}
     resolved = {"piezo": piezo, "contact": contact}
     kinds: dict[str, type[Parameters]] = {**SECTIONS, "beam": Beam, "tip": Tip}
     for section, kind in kinds.items():
@@ -210,8 +251,34 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
             if not field.is_required() and name not in resolved.get(section, ()):
                 provenance.setdefault(f"{section}.{name}", Provenance("default", "not stated"))
     _check_drive(plain.get("drive"), where)
-    parts = {**plain, "modes": modes, "piezo": piezo, "contact": contact, "materials": materials}
+    parts = {**plain, "modes": modes, "piezo": piezo, "contact": contact or None, "materials": materials}
+    parts["left_out"] = left_out
     return assemble(parts, structure, provenance, where=where)
+
+
+def _of_circuit(document: dict[str, Any], file: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the file of a fit as that of a transducer, and what of the circuit is left out; others as they are."""
+    if "clamped_capacitance_f" not in document:
+        return document, ()
+    circuit = circuit_of(document, file.name)
+    stem = re.sub(r"[^A-Za-z0-9_. -]", "-", file.stem)[:50]
+    piezo = {
+        "capacitance_a_f": circuit.clamped_capacitance_f, "loss_tangent": circuit.loss_tangent,
+        "reference_hz": circuit.loss_reference_hz,
+    }  # fmt: skip
+    left_out = [
+        f"{what} of the fitted circuit {text}"
+        for there, what, text in (
+            (circuit.lead_resistance_ohm or circuit.lead_inductance_h, "The leads",
+             "are not part of the device. Give a driver a cable (--part cable.inductance)."),
+            (circuit.loss_tangent_falling or circuit.loss_tangent_rising, "The losses that fall or rise with frequency",
+             f"count in full as a constant loss tangent, exact at {circuit.loss_reference_hz:.6g} Hz."),
+            (circuit.shared_losses, "The shared losses", "count as losses of each arm alone."),
+        )
+        if there
+    ]  # fmt: skip
+    others = {key: value for key, value in document.items() if key not in _OF_CIRCUIT}
+    return {"name": stem if stem[:1].isalnum() else f"fit-{stem}", "piezo": piezo, **others}, tuple(left_out)
 
 
 def _only(document: Mapping[str, Any], tables: tuple[str, ...], what: str, where: str) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from math import inf, pi, sqrt
-from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar
 from weakref import ref
 
 import numpy as np
@@ -42,6 +42,7 @@ from pyspice_runner.motor.parameters import (
     Rotor,
     Slider,
     Tip,
+    ToolLoad,
     quantity,
 )
 from pyspice_runner.motor.refusal import build, checked, limited, quoted, refusal
@@ -103,9 +104,13 @@ _COMPANIONS = {
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
-_OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits}  # sections that may be null
+_OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits, "load": ToolLoad}  # that may be null
 MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
 SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
+
+
+class TransducerError(ParameterError):
+    """What is asked for needs the contact or the rotor, and a transducer has none."""
 
 
 class Ringing(Parameters):
@@ -144,6 +149,8 @@ class Materials(Parameters):
 
 
 OF_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.")  # paths that are read on loading
+OF_GROUP_B = ("coupling_b_n_per_v", "capacitance_b_f", "motion_x_b_m_per_v", "motion_y_b_m_per_v")  # of one group: 0
+_OF_MOTOR = ("contact", "rotor")  # what a transducer has not
 KINDS = ("given", "derived", "assumed")  # of the origin of a value in a file
 
 
@@ -168,8 +175,16 @@ class Structure(Parameters):
     damping: Damping
 
 
+def absent() -> Any:
+    """Declare a part that a transducer does not have."""
+    return Field(default=None)
+
+
 class Motor(Shown, Parameters):
-    """A standing-wave piezomotor: modes, electrical groups, contact, and rotor or slider.
+    """A standing-wave piezomotor: modes, electrical groups, contact, and rotor or slider; or a transducer.
+
+    A transducer has modes and one group or two, neither contact nor rotor, and may have a ``load``. An analysis that
+    needs one of what is not there raises a :class:`TransducerError`.
 
     A motor with a ``slider`` has a ``rotor`` as well, that of radius 1 m which moves in the same way
     (:attr:`.Slider.as_rotor`). Its speeds in rad/s and torques in N·m are m/s and N.
@@ -190,11 +205,12 @@ class Motor(Shown, Parameters):
         description="the bending modes, by rising frequency", min_length=1, max_length=MOST_MODES
     )
     piezo: Piezo
-    contact: Contact
-    rotor: Rotor
+    contact: Contact = absent()  # not there of a transducer
+    rotor: Rotor = absent()
     slider: Slider | None = Field(default=None, description="slider of a linear stage; null: the motor turns a rotor")
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
     limits: Limits | None = Field(default=None, description="limits of ceramic and contact; null: not known")
+    load: ToolLoad | None = Field(default=None, description="load of a transducer; null: it runs idle")
     law: dict[str, FiniteFloat] = Field(
         default_factory=dict, description="values of parameters of the contact's law; others have its defaults"
     )
@@ -203,6 +219,17 @@ class Motor(Shown, Parameters):
     structure: Structure | None = Field(default=None, exclude=True)
     solid: Solid | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
+    left_out: tuple[str, ...] = Field(default=(), exclude=True)  # of a fitted circuit, one sentence each
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name in _OF_MOTOR and "name" in self.__dict__:
+                raise TransducerError(
+                    f"{self.name} is a transducer: it has no {name}, which this needs. Its analyses are admittance, "
+                    "simulate, steady, sweep, drive, track and loop; a motor's file has [contact] and [rotor]."
+                )
+            return super().__getattr__(name)
 
     def __init__(self, *values: Any, **named: Any) -> None:
         if values:
@@ -225,14 +252,62 @@ class Motor(Shown, Parameters):
         """Return the document with the rotor or the slider, as the motor was specified."""
         document: dict[str, Any] = write(self)
         document.pop("rotor" if self.slider else "slider", None)
+        if not self.is_transducer:
+            del document["load"]
+        elif len(self.groups) == 1:
+            document["modes"] = [{k: v for k, v in mode.items() if k not in OF_GROUP_B} for mode in document["modes"]]
+            document["piezo"] = {k: v for k, v in document["piezo"].items() if k not in OF_GROUP_B}
         if not self.law:
             del document["law"]
         return document
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        missing = [name for name in _OF_MOTOR if self.__dict__.get(name) is None]
+        if len(missing) == 1:
+            raise ValueError(f"it has no {missing[0]}: a motor needs contact, and rotor or slider, a transducer none")
+        for name in missing:
+            self.__dict__.pop(name, None)
         self._check_relations()
+        if missing:
+            self.__dict__["load"] = self.tool
+            self._check_transducer()
+        else:
+            self._check_contact()
         return self
+
+    @property
+    def is_transducer(self) -> bool:
+        """Whether it has neither contact nor rotor."""
+        return "rotor" not in self.__dict__
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of its electrical groups."""
+        return GROUPS[: len(self.piezo.capacitances)]
+
+    @property
+    def tool(self) -> ToolLoad:
+        """The load of a transducer."""
+        return self.load or ToolLoad()
+
+    @property
+    def load_motion(self) -> tuple[float, ...]:
+        """Velocity that the load of a transducer opposes, per velocity of each mode."""
+        if self.loads_face:
+            return tuple(mode.tip_y for mode in self.modes)
+        return tuple(float(mode.name == self.tool.mode or len(self.modes) == 1) for mode in self.modes)
+
+    @property
+    def loads_face(self) -> bool:
+        """Whether the load of a transducer opposes the velocity of the face, and not that of a mode."""
+        return self.tool.mode is None and not self.tool.resistance_ohm and any(mode.tip_y for mode in self.modes)
+
+    @property
+    def load_resistance_n_s_per_m(self) -> float:
+        """Resistance of the load of a transducer, with that of its arm as group A sees it."""
+        squares = (share * mode.coupling_a_n_per_v**2 for share, mode in zip(self.load_motion, self.modes, strict=True))
+        return self.tool.resistance_n_s_per_m + self.tool.resistance_ohm * sum(squares)
 
     @derived
     def _check_relations(self) -> None:
@@ -251,13 +326,25 @@ class Motor(Shown, Parameters):
             )
         stator = self.stator
         clamped, motional = np.diag(stator.capacitance), np.sum(stator.coupling.T**2 / stator.stiffness, axis=1)
-        for group, coupling in zip(GROUPS, motional / (clamped + motional), strict=True):
+        for group, coupling in zip(self.groups, motional / (clamped + motional), strict=True):
             if coupling > CLOSEST_COUPLING:
                 raise ValueError(
                     f"the modes give group {group.upper()} a coupling k_eff² = {coupling:.3g}, the share of Σ θ²/k in "
                     f"it and piezo.capacitance_{group}_f; no ceramic exceeds {CLOSEST_COUPLING:g}, so correct "
                     f"coupling_{group}_n_per_v or the capacitance"
                 )
+
+    @derived
+    def _check_contact(self) -> None:
+        stator, highest = self.stator, max(mode.frequency_hz for mode in self.modes)
+        for name, value, wanted in (("capacitance_b_f", self.piezo.capacitance_b_f, True),
+                                    ("reference_hz", self.piezo.reference_hz, False)):  # fmt: skip
+            if (value is not None) is not wanted:
+                raise ValueError(
+                    f"piezo.{name} is {'missing: a motor has two groups' if wanted else 'of a transducer'}"
+                )
+        if self.load is not None:
+            raise ValueError("[load] belongs to a transducer, which has no contact and no rotor; leave it out")
         self._check_motion()
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
@@ -285,6 +372,19 @@ class Motor(Shown, Parameters):
                 f"{'slider.mass_kg' if self.slider else 'rotor.inertia_kg_m2'} or mount.mass_kg"
             )
 
+    def _check_transducer(self) -> None:
+        names, load = [mode.name for mode in self.modes], self.tool
+        if self.mount or self.materials or self.law:
+            raise ValueError("mount, materials and law belong to a motor; a transducer has none, so leave them out")
+        if load.mode not in (None, *names) or (load.resistance_ohm and load.mode is None and len(names) > 1):
+            what = f"mode = {load.mode!r}" if load.mode else "resistance_ohm is of one arm: mode"
+            raise ValueError(f"load.{what} is not valid: it must be one of {', '.join(names)}")
+        if not any(self.load_motion) and load != ToolLoad():
+            raise ValueError(
+                "[load] acts on the face, whose motion is not known: give the arms mass_kg or velocity_per_current, "
+                f"the modes tip_y, or specify load.mode, one of {', '.join(names)}"
+            )
+
     def _check_motion(self) -> None:
         stator, held = self.stator, self.stator.capacitance.copy()  # while these springs are held
         for axis, moved, softness in zip(("x", "y"), stator.residual_per_volt, np.diag(stator.residual), strict=True):
@@ -303,7 +403,13 @@ class Motor(Shown, Parameters):
     @derived
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
-        return Stator.of_modes(self.modes, self.piezo, self.contact)
+        return Stator.of_modes(self.modes, self.piezo, None if self.is_transducer else self.contact)
+
+    @property
+    @derived
+    def loaded_stator(self) -> Stator:
+        """The matrices of a transducer under its load."""
+        return self.stator.loaded(np.array(self.load_motion), self.tool, self.load_resistance_n_s_per_m)
 
     @property
     @derived
@@ -316,9 +422,10 @@ class Motor(Shown, Parameters):
     def pressed_stator(self) -> Stator:
         """The matrices of stator, carrier and rotor, which the contact couples at its operating point, where it sticks.
 
-        The last coordinate is the surface of the rotor. Along the normal the contact has the damping of impacts.
+        The last coordinate is the surface of the rotor. Along the normal the contact has the damping of impacts. Those
+        of a transducer are under its load.
         """
-        return self.pressed_by(self.contact.preload_n)
+        return self.loaded_stator if self.is_transducer else self.pressed_by(self.contact.preload_n)
 
     def pressed_by(self, force_n: float) -> Stator:
         """Return :attr:`pressed_stator` under another normal force in N."""
@@ -389,15 +496,23 @@ class Motor(Shown, Parameters):
         of_beam: tuple[str, ...] = ()
         if (structure := self.structure) is not None:
             of_beam = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
-        return (*unknown_recoil(self.modes, self.mount), *of_beam)
+        return (*unknown_recoil(self.modes, self.mount), *of_beam, *self.left_out)
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""
         modes = ", ".join(
             f"{engineering(mode.frequency_hz, 'Hz')} (Q {mode.quality_factor:.3g})" for mode in self.modes
         )
-        rotor = self.rotor
         capacitances = (engineering(value, "F") for value in self.piezo.capacitances)
+        if self.is_transducer:
+            load = {name: value for name, value in self.tool.model_dump().items() if value}
+            return {
+                "name": self.name,
+                "modes": modes,
+                "clamped capacitances": " and ".join(capacitances),
+                "load": ", ".join(f"{name} {value}" for name, value in load.items()) or "none",
+            }
+        rotor = self.rotor
         return {
             "name": self.name,
             "modes": modes,
@@ -433,7 +548,7 @@ class Motor(Shown, Parameters):
         it is 0, and ``None`` where it is not known.
         """
         document = self.model_dump()
-        for section in ("piezo", "contact", "mount", "rotor", "slider"):
+        for section in ("piezo", "contact", "mount", "rotor", "slider", "load"):
             table: dict[str, Any] = document.get(section) or {}
             fields = SECTIONS[section].model_fields
             for name in list(table):
@@ -446,7 +561,7 @@ class Motor(Shown, Parameters):
                 name
                 for name, field in Mode.model_fields.items()
                 if not (field.is_required() or getattr(mode, name) or name.startswith("recoil"))
-            }
+            } | ({*OF_GROUP_B} if len(self.groups) == 1 else set())
             ahead = {"name": mode.name, "frequency_hz": mode.frequency_hz}
             document["modes"].append(ahead | mode.model_dump(exclude=off))
         return document
@@ -461,7 +576,7 @@ class Motor(Shown, Parameters):
                 new ``quality_factor`` changes the damping.
                 ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values. The constants
                 of a contact that ``contact.materials`` specifies follow these and ``rotor.radius_m``, except those
-                that have been given values of their own.
+                that have been given values of their own. ``load.*`` are those of a transducer.
 
         Raises:
             ParameterError: for a path that does not exist, an invalid value, or a value that follows from others.
@@ -491,6 +606,7 @@ class Motor(Shown, Parameters):
             self._follow_materials(document, changed, where)
         changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
         document["drive"] = self.drive
+        document["left_out"] = self.left_out
         return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
 
     def _follow_materials(self, document: dict[str, Any], changed: set[str], where: str) -> None:
@@ -570,6 +686,7 @@ def assemble(
                 if parts.get(section) is not None
             },
             law=parts.get("law") or {},
+            left_out=parts.get("left_out", ()),
             materials=parts.get("materials"),
             drive=parts.get("drive"),
             structure=stator if isinstance(stator, Structure) else None,
@@ -629,7 +746,7 @@ def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
         return path
     places = {f"modes.{index}": (*Mode.model_fields, *ALIASES) for index in range(len(names))}
     places |= {section: tuple(kind.model_fields) for section, kind in SECTIONS.items() if section in document}
-    if materials := document["contact"].get("materials"):
+    if materials := document.get("contact", {}).get("materials"):
         places["contact.materials"] = tuple(materials)
     known = ["name", *(f"{place}.{key}" for place, keys in places.items() for key in keys)]
     refuse_source(given)

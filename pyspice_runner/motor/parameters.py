@@ -11,7 +11,14 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.groups import GROUPS
@@ -221,7 +228,9 @@ class Piezo(Parameters):
     """
 
     capacitance_a_f: float = quantity("clamped capacitance of group A at 100 kHz", "F", gt=MIN_CAPACITANCE, le=1e-3)
-    capacitance_b_f: float = quantity("clamped capacitance of group B at 100 kHz", "F", gt=MIN_CAPACITANCE, le=1e-3)
+    capacitance_b_f: float | None = quantity(  # of a transducer with one group not given
+        "clamped capacitance of group B at 100 kHz", "F", gt=MIN_CAPACITANCE, le=1e-3, default=None
+    )
     capacitance_ab_f: float = quantity(
         "capacitance C_AB between the groups at 100 kHz, a part of both others", "F", ge=-1e-3, le=1e-3, default=0.0
     )
@@ -230,10 +239,14 @@ class Piezo(Parameters):
     motion_x_b_m_per_v: float = _motion("along the rotor", "B")
     motion_y_a_m_per_v: float = _motion("towards the rotor", "A")
     motion_y_b_m_per_v: float = _motion("towards the rotor", "B")
+    # of the capacitances of a transducer; not given: 100 kHz
+    reference_hz: float | None = quantity("frequency at which they hold", "Hz", ge=1.0, le=1e9, default=None)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         smaller = min(self.capacitances)
+        if self.capacitance_ab_f and self.capacitance_b_f is None:
+            raise ValueError("capacitance_ab_f lies between two groups: specify capacitance_b_f, or leave it out")
         if abs(self.capacitance_ab_f) >= smaller:
             raise ValueError(
                 f"capacitance_ab_f = {self.capacitance_ab_f:g} F is a part of the capacitances of both groups, and the "
@@ -241,10 +254,16 @@ class Piezo(Parameters):
             )
         return self
 
+    @model_serializer(mode="wrap")
+    def _stated(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the values without those of a transducer that are not given."""
+        of_transducer = ("capacitance_b_f", "reference_hz")
+        return {name: value for name, value in write(self).items() if name not in of_transducer or value is not None}
+
     @property
     def capacitances(self) -> tuple[float, ...]:
         """Clamped capacitance of each group in F, the others shorted."""
-        return self.capacitance_a_f, self.capacitance_b_f
+        return tuple(own for own in (self.capacitance_a_f, self.capacitance_b_f) if own is not None)
 
     def capacitance_f(self, group: str) -> float:
         """Return the clamped capacitance of group ``a`` or ``b`` in F, the other shorted."""
@@ -253,13 +272,15 @@ class Piezo(Parameters):
     @property
     def matrix(self) -> tuple[tuple[float, ...], ...]:
         """Charges of the groups per volt on each, in F."""
-        between = -self.capacitance_ab_f
-        return (self.capacitance_a_f, between), (between, self.capacitance_b_f)
+        between, own = -self.capacitance_ab_f, self.capacitances
+        return tuple(tuple(value if at == by else between for by in range(len(own))) for at, value in enumerate(own))
 
     @property
     def motion(self) -> tuple[tuple[float, ...], ...]:
         """Static motion of the tip along x and y per volt on each group, by modes that are left out, in m/V."""
-        return (self.motion_x_a_m_per_v, self.motion_x_b_m_per_v), (self.motion_y_a_m_per_v, self.motion_y_b_m_per_v)
+        count = len(self.capacitances)
+        along = self.motion_x_a_m_per_v, self.motion_x_b_m_per_v
+        return along[:count], (self.motion_y_a_m_per_v, self.motion_y_b_m_per_v)[:count]
 
 
 SOFTEST_SIDES = 0.01  # m/N^(2/3), the maximum of the contact's library
@@ -475,3 +496,19 @@ class Slider(Parameters):
             bearing_friction_n_m=self.guide_friction_n,
             bearing_presliding_rad=self.guide_presliding_m,
         )
+
+
+class ToolLoad(Parameters):
+    """The load of a transducer: a mechanical impedance R + jωM + K/(jω), or a resistance in the arm of a mode.
+
+    It opposes the velocity of a mode, or of the face: Σ Y ṙ over the modes.
+    """
+
+    mode: str | None = Field(default=None, description="mode that it loads; not given: the face, or the only mode")
+    resistance_n_s_per_m: float = quantity("mechanical resistance R", "N·s/m", ge=0.0, le=1e9, default=0.0)
+    mass_kg: float = quantity("mass M", "kg", ge=0.0, le=1e3, default=0.0)
+    stiffness_n_per_m: float = quantity("stiffness K", "N/m", ge=0.0, le=1e15, default=0.0)
+    resistance_ohm: float = quantity(
+        "resistance in the motional arm of the mode, as that of a spectrum under load less that without", "Ω", ge=0.0,
+        le=1e12, default=0.0,
+    )  # fmt: skip

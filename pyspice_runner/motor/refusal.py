@@ -55,7 +55,8 @@ class Stated(Parameters):
     def _names(cls) -> list[str]:
         """Return the names of the parameters in the order in which the constructor takes them."""
         own = [name for name in cls.model_fields if name in cls.__annotations__]
-        return [*own, *(name for name in cls.model_fields if name not in own)]
+        rest = [name for name in cls.model_fields if name not in own]
+        return [*own, *sorted(rest, key=lambda name: not cls.model_fields[name].is_required())]
 
     def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return a copy with some values changed, by their names.

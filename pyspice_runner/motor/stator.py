@@ -32,7 +32,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.motor.parameters import Contact, Mode, Mount, Piezo
+from pyspice_runner.motor.parameters import Contact, Mode, Mount, Piezo, ToolLoad
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -58,32 +58,44 @@ class Stator:
     stiffness: Array  # K with all groups shorted, N/m
     coupling: Array  # Θ, shape (n, g), N/V
     contact: Array  # P, shape (2k, n): motion of the contacts per coordinate
-    capacitance: Array  # C of the clamped stator at 100 kHz, shape (g, g), F
+    capacitance: Array  # C of the clamped stator, shape (g, g), F
     recoil: Array  # momentum along y and along x per velocity of a coordinate, shape (n, 2), kg
     residual: Array  # R, shape (2k, 2k), m/N
     residual_per_volt: Array  # S, shape (2k, g), m/V
+    capacitance_at: float = CAPACITANCE_AT  # Hz, at which C holds
     loss_tangent: float = 0.0  # of the clamped capacitances, the same at all frequencies
     carriers: int = 0  # number of coordinates of the carrier, the last ones: along y, then along x
 
     @classmethod
-    def of_modes(cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact) -> Self:
-        """Return the stator of modes with two groups and one contact; a recoil that is not known is 0.
+    def of_modes(cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact | None) -> Self:
+        """Return the stator of modes with one contact, or one face of a transducer; a recoil that is not known is 0.
 
         Voltages do not move a contact without a compliance in series: its modes that are left out do not count.
         """
-        softness = np.array([contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n])
+        names = ("tangential_series_compliance_m_per_n", "series_compliance_m_per_n")
+        softness = np.array([getattr(contact, name) if contact else 0.0 for name in names])
         return cls(
             mass=np.array([mode.mass_kg for mode in modes]),
             damping=np.array([mode.damping_n_s_per_m for mode in modes]),
             stiffness=np.array([mode.stiffness_n_per_m for mode in modes]),
-            coupling=np.array([mode.couplings for mode in modes]),
+            coupling=np.array([mode.couplings[: len(piezo.capacitances)] for mode in modes]),
             contact=np.array([(mode.tip_x, mode.tip_y) for mode in modes]).T,
             capacitance=np.array(piezo.matrix),
             recoil=np.array([(mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0) for mode in modes]),
             residual=np.diag(softness),
             residual_per_volt=np.where(softness[:, np.newaxis] > 0.0, piezo.motion, 0.0),
+            capacitance_at=piezo.reference_hz or CAPACITANCE_AT,
             loss_tangent=piezo.loss_tangent,
         )
+
+    def loaded(self, motion: Array, load: ToolLoad, resistance_n_s_per_m: float) -> Self:
+        """Return the stator with a load on one velocity: that of its coordinates times a row ``motion``."""
+        along = np.outer(motion, motion)
+        return replace(
+            self, mass=square(self.mass) + load.mass_kg * along,
+            damping=square(self.damping) + resistance_n_s_per_m * along,
+            stiffness=square(self.stiffness) + load.stiffness_n_per_m * along,
+        )  # fmt: skip
 
     def with_carrier(self, mount: Mount | None) -> Self:
         """Return the stator on its carrier, whose coordinates are the last: along y and, unless it is held, along x."""
@@ -173,7 +185,7 @@ class Stator:
         """
         angular = np.asarray(omega, dtype=float)[..., np.newaxis, np.newaxis]
         exponent = -2.0 / pi * atan(self.loss_tangent)
-        dispersed = (angular / (2.0 * pi * CAPACITANCE_AT)) ** exponent * self.capacitance
+        dispersed = (angular / (2.0 * pi * self.capacitance_at)) ** exponent * self.capacitance
         dynamic = self.dynamic_stiffness(omega)
         motion = np.linalg.solve(dynamic, np.broadcast_to(self.coupling, (*dynamic.shape[:-1], self.coupling.shape[1])))
         return np.asarray(1j * angular * ((1.0 - 1j * self.loss_tangent) * dispersed + self.coupling.T @ motion))

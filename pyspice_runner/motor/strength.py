@@ -200,6 +200,8 @@ def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
             if most is not None and value > most:
                 words = sentence.format(value=engineering(value, "Pa"), most=engineering(most, "Pa"))
                 found.append(f"{words} Lower the voltage or the preload, or give the tip a larger radius.")
+    if motor.is_transducer:
+        return tuple(found)
     life = time_to_flat(motor.contact, wear)
     if life <= SHORT_LIFE_S:
         worn, radius = (

@@ -60,7 +60,7 @@ class Thermal(Stated):
         """Return a motor at a temperature in K above that of its parameters."""
         changes = {
             f"piezo.{name}": getattr(motor.piezo, name) * (1.0 + self.capacitance_drift_per_k * rise_k)
-            for name in ("capacitance_a_f", "capacitance_b_f", "capacitance_ab_f")
+            for name in ("capacitance_a_f", "capacitance_b_f", "capacitance_ab_f")[: 1 if len(motor.groups) == 1 else 3]
         }
         for number, mode in enumerate(motor.modes):
             changes[f"modes.{number}.frequency_hz"] = mode.frequency_hz * self.frequency_factor(rise_k)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import Law
-from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, GROUPS, Source
+from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, Source
 from pyspice_runner.circuit.state import Discretisation, recorded_states, state_vectors
 from pyspice_runner.motor.contact import elastic_energy, penetration
 from pyspice_runner.motor.drive import too_fast
@@ -168,12 +168,15 @@ def ceramic(
     moved, velocities = courses[: len(motor.modes)], courses[len(motor.modes) :]
     displacement = np.array([course[window.points] for course in moved])
     heat = 0.0
-    for group in GROUPS:
+    for group in motor.groups:
         name, sign = source.current(group)
         heat += window.mean(sign * samples[name] * samples[f"v({group})"])
-    stator, volts = motor.stator, np.array([samples[f"v({group})"] for group in GROUPS])
+    stator, volts = motor.stator, np.array([samples[f"v({group})"] for group in motor.groups])
     for damping, coupling, velocity in zip(stator.damping, stator.coupling, velocities, strict=True):
         heat += window.mean((damping * velocity - coupling @ volts) * velocity)
+    if motor.is_transducer:
+        found = {**peak_of_motion(motor, displacement), "temperature_rise_k": temperature_rise(motor, heat)}
+        return stated(motor, found, np.zeros(1))
     for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=True):
         if moved.any() and f"v(xmotor.{name})" in samples:  # power that the groups pass to the contact
             heat += window.mean(moved * np.gradient(samples[f"v(xmotor.{name})"], samples["time"]))
@@ -196,7 +199,7 @@ def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict
     known = {name: value if np.isfinite(value) else None for name, value in found.items()}
     limits = exceeded(motor, found)
     fastest = float(speed_rad_s[np.abs(speed_rad_s).argmax()])
-    return {**known, "cautions": [*limits, *too_fast(motor.to_dict(), fastest)]}
+    return {**known, "cautions": [*limits, *(() if motor.is_transducer else too_fast(motor.to_dict(), fastest))]}
 
 
 GAIN = 1e-3  # share of the power put in: a loss below minus this is reported

@@ -4,7 +4,8 @@
 ``law.*`` are the own parameters of the contact's law. ``contact.*``, ``contact.materials.*``, ``rotor.*`` or
 ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
 :meth:`~pyspice_runner.motor.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
-``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft;
+``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft,
+other ``load.*`` that of a transducer;
 ``run.*`` are the settings of an analysis.
 """
 
@@ -115,7 +116,7 @@ def changed(
     parts: dict[str, dict[str, Any]] = {"motor": {}, "drive": {}, "run": {}}
     for path, value in changes.items():
         section, _, key = canonical(path).partition(".")
-        if section == "load":
+        if section == "load" and not motor.is_transducer:
             if canonical(path) not in LOADS:
                 raise unknown(path, LOADS)
             parts["run"][LOADS[canonical(path)][0]] = value

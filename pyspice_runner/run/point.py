@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypedDict
 from pydantic import Field
 
 from pyspice_runner.circuit.bench import FREE, Bench, motor_bench
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of, touching_law
 from pyspice_runner.circuit.source import Excitation, Source, source_of
 from pyspice_runner.circuit.state import Discretisation, Motion, recorded_motion, state_vectors
 from pyspice_runner.errors import ParameterError, require
@@ -120,10 +120,15 @@ class Point:
 
         ``solver`` are settings of :class:`Solver`.
         """
-        law = law_of(contact, motor.law)
+        law = None if motor.is_transducer else law_of(contact, motor.law)
         return cls(
             motor, source_of(drive, motor, law), Load(speed, load_torque), law, replace(DEFAULT, **solver), thermal
         )
+
+    def touching(self, reason: str) -> Law:
+        """Return the law. Raise ParameterError with the reason for a free tip, and for a transducer."""
+        _ = self.motor.rotor  # of a transducer an error
+        return touching_law(self.law, reason)
 
     @property
     def drive(self) -> Any:

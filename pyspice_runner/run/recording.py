@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -22,10 +22,11 @@ from pyspice_runner.circuit.state import (
 )
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.groups import GROUPS, column
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import square
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.point import Point
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, EnergyBalance
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, OF_TRANSDUCER, Array, EnergyBalance
 from pyspice_runner.run.window import plate_voltage
 
 VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents, which the source knows
@@ -48,6 +49,13 @@ _CURRENTS = {column("current", group, "a"): group for group in GROUPS}
 _VOLTAGES = tuple(column("voltage", group, "v") for group in GROUPS)
 
 
+def columns_of_transducer(motor: Motor) -> list[str]:
+    """Return the columns of a run of a transducer; the face is there if its motion is known."""
+    kinds = (("voltage", "v"), ("current", "a"), ("motional_current", "a"))
+    of_groups = [column(name, group, unit) for name, unit in kinds for group in motor.groups]
+    return ["time_s", *of_groups, *(["tip_y_m"] if any(mode.tip_y for mode in motor.modes) else [])]
+
+
 @dataclass(frozen=True)
 class Recording:
     """Conversion of the vectors of a run into columns and energies."""
@@ -60,7 +68,10 @@ class Recording:
         """Return the vectors to record: those of some columns, or of all, and then the states of the modes too."""
         names: list[str] = []
         for name in self.all_columns if signals is None else signals:
-            names += self.point.source.current(_CURRENTS[name])[:1] if name in _CURRENTS else VECTORS[name]
+            if name in OF_TRANSDUCER:
+                names += self._velocities
+            else:
+                names += self.point.source.current(_CURRENTS[name])[:1] if name in _CURRENTS else VECTORS[name]
         if signals is None:
             names += state_vectors(self.point.motor, self.point.law, kinds=("mode", "mount", "bearing"))
         return [name for name in dict.fromkeys(names) if self.point.law or name[2:-1] not in _OF_CONTACT]
@@ -68,15 +79,21 @@ class Recording:
     @property
     def all_columns(self) -> list[str]:
         """The columns that a run with these settings has."""
+        if self.point.motor.is_transducer:
+            return columns_of_transducer(self.point.motor)
         return [*COLUMNS, *(HEATED if self.point.thermal else ())]
+
+    @property
+    def _velocities(self) -> list[str]:
+        """The vectors of the velocities of the modes."""
+        return [f"i(v.xmotor.xmode{number}.vvelocity)" for number in range(1, len(self.point.motor.modes) + 1)]
 
     def columns(self, samples: Mapping[str, Array], names: Iterable[str]) -> dict[str, Array]:
         """Return time and columns in SI units; each is the one copy that is made of the raw file's vector."""
-        voltage_a, voltage_b = self.point.source.initial_voltages()
+        begun = dict(zip(_VOLTAGES, self.point.source.initial_voltages(), strict=False))
         deflection = self._preload * float(written_stator(self.point.motor, self.discretisation).flexibility[1, 1])
         first = {
-            "voltage_a_v": voltage_a,
-            "voltage_b_v": voltage_b,
+            **begun,
             "tip_x_m": self.sway,
             "tip_y_m": -deflection,
             "normal_force_n": self._preload,
@@ -88,6 +105,11 @@ class Recording:
         columns = {"time_s": self._after(0.0, samples["time"])}
         for name in names:
             if name == "time_s":
+                continue
+            if name in OF_TRANSDUCER:
+                place = list(OF_TRANSDUCER).index(name)
+                flows = zip(self.point.motor.stator.coupling[:, place], self._velocities, strict=True)
+                columns[name] = self._after(0.0, sum(force * samples[vector] for force, vector in flows))
                 continue
             vector_name = VECTORS[name][0] if name in VECTORS else ""
             if name in _CURRENTS:
@@ -151,10 +173,11 @@ class _Terms:
         self.share = recording._courses(samples, "bearing")
         self.penetration = recording._penetration(samples)
         self.stator = motor.stator
-        rotor, thermal = motor.rotor, recording.point.thermal
-        self.bearing = rotor.bearing_damping_n_m_s * waves["rotor_speed_rad_s"]  # its torque, N·m
+        thermal = recording.point.thermal
+        if not motor.is_transducer:
+            self.bearing = motor.rotor.bearing_damping_n_m_s * waves["rotor_speed_rad_s"]  # its torque, N·m
         if len(self.share):
-            self.bearing = self.bearing + rotor.bearing_friction_n_m * self.share.sum(axis=0)
+            self.bearing = self.bearing + motor.rotor.bearing_friction_n_m * self.share.sum(axis=0)
         # temperature above that at which the parameters hold, K; ``None`` for a motor that does not drift
         temperature = samples.get("v(temperature)") if thermal else None
         self.warm: Array | None = None
@@ -172,20 +195,29 @@ class _Terms:
         squared = self.displacement**2
         per_m2 = [(mode.softening_per_m2, mode.damping_growth_per_m2) for mode in motor.modes]
         softening, growth = np.array(per_m2).T[..., np.newaxis]
+        electrical = np.zeros(len(self.time))
+        for group in motor.groups:
+            electrical += waves[column("voltage", group, "v")] * waves[column("current", group, "a")]
+        passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(self.time))
+        of_modes = {
+            "electrical": self.work(electrical),
+            "dielectric": self.dielectric(),
+            "kinetic": _change(0.5 * self.stator.mass @ self.velocity**2),
+            "elastic": _change(0.5 * self.stator.stiffness @ (squared - 0.5 * softening * squared**2)),
+            "damping": self.work(self.stator.damping @ (self.velocity**2 * (1.0 + growth * squared))),
+        }
+        if motor.is_transducer:
+            rest = dict.fromkeys((item.name for item in fields(EnergyBalance)), 0.0)
+            largest = float(np.abs(passed).max())
+            return EnergyBalance(**rest | of_modes | {"load": self.tool(), "passed": largest})
         hertz = contact_law.elastic_force(motor.contact, self.penetration)
         pressed = contact_law.elastic_energy(motor.contact, self.penetration)
         normal, rotor_speed = waves["normal_force_n"], waves["rotor_speed_rad_s"]
-        electrical = waves["voltage_a_v"] * waves["current_a_a"] + waves["voltage_b_v"] * waves["current_b_a"]
-        passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(self.time))
         grip = motor.rotor.radius_m * waves["friction_force_n"] - self.bearing  # torque on what holds the shaft
         to_load = self.work((load.torque if load.speed is None else grip) * rotor_speed)
         mount, mount_damping = self.mount()
         return EnergyBalance(
-            electrical=self.work(electrical),
-            dielectric=self.dielectric(),
-            kinetic=_change(0.5 * self.stator.mass @ self.velocity**2),
-            elastic=_change(0.5 * self.stator.stiffness @ (squared - 0.5 * softening * squared**2)),
-            damping=self.work(self.stator.damping @ (self.velocity**2 * (1.0 + growth * squared))),
+            **of_modes,
             contact_elastic=_change(pressed) + self.in_series("stem", normal)[0],
             contact_damping=float(np.trapezoid(normal - hertz, self.penetration)),
             friction=self.friction(),
@@ -200,6 +232,13 @@ class _Terms:
             rounding=NEWTON * pressed_j(motor, float(np.abs(normal).max())) if self.recording.point.law else 0.0,
         )
 
+    def tool(self) -> float:
+        """Return the work on the load of a transducer: loss in its resistance, and energy of mass and spring."""
+        motor, tool, along = self.motor, self.motor.tool, np.array(self.motor.load_motion)
+        speed, place = along @ self.velocity, along @ self.displacement
+        stored = 0.5 * (tool.mass_kg * speed**2 + tool.stiffness_n_per_m * place**2)
+        return self.work(motor.load_resistance_n_s_per_m * speed**2) + _change(stored)
+
     def in_series(self, name: str, force: Array) -> tuple[float, float]:
         """Return the change of the energy of what is in series with the contact, and the work of the voltages on it."""
         point = self.recording.point
@@ -213,20 +252,23 @@ class _Terms:
     def dielectric(self) -> float:
         """Return the energy in the clamped capacitances and their loss."""
         thermal, warm = self.recording.point.thermal, self.warm
-        energy, normal, friction = 0.0, self.waves["normal_force_n"], self.waves["friction_force_n"]
+        energy = 0.0
         if not self.recording.started or thermal is not None:
             # of a run that continues another, or whose capacitances drift, only what the pins take is known
             drifting = 1.0 if thermal is None or warm is None else 1.0 + thermal.coupling_drift_per_k * warm
-            for group, coupling in zip(GROUPS, self.stator.coupling.T, strict=True):
+            for group, coupling in zip(self.motor.groups, self.stator.coupling.T, strict=True):
                 own = self.waves[column("current", group, "a")] - drifting * (coupling @ self.velocity)
                 energy += self.work(self.waves[column("voltage", group, "v")] * own)
+            if self.motor.is_transducer:
+                return energy
+            normal, friction = self.waves["normal_force_n"], self.waves["friction_force_n"]
             return energy - self.in_series("stem", normal)[1] - self.in_series("stem_x", friction)[1]
-        u, v = map(self.waves.__getitem__, _VOLTAGES)
-        law = self.recording.point.law
+        law, u = self.recording.point.law, self.waves[_VOLTAGES[0]]
+        v = self.waves.get(_VOLTAGES[1], np.zeros_like(u))  # of one group nothing
         piezo = held_piezo(self.motor, law)
         share = piezo.capacitance_ab_f / piezo.capacitance_a_f
-        branches = (dielectric_branches(self.motor, group, law) for group in GROUPS)
-        for a, b in zip(*branches, strict=True):
+        branches = [dielectric_branches(self.motor, group, law) for group in self.motor.groups]
+        for a, b in zip(branches[0], branches[-1], strict=True):
             lag = a.resistance_ohm * a.capacitance_f
             at_a, at_b = plate_voltage(self.time, u, lag), plate_voltage(self.time, v, lag)
             energy += _change(0.5 * (a.capacitance_f * at_a * (at_a - 2.0 * share * at_b) + b.capacitance_f * at_b**2))

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
-from math import isfinite, sqrt
+from math import isfinite, nan, sqrt
 from threading import Event
 from typing import Any, Unpack
 
@@ -26,8 +26,8 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_run, ceramic, delivering
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point, Settings
-from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, EnergyBalance, Waveforms, interpolated
+from pyspice_runner.run.recording import Recording, columns_of_transducer
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, OF_TRANSDUCER, EnergyBalance, Waveforms, interpolated
 from pyspice_runner.run.window import Array, Window
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
@@ -110,8 +110,10 @@ def simulated(
             f"duration = {duration:g} s is shorter than ten steps of {point.step:g} s; give at least "
             f"{10 * point.step:.3g} s."
         )
-    _check_recording(signals, record_from, record_every, duration, point.step)
-    estimate = (step is None or accuracy is not None) and (signals is None or {*TIP} <= {*signals})
+    columns = columns_of_transducer(point.motor) if point.motor.is_transducer else list(COLUMNS)
+    _check_recording(signals, columns, record_from, record_every, duration, point.step)
+    judged = TIP if "tip_x_m" in columns else [name for name in columns if name in OF_TRANSDUCER]
+    estimate = (step is None or accuracy is not None) and (signals is None or {*judged} <= {*signals})
     if accuracy is not None and not estimate:
         raise ParameterError("accuracy is the error of the tip: signals must have tip_x_m and tip_y_m.")
     for _ in range(_MOST_TRIALS):
@@ -129,7 +131,7 @@ def simulated(
                 f"It must be about {finer:.2g} s; leave the step out, and it is chosen."
             )
         point = point.with_step(finer)
-        _check_recording(signals, record_from, record_every, duration, point.step)
+        _check_recording(signals, columns, record_from, record_every, duration, point.step)
     raise SimulationError(
         f"No step down to {point.step / 0.9:.2g} s reached accuracy = {accuracy:g}; the last error was about "
         f"{error:.2g}. The motion is likely chaotic: then only averages can be accurate. Run it with a step of your "
@@ -196,12 +198,12 @@ def _run(
             **stressed,
             "cautions": [*stressed["cautions"], *inexact],
         }
-        arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED)}
+        arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED, *OF_TRANSDUCER)}
         found = Waveforms(
             **arrays,
             energy=energy,  # type: ignore[arg-type]
             drive_period_s=window.period,
-            rotor_radius_m=motor.rotor.radius_m,
+            rotor_radius_m=nan if motor.is_transducer else motor.rotor.radius_m,
             decay_s=motor.decay_s,
             solver_seconds=outcome.seconds + (errors.seconds if errors else 0.0),
             ngspice_version=outcome.ngspice_version,
@@ -219,7 +221,7 @@ def _run(
 
     vectors = [*recording.vectors(signals), *setup.source.vectors, *(setup.state_vectors() if signals is None else ())]
     tell = progress_callback(progress, duration * (1.0 + COST if estimate else 1.0)) if progress else None
-    recorded = COLUMNS if signals is None else signals
+    recorded = recording.all_columns if signals is None else signals
     beside = CoarserRuns(setup, recorded, duration, record_from=start) if estimate else nullcontext()
     # an interrupt waits until the coarser runs have ended
     with held() as listening, beside as coarser:
@@ -238,11 +240,12 @@ def _run(
 
 
 def _check_recording(
-    signals: Sequence[str] | None, record_from: float, record_every: int, duration: float, step: float
-) -> None:
+    signals: Sequence[str] | None, columns: Sequence[str], record_from: float, record_every: int, duration: float,
+    step: float,
+) -> None:  # fmt: skip
     for name in signals or ():
-        if name not in COLUMNS:
-            raise ParameterError(f"signals: {name!r} is not valid: it must be one of {', '.join(COLUMNS)}.")
+        if name not in columns:
+            raise ParameterError(f"signals: {name!r} is not valid: it must be one of {', '.join(columns)}.")
     most = max(1, int(min(duration / (10.0 * step), sys.maxsize)))  # the quotient may overflow
     words = f"a whole number of steps from 1 to {most}"
     require(1 <= record_every <= most, "record_every", record_every, words)
@@ -282,7 +285,8 @@ class CoarserRuns:
     """
 
     def __init__(self, setup: Point, names: Collection[str], duration: float, *, record_from: float = 0.0) -> None:
-        self._setup, self._names = setup, [name for name in JUDGED if name in names]
+        judged = OF_TRANSDUCER if setup.motor.is_transducer else JUDGED
+        self._setup, self._names = setup, [name for name in judged if name in names]
         self._duration, self._record_from = duration, record_from
         self.reached_s = 0.0  # COST times the duration at the end
         self.missing = ""  # why there is no estimate, in a sentence
@@ -344,7 +348,7 @@ class CoarserRuns:
             len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
         )
         speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
-        torque = None if force is None else setup.motor.rotor.radius_m * force
+        torque = None if force is None else setup.motor.rotor.radius_m * force  # there is none of a transducer
         return Errors(first / 3.0 if second_order else first, speed, torque, seconds)
 
 
@@ -370,7 +374,7 @@ def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bo
     time = time[(time >= coarse["time_s"][0]) & (time <= coarse["time_s"][-1])]
     first = int(np.searchsorted(fine["time_s"], time[0])) if len(time) else 0
     away, motion = 0.0, 0.0
-    for name in TIP:
+    for name in TIP if "tip_x_m" in coarse else [name for name in OF_TRANSDUCER if name in coarse]:
         ours = fine[name][first : first + len(time)]
         difference = ours - interpolated(coarse["time_s"], coarse[name], time)
         away += float(np.mean((difference - (difference[0] if rested else 0.0)) ** 2))

@@ -14,7 +14,11 @@ from pyspice_runner.run.kernel import Outcome, run_bench
 
 Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies in Hz, matrices in S
 
-_CURRENTS = [f"i(v{group}{copy})" for group in "ab" for copy in "12"]  # into a group (row), of a driven group (column)
+
+def _currents(bench: Bench) -> list[str]:
+    """Return the currents into a group (row), of a driven group (column)."""
+    present = bench.circuit.element_names
+    return [f"i(v{group}{copy})" for group in "ab" for copy in "12" if f"V{group}{copy}" in present]
 
 
 def two_port_bench(motor: Motor, *, preloaded: bool) -> Bench:
@@ -25,13 +29,15 @@ def two_port_bench(motor: Motor, *, preloaded: bool) -> Bench:
 def sweep_two_port(bench: Bench, timeout: float | None, start: float, stop: float, points: int) -> Outcome:
     """Run the AC analysis of a two-port at evenly spaced frequencies in Hz."""
     sweep = {"variation": "lin", "number_of_points": points, "start_frequency": start, "stop_frequency": stop}
-    return run_bench(bench, _CURRENTS, timeout, "ac", sweep)
+    return run_bench(bench, _currents(bench), timeout, "ac", sweep)
 
 
 def two_port(outcome: Outcome) -> Swept:
     """Return the frequencies and the admittance matrices of an AC analysis."""
     phasors = outcome.phasors()
-    matrix = -np.stack([phasors[name] for name in _CURRENTS], axis=-1).reshape(-1, 2, 2)
+    names = sorted(name for name in phasors if name.startswith("i(v"))  # the groups, and of each the driven ones
+    ports = round(len(names) ** 0.5)
+    matrix = -np.stack([phasors[name] for name in names], axis=-1).reshape(-1, ports, ports)
     return np.ascontiguousarray(phasors["frequency"].real), matrix
 
 

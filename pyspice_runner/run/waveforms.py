@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from math import isfinite
@@ -16,7 +16,7 @@ from pyspice_runner.circuit.state import Motion
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.window import Window, change_to_come
-from pyspice_runner.units import engineering
+from pyspice_runner.units import engineering, unit_in
 
 Array = NDArray[np.float64]
 # The balance of a smooth motion closes to 0.3 % at 16 points per period, to 0.01 % at the default step; a greater
@@ -41,6 +41,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "contact_displacement_m": ("m", "displacement of the tangential spring"),
     "contact_state": ("1", "0 separated, 1 stick, 2 slip; between them the part of a brush that slips"),
     "rotor_speed_rad_s": ("rad/s", "rotor speed"),
+}
+OF_TRANSDUCER = {  # beside time, voltages, currents, and of a known face tip_y_m
+    "motional_current_a_a": ("A", "motional current of group A, that of its modes"),
+    "motional_current_b_a": ("A", "motional current of group B"),
 }
 HEATED = {"temperature_k": ("K", "temperature of a heated motor, above that at which its parameters hold")}
 
@@ -88,6 +92,10 @@ class NotRecordedError(AttributeError, ParameterError):
     """A column that was not recorded."""
 
 
+def _absent() -> Any:
+    return None
+
+
 @dataclass(frozen=True, repr=False)
 class Waveforms(Result):
     """One verified run. The arrays share one time axis, uniform but for the first few steps and the last, shorter ones.
@@ -104,6 +112,7 @@ class Waveforms(Result):
         provenance: motor, drive, run settings and hash of the deck, JSON-ready.
         deck: the netlist that was run.
         temperature_k: only for a motor heated by its losses.
+        motional_current_a_a, motional_current_b_a: only for a transducer; ``tip_y_m`` is then the motion of its face.
         final_state: the motion at the end, from which a run can continue, if all signals were recorded.
         error_estimate: estimated error of the tip's trajectory, RMS relative to its motion; ``None`` for a run with a
             given step.
@@ -140,11 +149,13 @@ class Waveforms(Result):
     torque_error_n_m: float | None = None
     complete: bool = True
     periodic: bool = False
+    motional_current_a_a: Array = field(default_factory=_absent)
+    motional_current_b_a: Array = field(default_factory=_absent)
 
-    units = COLUMNS | HEATED
+    units = COLUMNS | HEATED | OF_TRANSDUCER
 
     def __post_init__(self) -> None:
-        for name in (*COLUMNS, *HEATED, "energy"):
+        for name in (*self.units, "energy"):
             if getattr(self, name) is None:
                 object.__delattr__(self, name)
 
@@ -230,6 +241,16 @@ class Waveforms(Result):
         def known(column: str, quantity: str) -> Any:
             return getattr(self, quantity) if hasattr(self, column) else None
 
+        beside = {
+            **self._entries("accurate", "settled", "to_come", "complete"),
+            **self._entries("points", "solver_seconds", "ngspice_version"),
+            **self.provenance,
+            "cautions": list(self.cautions),
+        }
+        if self.of_transducer:
+            energy = asdict(self.energy) if hasattr(self, "energy") else None
+            balance = {"energy_residual": known("energy", "energy_residual"), "energy_j": energy}
+            return {**self.electrical(), **balance, "error_estimate": self.error_estimate, **beside}
         return self._localised({
             "mean_rotor_speed_rad_s": known("rotor_speed_rad_s", "mean_rotor_speed_rad_s"),
             "mean_torque_n_m": known("friction_force_n", "mean_torque_n_m"),
@@ -239,11 +260,38 @@ class Waveforms(Result):
             "error_estimate": self.error_estimate,
             "mean_rotor_speed_error_rad_s": self.speed_error_rad_s,
             "mean_torque_error_n_m": self.torque_error_n_m,
-            **self._entries("accurate", "settled", "to_come", "complete"),
-            **self._entries("points", "solver_seconds", "ngspice_version"),
-            **self.provenance,
-            "cautions": list(self.cautions),
+            **beside,
         })  # fmt: skip
+
+    @property
+    def of_transducer(self) -> bool:
+        """Whether it is a run of a transducer, which has no contact."""
+        return "contact" not in self.provenance["motor"]
+
+    def electrical(self) -> dict[str, float | None]:
+        """Return power, power factor, RMS voltages and currents, and amplitudes over the last whole drive periods.
+
+        The amplitudes are those of the motional currents in A and, where its motion is known, of the face in m, at the
+        drive's frequency. What was not recorded is left out.
+        """
+        found: dict[str, float | None] = {}
+        real = apparent = 0.0
+        for group in ("a", "b"):
+            volts, amperes = (
+                getattr(self, f"{name}_{group}_{unit}", None) for name, unit in (("voltage", "v"), ("current", "a"))
+            )
+            if volts is None or amperes is None:
+                continue
+            power, rms_v, rms_a = self.mean(volts * amperes), self._window.rms(volts), self._window.rms(amperes)
+            real, apparent = real + power, apparent + rms_v * rms_a
+            found |= {f"voltage_{group}_rms_v": rms_v, f"current_{group}_rms_a": rms_a, f"power_{group}_w": power}
+        if found:
+            found |= {"power_w": real, "power_factor": real / apparent if apparent else None}
+        for column, name in {**dict.fromkeys(OF_TRANSDUCER), "tip_y_m": "amplitude_m"}.items():
+            if hasattr(self, column):
+                name = name or column.replace("current_", "current_amplitude_", 1)
+                found[name] = float(abs(self._window.harmonics(getattr(self, column))[0]))
+        return found
 
     def columns(self) -> dict[str, Array]:
         """Return the recorded signals by name, the time first."""
@@ -304,6 +352,10 @@ class Waveforms(Result):
         is noise. A value is ``None`` where the run is too short to judge. Nothing changes in a steady state.
         """
         found: dict[str, float] = {}
+        if self.of_transducer and hasattr(self, "voltage_a_v") and hasattr(self, "current_a_a"):
+            power = self.voltage_a_v * self.current_a_a
+            apparent = self._window.rms(self.voltage_a_v) * self._window.rms(self.current_a_a)
+            found["power"] = self._change_to_come(power) / max(abs(self.mean(power)), SMALL_TORQUE * apparent, 1e-300)
         if hasattr(self, "rotor_speed_rad_s") and self._free:
             change = self._change_to_come(self.rotor_speed_rad_s)
             scale = abs(self.mean_rotor_speed_rad_s) + self._still / USUAL_ACCURACY
@@ -342,6 +394,8 @@ class Waveforms(Result):
             if hasattr(self, column):
                 found[value] = engineering(getattr(self, name), unit) + self.remark(name)
         found["drive"] = str(self.provenance["drive"]["label"])
+        if self.of_transducer:
+            found |= {words: text + self.remark(words) for words, text in described(self.electrical()).items()}
         found |= contact_row(self.provenance["run"])
         if hasattr(self, "contact_state"):
             found["contact"] = ", ".join(
@@ -353,6 +407,15 @@ class Waveforms(Result):
             found["error estimate"] = f"{self.error_estimate:.2g}"
         found["points"] = str(self.points)
         return self._localised(found)
+
+
+def described(quantities: Mapping[str, float | None]) -> dict[str, str]:
+    """Return quantities ready to print, their names as words without the unit."""
+    units = {name: unit_in(name) for name in quantities}
+    return {
+        name.removesuffix(f"_{units[name].lower()}").replace("_", " "): engineering(value, units[name].strip("1"))
+        for name, value in quantities.items()
+    }
 
 
 def has_settled(share: float | None) -> bool:

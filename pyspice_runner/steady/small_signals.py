@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import SkipValidation
 
-from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.circuit.motor import dielectric_matrix
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
@@ -215,7 +214,7 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int 
         raise ParameterError(f"frequencies has {worst:g} Hz: the modulation must be > 0 and ≤ {highest:.4g} Hz.")
     if not drive.voltage:
         raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
-    touching_law(point.law, "The two-port of a free tip does not depend on the drive: take admittance.")
+    point.touching("The two-port of a free tip does not depend on the drive: take admittance.")
     state = settled(point)
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
@@ -377,9 +376,9 @@ def _signals(plant: Plant, trace: Trace) -> Array:
 
 
 def cold_admittance(motor: Motor, frequency: float) -> Complex:
-    """Return the admittance matrix in S of the free stator at rest at a frequency in Hz."""
+    """Return the admittance matrix in S of the free stator at rest at a frequency in Hz; of a transducer under load."""
     omega = 2.0 * pi * frequency
-    stator = motor.stator.on_carrier(motor.mount)
+    stator = motor.loaded_stator if motor.is_transducer else motor.stator.on_carrier(motor.mount)
     motion = np.linalg.solve(stator.dynamic_stiffness(omega), stator.coupling)
     return np.asarray(dielectric_matrix(motor, frequency) + 1j * omega * stator.coupling.T @ motion)
 

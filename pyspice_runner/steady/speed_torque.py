@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
-from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive
@@ -126,7 +125,7 @@ def curve(
     progress: Progress | None = None,
 ) -> xarray.Dataset:
     """Return the curve of an operating point, whose load is replaced; the arguments are as in :func:`speed_torque`."""
-    law = touching_law(base.law, _NO_TORQUE)
+    law = base.touching(_NO_TORQUE)
     axes = _axes(speeds, over or {})
     mode = "settle" if base.source.own else mode  # the states of such a driver are not known
     count = prod(len(values) for values in axes.values())
@@ -221,7 +220,7 @@ def _held(motor: Motor, drive: Drive | Driver, *, speed: float = 0.0, **settings
     axis("speed", [speed])
     known = {name: value for name, value in settings.items() if name in ("contact", "step", "timeout", "audit")}
     base = Point.of(motor, drive, speed=speed, **known)
-    touching_law(base.law, _NO_TORQUE)
+    base.touching(_NO_TORQUE)
     return _dynamometer(base)
 
 

@@ -287,6 +287,8 @@ def steady_states(
         SimulationError: if ngspice fails.
     """
     check_accuracy(accuracy)
+    for setup in setups:
+        _ = setup.motor.rotor  # a transducer has none; its steady state is that of transducer_state
     ideal: dict[int, Point] = {}
     behind: dict[tuple[Any, ...], list[int]] = {}
     for place, setup in enumerate(setups):

@@ -18,7 +18,6 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.circuit.bench import FREE
-from pyspice_runner.circuit.law import touching_law
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
@@ -136,7 +135,7 @@ def mapped(
     if not axes or count > MOST_POINTS:
         raise ParameterError(f"over has {count if axes else 0} points: it must have 1 to {MOST_POINTS}.")
     check_distinct(axes)
-    law = touching_law(base.law, "A free tip has no torque and moves no rotor.")
+    law = base.touching("A free tip has no torque and moves no rotor.")
     stated = {"load.speed": base.load.speed is not None, "load.torque": base.load.torque != 0.0}
     paths = [*map(canonical, axes), *(path for path, given in stated.items() if given)]
     twice = next((path for path in paths if paths.count(path) > 1), None)

@@ -34,10 +34,12 @@ def waveforms(run: Waveforms) -> Sheet:
         "speed": (partial(_speed, run), ("rotor_speed_rad_s",)),
         "path": (partial(tip_path, run, LAST_PERIODS), ("tip_x_m", "tip_y_m", "contact_state")),
         "forces": (partial(forces, run, LAST_PERIODS), ("normal_force_n", "friction_force_n")),
-        "currents": (partial(of_groups, run, "current_a", "Currents"), ("current_a_a", "current_b_a")),
+        "currents": (partial(of_groups, run, "current_a", "Currents"), ("current_a_a",)),
+        "motional": (partial(of_groups, run, "motional_current_a", "Motional currents"), ("motional_current_a_a",)),
     }
     motor = run.provenance["motor"]
-    title = f"{motor['name']}, {motor['contact']['preload_n']:g} N preload: {run.provenance['drive']['label']}"
+    preload = "" if run.of_transducer else f", {motor['contact']['preload_n']:g} N preload"
+    title = f"{motor['name']}{preload}: {run.provenance['drive']['label']}"
     recorded = {name: panel for name, (panel, needs) in panels.items() if set(needs) <= set(run.recorded)}
     if not recorded:
         raise ParameterError("The run has no signals to plot. Record the rotor speed, tip, forces or currents.")
@@ -89,15 +91,16 @@ def forces(run: Waveforms, periods: int, ax: Axes) -> None:
 def of_groups(run: Waveforms, quantity: str, title: str, ax: Axes) -> None:
     """Draw voltages or currents of both groups over the last drive periods."""
     last, time = last_periods(run.time_s, run.drive_period_s)
-    kind, unit = quantity.split("_")
+    kind, _, unit = quantity.rpartition("_")
     lines = [
         (
             getattr(run, groups.column(kind, group, unit))[last],
             {"color": colour, "linestyle": dash, "label": f"group {group.upper()}"},
         )
         for (group, colour), dash in zip(GROUPS.items(), DASHES, strict=False)
+        if groups.column(kind, group, unit) in run.recorded
     ]
-    draw_lines(ax, (LABELS["time_us"], time), LABELS[quantity], lines, title)
+    draw_lines(ax, (LABELS["time_us"], time), LABELS[quantity.removeprefix("motional_")], lines, title)
 
 
 def averaged_run(run: AveragedRun) -> Sheet:

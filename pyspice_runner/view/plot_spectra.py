@@ -69,11 +69,16 @@ def _with_residuals(
 
 
 def admittance(result: Admittance) -> Sheet:
-    """Return the admittance of both groups in phase, and in antiphase."""
-    traces = [
-        Trace(result.frequency_hz, result.driven("A+B"), {"color": BLUE, "label": "A+B"}),
-        Trace(result.frequency_hz, result.driven("A-B"), {"color": VERMILION, "linestyle": "--", "label": "A−B"}),
-    ]
+    """Return the admittance of both groups in phase, and in antiphase; of one group that of it."""
+    alone = [Trace(result.frequency_hz, result.driven("A"), {"color": BLUE})]
+    traces = (
+        alone
+        if result.matrix_s.shape[-1] == 1
+        else [
+            Trace(result.frequency_hz, result.driven("A+B"), {"color": BLUE, "label": "A+B"}),
+            Trace(result.frequency_hz, result.driven("A-B"), {"color": VERMILION, "linestyle": "--", "label": "A−B"}),
+        ]
+    )
     return Sheet(spectrum_panels(traces), 3, (4.4, 4.2), f"{result.motor['name']}, {result.state}")
 
 
