@@ -76,7 +76,7 @@ class AveragedPoint:
         Raise ParameterError for a value out of range, another kind of drive or law.
         """
         front = AveragedDrive.of(point.drive)
-        check_averaged(point.law)
+        check_averaged(point.touching("It has no averaged model."))
         check_resolution(phases, harmonics)
         check_together(point.motor, front.stage)
         if shaft is not None and point.load.speed is not None:

@@ -488,8 +488,7 @@ def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
 
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s of an exported motor, for its modes, free and pressed; a carrier is slow."""
-    stator = motor.loaded_stator if motor.is_transducer else motor.pressed_stator
-    frequency, quality = stator.damped()
+    frequency, quality = motor.pressed_stator.damped()
     fast = frequency > 0.5 * min(mode.frequency_hz for mode in motor.modes)
     return longest_step(
         [*frequency[fast], *(mode.frequency_hz for mode in motor.modes)],

@@ -67,7 +67,7 @@ def drive(call: Call) -> None:
         driver = f"{call.stage or 'full-bridge'}+{call.network}"
     call.check(".json", ".csv", *([".cir"] if against is None else []))
     motor = call.loaded
-    tone = pr.TwoPhaseDrive(**call.recommended_phases())
+    tone = call.phases(motor)
     specs = [call.spec_of(driver, tone)]
     if against is not None:
         specs.append(call.spec_of(against, tone, strict=False))

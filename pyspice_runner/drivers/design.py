@@ -38,6 +38,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.shooting import Orbit
+from pyspice_runner.steady.small_signals import cold_admittance
 from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
 from pyspice_runner.units import engineering
 
@@ -76,11 +77,13 @@ class RangePoint:
     stage_power_w: float
     power_factor: float  # real over apparent power of both stages, of the fundamentals
     a: GroupPoint
-    b: GroupPoint
+    b: GroupPoint | None  # not there for one channel
 
     def group(self, name: str) -> GroupPoint:
         """Return group ``"a"`` or ``"b"``."""
-        return self.a if name == "a" else self.b
+        found = self.a if name == "a" else self.b
+        assert found is not None
+        return found
 
 
 class NoDriverError(ParameterError):
@@ -158,7 +161,9 @@ class DriverSpec:
         """
         own = {path: value for path, value in self.parts.items() if "." not in path}
         of_parts = {path: value for path, value in self.parts.items() if "." in path}
-        driver = Driver(kind=self.stage, network=self._filter, **two_phases(self.drive) | values | own)
+        channels: Any = len(self.drive.tones)
+        phases = two_phases(self.drive) | values | own
+        driver = Driver(kind=self.stage, network=self._filter, channels=channels, **phases)
         return driver.updated(of_parts)
 
     def built(self, motor: Motor, *, contact: ContactLaw | None, **settings: Any) -> Driver:
@@ -214,8 +219,10 @@ class Design:
         """Return the states of the range, whether the design is feasible, and whether the motor starts."""
         found = {}
         for point in self.points:
-            pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in GROUPS)
-            found[point.state] = f"{point.speed_rad_s:.4g} rad/s, {engineering(point.torque_n_m, 'N·m')}; pins {pins}"
+            pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in self.wanted_v)
+            shaft = f"{point.speed_rad_s:.4g} rad/s, {engineering(point.torque_n_m, 'N·m')}"
+            still = point.speed_rad_s == point.torque_n_m == 0.0  # as a transducer, which has no shaft
+            found[point.state] = f"{engineering(point.power_w, 'W') if still else shaft}; pins {pins}"
         found["design"] = f"{'feasible' if self.feasible else 'not feasible'}: {self.reason}"
         found["starts from rest"] = {True: "yes", False: "no", None: "not simulated"}[self.starts]
         return found
@@ -268,19 +275,39 @@ def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePo
     """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
     waves = state.waveforms
     assert waves is not None
-    frequency = 1.0 / waves.drive_period_s
-    inputs, real, apparent = {}, 0.0, 0.0
+    frequency, pins = 1.0 / waves.drive_period_s, {}
     for group in GROUPS:
-        volts = _phasor(getattr(waves, groups.column("voltage", group, "v")), waves.time_s, frequency)
-        amperes = _phasor(getattr(waves, groups.column("current", group, "a")), waves.time_s, frequency)
+        columns = (groups.column("voltage", group, "v"), groups.column("current", group, "a"))
+        volts, amperes = (_phasor(getattr(waves, column), waves.time_s, frequency) for column in columns)
+        pins[group] = volts, amperes
+    return _point_of(name, pins, driver, state.power_a_w + state.power_b_w, state.speed_rad_s, state.torque_n_m)
+
+
+def linear_point(name: str, motor: Motor, drive: TwoPhaseDrive, driver: Driver | None) -> RangePoint:
+    """Return such a point of a transducer, with a drive at its pins, or behind the fundamental of a driver."""
+    admittance, source = cold_admittance(motor, drive.frequency), driver.equivalent if driver else drive
+    volts = np.array([two_phasors(source)[group] for group in motor.groups])
+    if driver is not None:
+        series, across = np.array([network_of(driver, group) for group in motor.groups]).T
+        volts = np.linalg.solve(np.eye(len(volts)) + np.diag(series) @ (admittance + np.diag(across)), volts)
+    amperes = admittance @ volts
+    pins = {group: (complex(volts[at]), complex(amperes[at])) for at, group in enumerate(motor.groups)}
+    return _point_of(name, pins, driver, 0.5 * float((volts.conjugate() @ amperes).real))
+
+
+def _point_of(
+    name: str, pins: Mapping[str, tuple[complex, complex]], driver: Driver | None, power_w: float, speed: float = 0.0,
+    torque: float = 0.0,
+) -> RangePoint:  # fmt: skip
+    """Return a point by the phasors of voltage and current of the pins."""
+    inputs, real, apparent = dict[str, GroupPoint](), 0.0, 0.0
+    for group, (volts, amperes) in pins.items():
         source, through = at_stage(driver, group, volts, amperes)
         power, product = (source * through.conjugate()).real, abs(source) * abs(through)
         impedance = volts / amperes
         inputs[group] = GroupPoint(abs(volts), abs(amperes), impedance.real, impedance.imag, power / product)
         real, apparent = real + 0.5 * power, apparent + 0.5 * product
-    power_w = state.power_a_w + state.power_b_w
-    factor, speed = real / apparent, state.speed_rad_s
-    return RangePoint(name, speed, state.torque_n_m, power_w, real, factor, inputs["a"], inputs["b"])
+    return RangePoint(name, speed, torque, power_w, real, real / apparent, inputs["a"], inputs.get("b"))
 
 
 def network_of(driver: Driver, group: str, frequency: float | None = None) -> tuple[complex, complex]:
@@ -316,7 +343,7 @@ def load_of(driver: Driver, group: str, load: complex) -> complex:
 def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
     """Return phasors of the vectors of :func:`.part_loads`, an entry for each point, in a lossless stage's network."""
     found: dict[str, Any] = {}
-    for group in GROUPS:
+    for group in driver.groups:
         pin = np.array([complex(point.group(group).voltage_v) for point in points])
         amperes = pin / np.array([point.group(group).impedance_ohm for point in points])
         line, through = pin, amperes
@@ -394,7 +421,7 @@ def driver_state(
     found = range_point("", state, driver)
     of_groups = {
         groups.column(name, group, unit): getattr(found.group(group), f"{name}_{unit}")
-        for group in GROUPS for name, unit in (("voltage", "v"), ("current", "a"))
+        for group in driver.groups for name, unit in (("voltage", "v"), ("current", "a"))
     }  # fmt: skip
     names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
     return {name: getattr(found, name) for name in names} | of_groups
@@ -452,16 +479,17 @@ def design_driver(
         timeout=timeout, audit=False,
     )  # fmt: skip
     Load(torque=load_torque).check(motor)
-    if ideal.law is None:
+    if ideal.law is None and not motor.is_transducer:
         raise ParameterError(
             "A driver is designed for a motor on its rotor. Give a law of the contact, not none, or leave the network "
             "unmatched."
         )
-    wanted = {group: abs(volts) for group, volts in two_phasors(spec.drive).items()}
+    phasors = two_phasors(spec.drive)
+    wanted = {group: abs(phasors[group]) for group in motor.groups}
     choose = spec.rail is not None and spec.stage in BRIDGES and "mosfet" not in spec.parts
     # the one of the highest voltage, until the currents are known
     template = spec.driver(voltage=1.0, **({"mosfet": MOSFETS[-1]} if choose else {}))
-    states = _range(ideal)
+    states = {} if motor.is_transducer else _range(ideal)
     draft = Design(None, wanted, load_torque_n_m=load_torque)
     if lost := _lost(states, wanted, "with the wanted voltages at the pins"):
         return replace(draft, reason=lost)
@@ -532,13 +560,22 @@ class _Search:
     choose: bool  # whether the MOSFET is chosen, too
 
     def __post_init__(self) -> None:
-        self.points = tuple(range_point(name, state, None) for name, state in self.states.items())
-        self.rail, self.pins = self.spec.rail, two_phasors(self.spec.drive)  # phasors that are wanted
+        self.points = tuple(range_point(name, state, None) for name, state in self.states.items()) or self.linear(None)
+        phasors = two_phasors(self.spec.drive)
+        self.rail, self.pins = self.spec.rail, {group: phasors[group] for group in self.driver.groups}  # wanted
         self.omega = 2.0 * pi * self.driver.frequency
         self.middle = next(point for point in self.points if point.state == OPERATING)
 
+    def linear(self, driver: Driver | None) -> tuple[RangePoint, ...]:
+        """Return the range of a transducer: under its load and, if it has one, without."""
+        motor, drive = self.ideal.motor, self.spec.drive
+        ends = {OPERATING: motor, IDLE: motor.model_copy(update={"load": None})}
+        return tuple(linear_point(name, one, drive, driver) for name, one in ends.items())
+
     def unreachable(self) -> str:
         """Return why the motor does not reach its operating point; an empty text if it does."""
+        if self.ideal.motor.is_transducer:
+            return ""
         idle, middle, load = self.points[-1].speed_rad_s, self.middle, self.ideal.load
         asked, volts = middle.speed_rad_s if load.speed is None else load.speed, abs(self.pins["a"])
         given = load.speed is not None or load.torque
@@ -568,7 +605,7 @@ class _Search:
             changes, factors = [], []
             for point in self.points:
                 real = apparent = 0.0
-                for group in GROUPS:
+                for group in self.pins:
                     load, source = point.group(group).impedance_ohm, driver.fundamental(group)
                     volts, amperes = at_stage(driver, group, load, 1.0)
                     changes.append(source * abs(load / volts) / abs(self.pins[group]) - 1.0)
@@ -599,7 +636,7 @@ class _Search:
     def _mosfet(self, driver: Driver) -> str:
         """Return the MOSFET with the smallest loss at the operating point."""
         volts = driver.swing("a") * (SPIKE if driver.kind == "push-pull" else 1.0)
-        stages = {group: self._wanted(driver, group)[1] for group in GROUPS}
+        stages = {group: self._wanted(driver, group)[1] for group in self.pins}
         current = max(driver.ratio(group) * abs(through) / sqrt(2.0) for group, through in stages.items())
         return stock.suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
 
@@ -610,7 +647,7 @@ class _Search:
         if self.spec.source_ohm is not None:
             return self._transforming(driver, self.spec.source_ohm)
         prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
-        for group in GROUPS:
+        for group in self.pins:
             most = stock.largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
@@ -639,7 +676,7 @@ class _Search:
         The windings lose, which the match counts; coils are wound and capacitors combined to three digits.
         """
         omega, values = self.omega, dict[str, float]()
-        for group in GROUPS:
+        for group in self.pins:
             load = load_of(driver, group, self.middle.group(group).impedance_ohm)
             coil = lost = 0.0  # inductance in series, conductance of the parallel coil
             least = 0.0 if self.spec.network == "l" else _FILTER / (omega**2 * self._clamped(driver, group))
@@ -682,12 +719,12 @@ class _Search:
 
     def _supplied(self, driver: Driver) -> Driver:
         """Return the driver with the voltages of its stage and the ratios of its transformer."""
-        sources = {group: self._wanted(driver, group)[0] for group in GROUPS}
+        sources = {group: self._wanted(driver, group)[0] for group in self.pins}
         amplitudes = {group: abs(source) for group, source in sources.items()}
-        changes: dict[str, Any] = {
-            "voltage": amplitudes["a"], "ratio_b": amplitudes["b"] / amplitudes["a"],
-            "phase_deg": degrees(phase(sources["b"] / sources["a"])),
-        }  # fmt: skip
+        changes: dict[str, Any] = {"voltage": amplitudes["a"]}
+        if "b" in sources:
+            changes["ratio_b"] = amplitudes["b"] / amplitudes["a"]
+            changes["phase_deg"] = degrees(phase(sources["b"] / sources["a"]))
         if self.rail is None:
             return driver.updated(changes)
         if driver.switched:
@@ -719,11 +756,13 @@ class _Search:
     def verified(self, draft: Design, share: float) -> Design:
         """Return the design for a share, with its steady states over the range and whether they are within limits."""
         driver = self.built(share)
+        found = replace(draft, driver=driver, share=share)
+        if self.ideal.motor.is_transducer:
+            return self.within(found, driver, self.linear(driver))
         behind = [
             replace(self.ideal, source=driver.equivalent, load=Load(speed=point.speed_rad_s)) for point in self.points
         ]
         starts = [state.solution for state in self.states.values()]
-        found = replace(draft, driver=driver, share=share)
         states = dict(zip(self.states, _solved(behind, starts), strict=True))
         lost = _lost(states, draft.wanted_v, where := "behind this driver; the voltages wanted at the pins")
         if (rise := self.rise) and not lost:
@@ -732,18 +771,23 @@ class _Search:
             lost = _lost(states, draft.wanted_v, where)
         if lost:
             return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
-        points = tuple(range_point(name, state, driver) for name, state in states.items())
+        return self.within(found, driver, tuple(range_point(name, state, driver) for name, state in states.items()))
+
+    def within(self, found: Design, driver: Driver, points: tuple[RangePoint, ...]) -> Design:
+        """Return the design with the points behind its driver, and whether they are within limits."""
         parts = part_loads(driver, part_phasors(driver, points))
-        peaks = {group: max(point.group(group).voltage_v for point in points) for group in GROUPS}
+        peaks = {group: max(point.group(group).voltage_v for point in points) for group in self.pins}
         faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
-        reason = " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._explanation(driver, points, share)
+        reason = (
+            " ".join([*faults, _INSTEAD[driver.network]]) if faults else self._explanation(driver, points, found.share)
+        )
         return replace(found, points=points, parts=parts, feasible=not faults, reason=reason)
 
     @property
     def rise(self) -> float:
         """Temperature in K above cold at which the motor runs, at most that of its limit; 0 where it is not known."""
         limits = self.ideal.motor.limits
-        if limits is None:
+        if limits is None or self.ideal.motor.is_transducer:
             return 0.0
         rise = self.states[OPERATING].temperature_rise_k
         return min(rise, 0.5 * limits.curie_temperature_c - limits.ambient_c) if rise > 0.0 else 0.0
@@ -751,7 +795,7 @@ class _Search:
     def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> Iterator[str]:
         """Yield a sentence for each pin whose voltage leaves the band, a motor that brakes, an amplifier's overload."""
         kept = [point for point in points if self.spec.source_ohm is None or point.state == OPERATING]
-        for point, group in product(kept, GROUPS):
+        for point, group in product(kept, self.pins):
             volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
             if abs(volts / wanted - 1.0) > PIN_BAND:
                 yield (
@@ -762,7 +806,7 @@ class _Search:
         spare = copysign(1.0, middle.speed_rad_s) * (middle.torque_n_m - _SPARE * self.load_torque)
         if abs(middle.speed_rad_s) > STANDS and spare < 0.0:
             yield f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m."
-        for group in GROUPS if driver.values("a", "amplifier") else ():
+        for group in self.pins if driver.values("a", "amplifier") else ():
             pins = [point.group(group) for point in points]
             currents = [at_stage(driver, group, pin.voltage_v, pin.voltage_v / pin.impedance_ohm)[1] for pin in pins]
             limit, most = driver.setting("amplifier.current_limit"), max(map(abs, currents)) * driver.ratio(group)
@@ -772,13 +816,14 @@ class _Search:
     def _explanation(self, driver: Driver, points: tuple[RangePoint, ...], share: float) -> str:
         """Return the explanation of a feasible network."""
         worst = max(
-            abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in GROUPS
+            abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in self.pins
         )
-        notes = f"From stall to no load the pins keep their voltages within {100.0 * worst:.2g} %"
+        ends = "Under load and idle" if self.ideal.motor.is_transducer else "From stall to no load"
+        notes = f"{ends} the pins keep their voltages within {100.0 * worst:.2g} %"
         notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
         if self.spec.source_ohm is not None:
             at = next(point for point in points if point.state == OPERATING)
-            found = [driver.passed(group, at.group(group).impedance_ohm, 1.0, self.omega)[-1][1] for group in GROUPS]
+            found = [driver.passed(group, at.group(group).impedance_ohm, 1.0, self.omega)[-1][1] for group in self.pins]
             seen = " and ".join(f"{one.volts / one.amperes:.3g} Ω" for one in found)
             return f"At the operating point the stage sees {seen}. {notes}"
         if self.driver.network == "inductor" and share < 1.0:

@@ -122,6 +122,7 @@ class Driver(Stated, Source):
     frequency: float = quantity("frequency", "Hz", ge=1e3, le=1e7)
     phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
     ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=1e-3, le=1e3)
+    channels: Literal[1, 2] = Field(default=2, description="number of channels, one for each group of the device")
     network: NetworkKind = Field(default="none", description="network between stage and group")
     supply_v: float = quantity(
         "supply: voltage between the rails of a bridge, each rail of a linear amplifier or the user's own stage; 0: as "
@@ -165,9 +166,9 @@ class Driver(Stated, Source):
             )
         for path in self.settings:
             self._located(path)
-        for group in GROUPS:
+        for group in self.groups:
             self.parts(group)
-        for group in GROUPS if self._stage else ():  # the control is the voltage over the gain
+        for group in self.groups if self._stage else ():  # the control is the voltage over the gain
             gain = self.parts(group)[0].values.get("gain", 1.0)
             require(gain > 0.0, "Driver: driver.gain", gain, "> 0, since the control is the voltage over the gain")
         if self._transistor and not any(MOSFET in part.library.needs for part in self.parts("a")):
@@ -178,7 +179,7 @@ class Driver(Stated, Source):
             self._check_bridge()
 
     def _check_bridge(self) -> None:
-        for group in GROUPS if self.mosfet in MOSFETS else ():
+        for group in self.groups if self.mosfet in MOSFETS else ():
             most, borne = ratings(self.mosfet).highest_v, self.swing(group)
             if borne > most:
                 high, low = self.rails(group)
@@ -189,7 +190,7 @@ class Driver(Stated, Source):
                     f"another one of {', '.join(MOSFETS)}."
                 )
         longest = LARGEST_DEAD_TIME / self.frequency
-        for group in GROUPS:
+        for group in self.groups:
             dead_time, edge = (self.setting(f"bridge_{group}.{name}") for name in ("dead_time", "gate_edge"))
             if dead_time > longest:
                 raise ParameterError(
@@ -201,6 +202,11 @@ class Driver(Stated, Source):
                     f"Driver: bridge_{group}.gate_edge = {edge:g} s is not valid with a dead time of {dead_time:g} s: "
                     f"it must be at most an eighth of that, {LARGEST_GATE_EDGE * dead_time:.3g} s."
                 )
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups that it drives."""
+        return GROUPS[: self.channels]
 
     @property
     def name(self) -> str:
@@ -255,7 +261,7 @@ class Driver(Stated, Source):
 
         It rings in the inductance in series, leakage included, with the capacitances of network and group.
         """
-        rings = [found for group in GROUPS if self.switched and (found := self.ringing(motor, group))]
+        rings = [found for group in self.groups if self.switched and (found := self.ringing(motor, group))]
         return min((2.0 * pi * sqrt(coil * capacitor) / RINGING_POINTS for coil, capacitor in rings), default=inf)
 
     def ringing(self, motor: Motor, group: str) -> tuple[float, float] | None:
@@ -275,9 +281,8 @@ class Driver(Stated, Source):
     def label(self) -> str:
         """Caption of a figure."""
         network = "" if self.network == "none" else f" with {self.network}"
-        return (
-            f"{self.name}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz, {self.phase_deg:.4g}° apart"
-        )
+        apart = f", {self.phase_deg:.4g}° apart" if self.channels == 2 else ""
+        return f"{self.name}{network}, {self.voltage:.4g} V at {self.frequency / 1e3:.6g} kHz{apart}"
 
     def amplitude(self, group: str) -> float:
         """Return the amplitude in V of a group."""
@@ -346,17 +351,17 @@ class Driver(Stated, Source):
             return self
         changes: dict[str, float] = {}
         network = "inductor" if self.network == "none" else self.network
-        for group in GROUPS:
+        for group in self.groups:
             inductance, resistance = self._in_series(group)
             label, (coil, ohms), values = groups.named(network, group), _SERIES[network], self.values(group, network)
             changes |= {f"{label}.{name}": values[name] for name in values}
             changes[f"{label}.{coil}"] = max(values.get(coil, 0.0) + inductance, 1e-6)
             changes[f"{label}.{ohms}"] = max(values.get(ohms, 0.0) + resistance, 1e-3)
             changes |= {f"{CABLE}_{group}.{name}": value for name, value in self.values(group, CABLE).items()}
-        amplitudes = {group: self.fundamental(group) for group in GROUPS}
+        amplitudes = {group: self.fundamental(group) for group in self.groups}
         return Driver(
-            kind="ideal", network=network, voltage=amplitudes["a"], ratio_b=amplitudes["b"] / amplitudes["a"],
-            frequency=self.frequency, phase_deg=self.phase_deg, settings=changes,
+            kind="ideal", network=network, voltage=amplitudes["a"], ratio_b=amplitudes.get("b", 1.0) / amplitudes["a"],
+            frequency=self.frequency, phase_deg=self.phase_deg, settings=changes, channels=self.channels,
         )  # fmt: skip
 
     def fundamental(self, group: str) -> float:
@@ -452,7 +457,7 @@ class Driver(Stated, Source):
         """
         if self.own:
             return f"The driver {self.name} is a subcircuit of your own, whose states are not known."
-        chains = [self.parts(group) for group in GROUPS] if self.switched else []
+        chains = [self.parts(group) for group in self.groups] if self.switched else []
         for before, last in chain.from_iterable(map(pairwise, chains)):
             if last.label == CABLE and (winding := before.values.get("winding_capacitance")):
                 inductance = last.values["inductance"]
@@ -496,7 +501,7 @@ class Driver(Stated, Source):
     @cached_property
     def chains(self) -> dict[str, tuple[Part, ...]]:
         """Group → its chain, from the stage to the pin."""
-        return {group: self._chain_of(group) for group in GROUPS}
+        return {group: self._chain_of(group) for group in self.groups}
 
     def values(self, group: str, label: str) -> Mapping[str, float]:
         """Return the parameters of a part of a group by its label; empty without it."""
@@ -529,6 +534,14 @@ class Driver(Stated, Source):
             chain.append((CABLE, CABLE, read_library("driver_cable")))
         return tuple(self._part(label, library, groups.named(name, group), group) for name, label, library in chain)
 
+    def check(self, motor: Motor) -> None:
+        """Raise a ParameterError for a number of channels that is not that of the groups."""
+        if self.channels != len(motor.groups):
+            raise ParameterError(
+                f"The driver has channels = {self.channels}, and {motor.name} has {len(motor.groups)} "
+                f"group{'s' if len(motor.groups) == 2 else ''}: give a driver as many."
+            )
+
     def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
         """Return ngspice's options for a run with the driver."""
         return SWITCHED_OPTIONS if self.switched else transient_options(motor, law)
@@ -539,24 +552,22 @@ class Driver(Stated, Source):
         For group g the supply is ``Vvp_g`` and ``Vvn_g``; the stage's output is the node ``out_g`` (against
         ``return_g`` for a full bridge) with its current in ``Vout_g``; the current into the pin is that of ``Vpin_g``.
         """
-        add_driver(circuit, self, dict(zip(GROUPS, pins, strict=True)))
+        add_driver(circuit, self, dict(zip(self.groups, pins, strict=True)))
 
     @property
     def powers(self) -> dict[str, Derived]:
         """Powers, energies and limits of the parts that the package has, by the vectors of their nodes."""
-        chains = [one for group in GROUPS for one in _chain(self, group) if one[0].label != _OWN]
+        chains = [one for group in self.groups for one in _chain(self, group) if one[0].label != _OWN]
         return {
             name: power
             for part, nodes in chains
             for name, power in powers_of(part.library, f"x{part.instance}".lower(), nodes, part.values)
         }
 
-    def initial_voltages(self) -> tuple[float, float]:
+    def initial_voltages(self) -> tuple[float, ...]:
         """Return the voltages of the pins at t = 0: an ideal source must not have a step at a capacitance."""
-        if self.kind == "ideal" and self.network == "none":
-            volts = two_phasors(self)
-            return volts["a"].imag, volts["b"].imag
-        return 0.0, 0.0
+        direct = self.kind == "ideal" and self.network == "none"
+        return tuple(volts.imag if direct else 0.0 for volts in two_phasors(self).values())[: self.channels]
 
     def current(self, group: str) -> tuple[str, float]:
         """Return the vector of the current into a pin, and its sign."""
@@ -567,13 +578,13 @@ class Driver(Stated, Source):
         return self.model_dump(exclude={"settings"}) | {
             "label": self.label,
             "supplied": self.supplied,
-            "rails_v": {group: list(self.rails(group)) for group in GROUPS},
-            "parts": {group: {part.label: part.values for part in self.parts(group)} for group in GROUPS},
+            "rails_v": {group: list(self.rails(group)) for group in self.groups},
+            "parts": {group: {part.label: part.values for part in self.parts(group)} for group in self.groups},
         }
 
     def libraries(self) -> list[Library]:
         """Return the libraries of all parts; a MOSFET other than the default comes first."""
-        parts = [part.library for group in GROUPS for part in self.parts(group)]
+        parts = [part.library for group in self.groups for part in self.parts(group)]
         return [self._transistor, *parts] if self._transistor else parts
 
     def _part(self, label: str, library: Library, instance: str, group: str) -> Part:
@@ -616,7 +627,7 @@ class Driver(Stated, Source):
 
     def _amplifier_rail(self, headroom: float) -> float:
         """Return the rail voltage of an amplifier for the larger of both amplitudes, with a margin."""
-        return 1.1 * max(self.amplitude(group) / self.ratio(group) for group in GROUPS) + headroom + 2.0
+        return 1.1 * max(self.amplitude(group) / self.ratio(group) for group in self.groups) + headroom + 2.0
 
     def _own_rail(self, group: str) -> float:
         """Return a rail voltage of the user's own stage.
@@ -655,13 +666,13 @@ def add_driver(
     libraries = [*([read_library("driver_source")] if source else []), *driver.libraries()]
     circuit.raw_spice += definitions(*libraries) + "\n"
     if source:
-        amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in GROUPS}
+        amplitudes = {groups.named("amplitude", group): control_amplitude(driver, group) for group in driver.groups}
         nodes = ("control_a", "control_b", circuit.gnd)
         instantiate(
             circuit, "source", "driver_source", nodes,
             frequency=driver.frequency, phase_deg=driver.phase_deg, **amplitudes,
         )  # fmt: skip
-        for group in GROUPS:
+        for group in driver.groups:
             add_breakpoints(circuit, driver, group)
     add_channels(circuit, driver, pins, supply=supply)
 
@@ -690,7 +701,7 @@ def add_channels(
 
     If ``risen``, the supplies have risen before the start of the run.
     """
-    for group in GROUPS:
+    for group in driver.groups:
         chain, output, line = _chain(driver, group), groups.named("control", group), groups.named("line", group)
         if driver.kind != "ideal":
             (stage, nodes), *chain = chain

@@ -57,7 +57,8 @@ class Loop:
 def load_impedance(motor: Motor, driver: Driver, group: str, frequency_hz: Array) -> Complex:
     """Return the impedance in Ω behind the output of a stage: transformer, network, cable and group."""
     omega, index = 2.0 * pi * frequency_hz, GROUPS.index(group)
-    volts, amperes = np.ones_like(omega, dtype=complex), motor.stator.admittance(omega)[:, index, index]
+    stator = motor.loaded_stator if motor.is_transducer else motor.stator
+    volts, amperes = np.ones_like(omega, dtype=complex), stator.admittance(omega)[:, index, index]
     for _, before in driver.passed(group, volts, amperes, omega):
         volts, amperes = before.volts, before.amperes
     load = np.asarray(volts / amperes)
@@ -127,7 +128,7 @@ def step_response(motor: Motor, driver: Driver, group: str, loop: Loop) -> tuple
 def stability(motor: Motor, driver: Driver) -> tuple[dict[str, Loop], dict[str, tuple[Array, Array]]]:
     """Return group → its loop, and group → the step of :func:`step_response`; empty for a stage without feedback."""
     loops, steps = {}, {}
-    for group in GROUPS if driver.kind == "feedback" else ():
+    for group in driver.groups if driver.kind == "feedback" else ():
         loop = margins(motor, driver, group)
         steps[group] = step_response(motor, driver, group, loop)
         loops[group] = replace(loop, step_overshoot=max(float(steps[group][1].max()) - 1.0, 0.0))

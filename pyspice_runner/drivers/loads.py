@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import PrivateAttr
 from PySpice.Spice.Netlist import Circuit
 
-from pyspice_runner.circuit.source import GROUPS, Pins
+from pyspice_runner.circuit.source import Pins
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
 from pyspice_runner.motor import groups
@@ -75,7 +75,7 @@ class PartLoad:
 
 def load_vectors(driver: Driver) -> Iterator[str]:
     """Yield the vectors that :func:`part_loads` takes, beside the voltages and currents of stages and pins."""
-    for group in GROUPS:
+    for group in driver.groups:
         for part, before, _ in _behind(driver, group):
             yield f"v({before})"
             if part.label == CABLE:
@@ -90,7 +90,7 @@ def load_vectors(driver: Driver) -> Iterator[str]:
 def part_loads(driver: Driver, samples: Mapping[str, Array]) -> tuple[PartLoad, ...]:
     """Return the parts of both groups, from the supply to the pin, with the maxima over a run."""
     found: list[PartLoad] = []
-    for group in GROUPS:
+    for group in driver.groups:
         found += _of_stage(driver, group, samples)
         for part, before, after in _behind(driver, group):
             found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples)
@@ -195,7 +195,7 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
     over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
-    for group in GROUPS:
+    for group in driver.groups:
         voltage = np.abs(samples[f"v({group})"])
         distance = electrode_distance(motor, group)
         found |= {
@@ -217,7 +217,7 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     notes = [
         f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
         f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."
-        for group in GROUPS
+        for group in driver.groups
         if (resonance := driver.transformer_resonance(group)) < FEWEST_TIMES * frequency
     ]
     for part in parts:
@@ -246,7 +246,7 @@ def limited(driver: Driver, samples: Mapping[str, Array], begin_s: float) -> dic
             for part in driver.parts(group)
             for name, _ in part.library.limits
         }
-        for group in GROUPS
+        for group in driver.groups
     }
 
 
@@ -257,7 +257,7 @@ def stage_notes(driver: Driver, delivered: Mapping[str, Mapping[str, Any]], *, p
     """
     notes = [
         f"The {part.label} of group {group.upper()} is at a limit for {100.0 * share:.3g} % of the time: {meaning}."
-        for group in GROUPS
+        for group in driver.groups
         for part in driver.parts(group)
         for name, meaning in part.library.limits
         if (share := delivered[group]["limited"][name]) > LIMITED
@@ -311,7 +311,7 @@ class _Switch:
 
 def _switches(driver: Driver) -> Iterator[_Switch]:
     """Yield the transistors of the bridges of both groups; none for another stage."""
-    for group in GROUPS if driver.kind in BRIDGES else ():
+    for group in driver.groups if driver.kind in BRIDGES else ():
         stage, (top, bottom) = groups.named("xstage", group), driver.rails(group)
         if driver.kind == "push-pull":
             for own, other in ("pn", "np"):
@@ -400,13 +400,13 @@ class EventfulDriver(Driver):
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add driver, controls and the step of the load."""
         events = self._events
-        add_driver(circuit, self, dict(zip(GROUPS, pins, strict=True)), source=False)
+        add_driver(circuit, self, dict(zip(self.groups, pins, strict=True)), source=False)
         begins = self.frequency if events.first is None else events.first
         on = "1"
         if events.stop_at is not None:
             on = "V(on)"
             circuit.V("on", "on", circuit.gnd, f"PWL(0 1 {events.stop_at!r} 1 {events.stop_at + _EDGE!r} 0)")
-        for group in GROUPS:
+        for group in self.groups:
             turned = radians(self.phase_deg) if group == "b" else 0.0
             angle = f"{2.0 * pi!r}*({begins!r}+{0.5 * events.rate!r}*time)*time+{turned!r}"
             control = f"{control_amplitude(self, group)!r}*{on}*sin({angle})"
@@ -430,8 +430,10 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
     that is held has no step. Raise SimulationError if ngspice fails or its result cannot be trusted.
     """
     motor = setup.motor
-    steps = setup.load.speed is None
-    torque = setup.load.torque or motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    steps = setup.load.speed is None and not motor.is_transducer
+    torque = setup.load.torque
+    if steps and not torque:
+        torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     stops = _BEGIN + (_LASTS if steps else 0.0)
     stopped = EventfulDriver(driver, Events(_BEGIN if steps else None, torque, stops))
     first = (1.0 - SWEPT) * driver.frequency
@@ -448,7 +450,7 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
         cut = {vector: values[within] for vector, values in samples.items()}
         found[name] = maxima(motor, driver, cut)
         shares = limited(driver, cut, driver.supply_rise_s)
-        notes = stage_notes(driver, {group: {"limited": shares[group]} for group in GROUPS}, pins=False)
+        notes = stage_notes(driver, {group: {"limited": shares[group]} for group in driver.groups}, pins=False)
         found[name]["exceeded"] += notes
     return found
 
@@ -457,6 +459,6 @@ def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> lis
     """Return a sentence for each limit of a part or of the ceramic that an event exceeds."""
     notes = []
     for name, found in events.items():
-        peaks = {group: float(found[groups.column("voltage", group, "v")]) for group in GROUPS}
+        peaks = {group: float(found[groups.column("voltage", group, "v")]) for group in setup.motor.groups}
         notes += [f"At a {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
     return notes

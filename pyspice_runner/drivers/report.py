@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
-from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers import loads
 from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
@@ -36,8 +35,9 @@ from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.simulate import JUDGED, CoarserRuns
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, Array, has_settled, remark
 from pyspice_runner.run.window import Window, change_to_come
-from pyspice_runner.units import engineering
+from pyspice_runner.units import engineering, unit_in
 
+_OF_SHAFT = ("shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "efficiency")
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
@@ -158,6 +158,11 @@ class DriveReport(Result):
         return "slider" in self.motor
 
     @property
+    def of_transducer(self) -> bool:
+        """Whether the device is a transducer, which has no shaft."""
+        return "contact" not in self.motor
+
+    @property
     def power_in_w(self) -> float:
         """Power of supplies and gate drivers."""
         return self.supply_power_w + self.gate_power_w
@@ -199,7 +204,7 @@ class DriveReport(Result):
         """Yield powers that are not valid, overloads and limits of the ceramic."""
         if not self.driver["supplied"] and self.driver["kind"] != "ideal":
             yield "The driver has no supply pins: powers and efficiencies count from its output."
-        for group in GROUPS:
+        for group in self.groups:
             gain = -self.losses_w.get(f"driver_{group}.total", 0.0)
             if gain > DRIVER_BOUND * abs(self.power_in_w):
                 yield (
@@ -220,8 +225,9 @@ class DriveReport(Result):
             "efficiency", "balance_residual", "settling", "settled", "to_come", "delivered", "stability", "maxima",
             "events", "switching", "design",
         )  # fmt: skip
+        left = [name for name in names if not (self.of_transducer and name in _OF_SHAFT)]
         return self._localised({
-            **self._entries(*names),
+            **self._entries(*left),
             "points": len(self.waveforms["time_s"]),
             **self._entries("solver_seconds", "ngspice_version", "audit"),
             **self.ceramic,
@@ -232,9 +238,20 @@ class DriveReport(Result):
         """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
         return self.waveforms
 
+    def _of_shaft(self) -> dict[str, str]:
+        """Return power, speed and torque of the shaft, ready to print."""
+        error = self.mean_torque_error_n_m
+        return {
+            "shaft power": engineering(self.shaft_power_w, "W"),
+            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
+            + remark(self.to_come.get("mean_rotor_speed_rad_s", 0.0)),
+            "mean torque": engineering(self.mean_torque_n_m, "N·m")
+            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
+            + remark(self.to_come["mean_torque_n_m"]),
+        }
+
     def summary(self) -> dict[str, str]:
         """Return driver, powers, losses, efficiency, speed, torque, the parts with their peaks, and the design."""
-        error = self.mean_torque_error_n_m
         found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
@@ -243,43 +260,46 @@ class DriveReport(Result):
             "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %"
             + remark(self.to_come["motor_power_w"]),
             "power factor": f"{self.power_factor:.3f}",
-            "shaft power": engineering(self.shaft_power_w, "W"),
-            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
-            + remark(self.to_come.get("mean_rotor_speed_rad_s", 0.0)),
-            "mean torque": engineering(self.mean_torque_n_m, "N·m")
-            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
-            + remark(self.to_come["mean_torque_n_m"]),
+            **({} if self.of_transducer else self._of_shaft()),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
             notes = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
             found[f"losses of {part}"] = ", ".join(notes)
         for group, port in self.groups.items():
-            found[f"group {group}"] = (
-                f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, distortion "
-                f"{100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
-            )
-            if delivered := self.delivered.get(group):
-                limits = delivered["limited"].items()
-                reached = (f"; {name} limit {100.0 * share:.3g} % of the time" for name, share in limits if share)
-                found[f"group {group}, wanted"] = (
-                    f"{engineering(delivered['wanted_v'], 'V')} at the {delivered['place']}, which has "
-                    f"{engineering(delivered['got_v'], 'V')}{''.join(reached)}"
-                )
-            if loop := self.stability.get(group):
-                found[f"group {group}, loop"] = loop.words()
-            for event, most in {"maximum": self.maxima, **self.events}.items():
-                found[f"group {group}, {event}"] = (
-                    f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
-                )
+            found |= self._of_group(group, port)
         for edge in self.switching:
             how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
             found[f"turn-on of {edge.transistor}"] = how
         for load in self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]:
             found[load.name] = load.words()
+        for name in ("motional_current_amplitude_a_a", "amplitude_m"):
+            if name in self.ceramic:
+                found[name.rpartition("_")[0].replace("_", " ")] = engineering(self.ceramic[name], unit_in(name))
         if self.design:
             found |= self.design.summary()
         return self._localised(found)
+
+    def _of_group(self, group: str, port: Port) -> dict[str, str]:
+        """Return the rows of a group: what it gets, what was wanted, the loop of its amplifier, and its maxima."""
+        found = {
+            f"group {group}": f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, "
+            f"distortion {100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
+        }
+        if delivered := self.delivered.get(group):
+            limits = delivered["limited"].items()
+            reached = (f"; {name} limit {100.0 * share:.3g} % of the time" for name, share in limits if share)
+            found[f"group {group}, wanted"] = (
+                f"{engineering(delivered['wanted_v'], 'V')} at the {delivered['place']}, which has "
+                f"{engineering(delivered['got_v'], 'V')}{''.join(reached)}"
+            )
+        if loop := self.stability.get(group):
+            found[f"group {group}, loop"] = loop.words()
+        for event, most in {"maximum": self.maxima, **self.events}.items():
+            found[f"group {group}, {event}"] = (
+                f"{engineering(most[f'voltage_{group}_v'], 'V')}; {engineering(most[f'current_{group}_a'], 'A')}"
+            )
+        return found
 
 
 @checked
@@ -345,12 +365,15 @@ def drive_report(
         errors = coarser.errors(recording.columns(samples, judged)) if coarser else None
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     measured = _Measurement(window, samples, driver)
-    ports = {place: {group: measured.port(place, group) for group in GROUPS} for place in ("out", "pin")}
-    budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in GROUPS]
+    ports = {place: {group: measured.port(place, group) for group in driver.groups} for place in ("out", "pin")}
+    budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in driver.groups]
     put_in, losses, feeds, stored = zip(*budgets, strict=True)
-    power_a, power_b = (measured.voltage("pin", group) * samples[groups.current("pin", group)] for group in GROUPS)
-    power = power_a + power_b
-    torque = motor.rotor.radius_m * samples.get("v(xmotor.friction)", np.zeros_like(samples["time"]))
+    still = np.zeros_like(samples["time"])
+    power = sum(
+        (measured.voltage("pin", group) * samples[groups.current("pin", group)] for group in driver.groups), still
+    )
+    speeds = samples.get("v(shaft)", still)
+    torque = motor.rotor.radius_m * samples["v(xmotor.friction)"] if setup.law else still
     currents = measured.supply_currents()
     report = DriveReport(
         motor=motor.to_dict(),
@@ -371,10 +394,10 @@ def drive_report(
         losses_w={name: loss for of_group in losses for name, loss in of_group.items()},
         stored_power_w=sum(stored),
         motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
-        shaft_power_w=window.mean(torque * samples["v(shaft)"]),
+        shaft_power_w=window.mean(torque * speeds),
         mean_torque_n_m=window.mean(torque),
         mean_torque_error_n_m=errors.torque_n_m if errors else None,
-        mean_rotor_speed_rad_s=window.mean(samples["v(shaft)"]),
+        mean_rotor_speed_rad_s=window.mean(speeds),
         settling=window.settling(power),
         to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
         maxima=loads.maxima(motor, driver, samples),
@@ -384,7 +407,7 @@ def drive_report(
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
-        ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window),
+        ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window) | _motional(motor, measured),
     )
     delivered = measured.delivered(ports, design.wanted_v if design else {})
     loops, steps = stability(motor, driver)
@@ -396,11 +419,11 @@ def drive_report(
         found = loads.driver_events(setup, driver, vectors)
         report = replace(report, events=found, event_faults=loads.event_cautions(setup, found))
         runs += found.values()
-    peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in GROUPS}
+    peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in driver.groups}
     if design:
-        reached = None if speed is not None else report.mean_rotor_speed_rad_s
+        reached = None if speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
-        most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in GROUPS}
+        most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in driver.groups}
         design = design.ran(parts, reached, most, motor)
         if limits:
             reasons = [*limits, *([] if design.feasible else [design.reason])]
@@ -417,14 +440,28 @@ def drive_report(
     return replace(report, audit=audited)
 
 
+def _motional(motor: Motor, measured: _Measurement) -> dict[str, float]:
+    """Return amplitudes of a transducer: of the motional currents in A, and of a face whose motion is known, in m."""
+    if not motor.is_transducer:
+        return {}
+    names = [name for name in modal_vectors(motor) if "vvelocity" in name]
+    flows = np.array([measured.window.harmonics(measured.samples[name])[0] for name in names])
+    found = {
+        groups.column("motional_current_amplitude", group, "a"): float(abs(coupling @ flows))
+        for group, coupling in zip(motor.groups, motor.stator.coupling.T, strict=True)
+    }
+    moved = float(abs(motor.stator.contact[1] @ flows)) * measured.window.period / (2.0 * np.pi)
+    return found | ({"amplitude_m": moved} if motor.stator.contact[1].any() else {})
+
+
 def _vectors(setup: Point, driver: Driver) -> list[str]:
     """Return the vectors of a run from which a report is made."""
     names = [
-        "v(shaft)",
+        *([] if setup.motor.is_transducer else ["v(shaft)"]),
         *(["v(xmotor.friction)", "v(xmotor.normal)"] if setup.law else []),
         *modal_vectors(setup.motor),
     ]
-    for group in GROUPS:
+    for group in driver.groups:
         back = [groups.voltage("return", group)] if driver.kind == "full-bridge" else []
         names += [f"v({group})", groups.voltage("line", group), *back]
         names += [groups.current(place, group) for place in ("pin", "out")]
@@ -449,6 +486,8 @@ def _start_time(setup: Point, design: Design) -> float:
     """
     if not setup.source.uniform:
         return _SHORTEST
+    if setup.motor.is_transducer:
+        return min(max(_SHORTEST, 3.0 * setup.motor.loaded_stator.decay_s), _LONGEST)
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)
     torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
@@ -469,9 +508,12 @@ def _check_duration(setup: Point, duration: float) -> None:
 def _to_come(setup: Point, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
     """Return the expected further relative change of the means of signals and of a free rotor's speed."""
     motor, time = setup.motor, samples["time"]
-    friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n
+    if motor.is_transducer:
+        friction, signals = 0.0, {"motor_power_w": signals["motor_power_w"]}
+    else:
+        friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n
     least = {"motor_power_w": 0.0, "mean_torque_n_m": SMALL_TORQUE * friction, "mean_rotor_speed_rad_s": ROUNDING_RAD_S}
-    if setup.load.speed is None:
+    if setup.load.speed is None and not motor.is_transducer:
         signals = {**signals, "mean_rotor_speed_rad_s": samples["v(shaft)"]}
     window = Window(time, setup.source.period)
     found = {}
@@ -564,7 +606,7 @@ class _Measurement:
         driver, place = self.driver, "pin" if wanted_v or self.driver.network == "none" else "stage"
         shares = loads.limited(driver, self.samples, max(self.window.start, driver.supply_rise_s))
         found = {}
-        for group in GROUPS:
+        for group in driver.groups:
             got = ports["pin" if place == "pin" else "out"][group].harmonics[0].voltage_v
             ratio = driver.values(group, "transformer").get("ratio", 1.0) if place == "stage" else 1.0
             wanted = wanted_v.get(group, driver.amplitude(group))
@@ -574,7 +616,7 @@ class _Measurement:
     def supply_currents(self) -> dict[str, Array]:
         """Return the currents that the rails deliver, both groups together."""
         found: dict[str, Array] = {}
-        for group in GROUPS:
+        for group in self.driver.groups:
             for rail, name in zip(RAILS, ("positive", "negative"), strict=True):
                 if groups.current(rail, group) in self.samples:
                     found[name] = found.get(name, 0.0) - self.samples[groups.current(rail, group)]
@@ -583,7 +625,7 @@ class _Measurement:
     def waveforms(self) -> dict[str, Array]:
         """Return voltages and currents of both groups over the window."""
         columns = {"time_s": self.window.time}
-        for group in GROUPS:
+        for group in self.driver.groups:
             for place, name in (("out", groups.named("output", group)), ("pin", groups.named("group", group))):
                 columns[f"{name}_v"] = self.window.cut(self.voltage(place, group))
                 columns[f"{name}_a"] = self.window.cut(self.samples[groups.current(place, group)])

@@ -157,6 +157,8 @@ def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
 
 def _stator(export: MotorExport, _: Path) -> str:
     motor = export.motor
+    if len(motor.groups) == 1:
+        raise ParameterError(f"{motor.name} has one port: write what its spectrum was fitted to as .s1p.")
     low, high = 0.5 * motor.modes[0].frequency_hz, 2.0 * motor.modes[-1].frequency_hz
     frequency, matrix = stator_two_port(motor, low, high, _TWO_PORT_POINTS)
     return touchstone(frequency, matrix, title=f"stator of {motor.name}, tip free, port 1 group A, port 2 group B")

@@ -596,7 +596,7 @@ Clost lost 0 {smoothed!r} ic={-conductance!r}
         """Drift of a motor whose temperature the disturbances change."""
         return self.disturbances.drifting
 
-    def initial_voltages(self) -> tuple[float, float]:
+    def initial_voltages(self) -> tuple[float, ...]:
         """Return the voltages of the pins at t = 0: the oscillator starts with cosine 1."""
         if self.driver:
             return self.driver.initial_voltages()

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Driver and design of a transducer with one group: one channel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.drivers.design import design_driver
+from pyspice_runner.motor.circuit_file import circuit_toml
+from pyspice_runner.motor.drive import OnePhaseDrive
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.steady.transducer import transducer_state
+from tests.circuit.batch import measured
+
+AIR = EquivalentCircuit((MotionalArm(643.2, 68.87e-3, 230.5e-12),), 2.402e-9, 0.0, 40e3)  # MA40S4S, settles in 1 ms
+
+
+@pytest.fixture(scope="module")
+def air(tmp_path_factory: pytest.TempPathFactory) -> pr.Motor:
+    (path := tmp_path_factory.mktemp("air") / "air.toml").write_text(circuit_toml(AIR))
+    return pr.load_motor(path)
+
+
+def drive_of(motor: pr.Motor) -> OnePhaseDrive:
+    return OnePhaseDrive(voltage=20.0, frequency=motor.modes[0].frequency_hz)
+
+
+def test_power_behind_a_coil_is_that_of_a_hand_written_deck(air: pr.Motor, tmp_path: Path) -> None:
+    drive, (arm,) = drive_of(air), AIR.arms
+    parts = {"inductor.inductance": 2e-3, "inductor.resistance": 50.0}
+    spec = pr.DriverSpec(drive, "ideal", "inductor", parts=parts)
+    report = pr.drive_report(air, spec.driver(), 4e-3)
+    deck = [
+        "by hand", "V1 s 0 DC 0 AC -20", "R0 s k 50", "L0 k p 2m", f"C0 p 0 {AIR.clamped_capacitance_f!r}",
+        f"L1 p m {arm.inductance_h!r}", f"C1 m r {arm.capacitance_f!r}", f"R1 r 0 {arm.resistance_ohm!r}",
+        f".ac lin 3 {drive.frequency - 1.0!r} {drive.frequency + 1.0!r}",
+        f".measure ac current FIND i(V1) AT={drive.frequency!r}", ".end",
+    ]  # fmt: skip
+    put_in = 10.0 * measured("\n".join(deck), tmp_path)["current"]
+    assert report.outputs["a"].real_power_w == pytest.approx(put_in, rel=0.01)
+    lost = 0.5 * 50.0 * (2.0**0.5 * report.outputs["a"].current_rms_a) ** 2
+    assert report.motor_power_w == pytest.approx(put_in - lost, rel=0.01)
+    own = 0.5 * arm.resistance_ohm * report.ceramic["motional_current_amplitude_a_a"] ** 2
+    assert report.motor_power_w == pytest.approx(own, rel=0.01)
+
+
+def test_one_group_has_one_channel(air: pr.Motor) -> None:
+    report = pr.drive_report(air, pr.DriverSpec(drive_of(air), "half-bridge", "none"), 0.5e-3)
+    assert [*report.groups] == [*report.outputs] == [*report.driver["parts"]] == ["a"]
+    assert all("group A" in part["name"] for part in report.maxima["parts"])
+    assert not {"xstage_b", "vpin_b", "vvp_b"} & {line.split(" ")[0].lower() for line in report.deck.splitlines()}
+    assert "mean_torque_n_m" not in report.to_dict()
+    assert "mean torque" not in report.summary()
+    with pytest.raises(pr.ParameterError, match="has channels = 2, and air has 1 group"):
+        pr.drive_report(air, pr.Driver(kind="linear", voltage=20.0, frequency=40e3), 0.5e-3)
+
+
+def test_design_gives_the_wanted_voltage_under_load(air: pr.Motor) -> None:
+    tool = air.updated({"load.resistance_ohm": 643.2})
+    design = design_driver(tool, pr.DriverSpec(drive_of(air), "linear", "inductor"))
+    under, idle = design.points
+    assert (under.state, idle.state) == ("operating point", "no load")
+    assert under.a.voltage_v == pytest.approx(20.0, rel=0.02)
+    assert under.b is None
+    assert idle.power_w > 1.5 * under.power_w  # half the resistance
+    steady = transducer_state(tool, drive_of(air)).quantities
+    assert design.unmatched[0].power_w == pytest.approx(steady["power_w"], rel=1e-9)
+    assert all("group A" in part.name for part in design.parts)
