@@ -27,8 +27,8 @@ START_OFFSET = 0.03  # relative to the centre
 
 @command(
     "motor tracker mode disturb event voltage ratio_b phase frequency span offset target bandwidth period step_size",
-    "reverse no_restart restart_after load_torque preload_change supply_change target_step drift drift_time all_drift",
-    "compensate", DRIVER, "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
+    "reverse no_restart restart_after load_torque load_factor preload_change supply_change target_step drift",
+    "drift_time all_drift compensate", DRIVER, "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
     tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
     mode=option(str | None, None, "Name of the mode to track; default: the last.", "--mode", metavar="NAME"),
     disturb=option(DisturbanceKind, "start", "Disturbance of the motor."),
@@ -54,6 +54,7 @@ START_OFFSET = 0.03  # relative to the centre
     no_restart=option(bool, False, "A loop that has lost lock does not return to its start.", "--no-restart"),
     restart_after=option(float, 0.0, "Time without lock after which it returns, s; 0: by the loop."),
     load_torque=option(float | None, None, "Load, N.m (slider: N); default: half the stall torque.", *LOAD),
+    load_factor=option(float, 2.0, "Transducer: damping of the mode after the step of its load over that before."),
     preload_change=option(float, 0.3, "Relative change of the preload."),
     supply_change=option(float, -0.3, "Relative change of the supply."),
     target_step=option(float, 10.0, "Step of the target, degrees."),
@@ -79,7 +80,9 @@ def track(call: Call) -> None:
     _refuse_idle(call)
     call.check(".json", ".csv", ".cir")
     motor = call.loaded
-    tone = call.recommended_phases() | {"ratio_b": call.ratio_b}
+    phases = call.phases(motor, ratio_b=call.ratio_b)
+    tone = {name: getattr(phases, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
+    call.refuse_idle(f"on {motor.name}", "load_torque" if motor.is_transducer else "load_factor")
     offset = START_OFFSET if call.disturb == "start" and not call.event else 0.0
     tracker = pr.Tracker(
         **tone, offset=offset if call.offset is None else call.offset, polarity=-1 if call.reverse else 1,
@@ -96,13 +99,13 @@ def track(call: Call) -> None:
     with common.busy(f"The motor runs with the tracker {call.tracker}"):
         driver = None
         if call.driver:
-            pins = pr.TwoPhaseDrive(**tone | {"frequency": tracker.frequency})
+            pins = phases.updated({"frequency": tracker.frequency})
             driver = call.spec_of(call.driver, pins).built(motor, contact=call.law)
         result = pr.track(
             motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
-            **call.pick("disturb begin duration load_torque preload_change supply_change drift drift_time target_step"),
+            **call.pick("disturb begin duration load_torque load_factor preload_change supply_change drift drift_time"),
             disturbances=[_event(text, call) for text in call.event or ()], mode=mode,
-            **call.pick("averaged engine timeout audit"),
+            **call.pick("target_step averaged engine timeout audit"),
         )  # fmt: skip
     call.deliver(result, motor.name)
 
@@ -113,7 +116,8 @@ def _event(text: str, call: Call) -> pr.Disturbance:
     value, _, begin = rest.partition("@")
     require(kind in CHANGED and begin, "--event", text, f"KIND=VALUE@BEGIN with one of {', '.join(CHANGED)}")
     units = {"load": "Load, N.m", "target": "Target, degrees"}.get(kind, "")
-    values: dict[str, Any] = {CHANGED[kind]: common.number(value, units), "begin_s": common.number(begin, "Begin, s")}
+    name = "load_change_n_s_per_m" if kind == "load" and call.loaded.is_transducer else CHANGED[kind]
+    values: dict[str, Any] = {name: common.number(value, units), "begin_s": common.number(begin, "Begin, s")}
     if kind == "temperature":
         values |= {"drift_time_s": call.drift_time, "thermal": pr.Thermal.of(call.loaded) if call.all_drift else None}
     return pr.Disturbance(**{"kind": kind, **values})
@@ -132,7 +136,7 @@ _NEEDS: tuple[tuple[str, str, set[str]], ...] = (
     ("tracker", "reverse", {*get_args(TrackerKind)} - {"none"}),
     ("tracker", "no_restart restart_after", {"pll"}),
     ("tracker", "compensate", {"pll", "observe-current"}),
-    ("disturb", "load_torque", {"load"}),
+    ("disturb", "load_torque load_factor", {"load"}),
     ("disturb", "preload_change", {"preload"}),
     ("disturb", "supply_change", {"supply"}),
     ("disturb", "target_step", {"target"}),

@@ -168,11 +168,14 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
 def _free(point: Point, modulation: Array) -> Answers:
     """Return what :func:`_running` does, of a stator without a rotor."""
     frequency = point.drive.frequency
-    above, below = (
-        np.array([cold_admittance(point.motor, frequency + side * at) for at in modulation]) for side in (1.0, -1.0)
-    )
+    missing = len(GROUPS) - len(point.motor.groups)
+
+    def admittance(at: float) -> Complex:
+        return np.pad(cold_admittance(point.motor, at), (0, missing))
+
+    above, below = (np.array([admittance(frequency + side * at) for at in modulation]) for side in (1.0, -1.0))
     none = np.zeros_like(above)
-    currents = cold_admittance(point.motor, frequency) @ volts(point.drive)
+    currents = admittance(frequency) @ volts(point.drive)
     return currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation))
 
 
@@ -271,4 +274,5 @@ def by_group(values: Mapping[str, float], name: str) -> Array:
 def _network(source: TrackedSource, frequency: float) -> Complex:
     """Return the series impedances of both groups, and the admittances across their pins."""
     driver = source.driver
-    return np.array([network_of(driver, group, frequency) if driver else (0j, 0j) for group in GROUPS]).T
+    driven = driver.groups if driver else ()
+    return np.array([network_of(driver, one, frequency) if driver and one in driven else (0j, 0j) for one in GROUPS]).T

@@ -26,6 +26,7 @@ from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.stator import square
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import audit_contact, ceramic, modal_vectors
@@ -131,6 +132,23 @@ class Tracking(Estimated, Result):
     def linear(self) -> bool:
         """Whether the motor has a slider."""
         return "slider" in self.settings["motor"]
+
+    @property
+    def of_transducer(self) -> bool:
+        """Whether the device is a transducer: the speeds are then amplitudes of the mode's motional current in A."""
+        return "contact" not in self.settings["motor"]
+
+    def _localised(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a document, columns or a summary, of a transducer with its motional current for the speed."""
+        if not self.of_transducer:
+            return super()._localised(found)
+        flow = {"rotor_speed_rad_s": "motional_current_a"}
+        flow |= {f"speed_{when}_rad_s": f"motional_current_{when}_a" for when in ("before", "after", "lost")}
+        return {
+            flow.get(name, name.replace("speed", "motional current") if isinstance(value, str) else name):
+            value.replace(" rad/s", " A") if isinstance(value, str) else value
+            for name, value in found.items()
+        }  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result, JSON-ready."""
@@ -425,6 +443,7 @@ def track(
     drift_time: float = 50e-3,
     thermal: Thermal | None = None,
     target_step: float = 10.0,
+    load_factor: float = 2.0,
     speed: float | None = None,
     step: float | None = None,
     driver: Driver | None = None,
@@ -450,6 +469,7 @@ def track(
         begin: start of the disturbance, s; by default when the tracker has settled.
         duration: simulated time, s; by default some time after the disturbance.
         load_torque: torque of the load in N·m; by default half the stall torque, which takes a run with the shaft held.
+        load_factor: of a transducer, damping of the mode after the step of the load over that before.
         preload_change: relative change of the preload.
         supply_change: relative change of the supply: the rails of a driver, without one the voltages.
         drift: relative drift of the frequencies.
@@ -469,6 +489,7 @@ def track(
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    contact = None if motor.is_transducer else contact
     law = law_of(contact, motor.law)
     mode = len(motor.modes) - 1 if mode is None else mode
     if disturbances and disturb != "start":
@@ -478,10 +499,12 @@ def track(
         kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
         supply_change=supply_change, drift_time_s=drift_time, target_step_deg=target_step,
         thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
+        load_change_n_s_per_m=_heavier(motor, mode, load_factor) if disturb == "load" and motor.is_transducer else None,
     )  # fmt: skip
     sequence = Disturbances(tuple(sorted(disturbances, key=lambda one: one.begin_s)) or (one,))
     _check_together(motor, tracker, mode, sequence, contact, speed)
     if averaged:
+        _ = motor.rotor  # of a transducer an error
         check_averaged(contact)
         if step is not None:
             raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
@@ -504,7 +527,7 @@ def track(
             f"{sequence.end_s:.4g} s. Give at least {seen:.4g} s, or an earlier begin."
         )
     stall = None
-    if disturb == "load" and load_torque is None:
+    if disturb == "load" and load_torque is None and not motor.is_transducer:
         stall = _stall_torque(setup, source)  # of the full motor
         sequence = Disturbances((one.model_copy(update={"load_torque_n_m": 0.5 * stall}),))
     restart = restart_values(motor, tracker, mode, lag, source.loop_filter)
@@ -513,6 +536,17 @@ def track(
     setup = replace(setup, source=source)
     run = TrackedRun(setup, source, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run, engine) if averaged else _track_full(run)
+
+
+def _heavier(motor: Motor, mode: int, factor: float) -> float:
+    """Return the resistance of a load by which the damping of a mode is multiplied; an error if it does not act."""
+    along = motor.load_motion[mode] ** 2
+    require(0.1 <= factor <= 1e3, "load_factor", factor, "from 0.1 to 1000")
+    if not along:
+        raise ParameterError(
+            f"The load does not act on mode {motor.modes[mode].name}: specify load.mode, or the motion of the face."
+        )
+    return float((factor - 1.0) * square(motor.loaded_stator.damping)[mode, mode] / along)
 
 
 def _check_together(
@@ -524,7 +558,7 @@ def _check_together(
     if tracker.kind == "observe-speed" and (contact is None or speed is not None):
         raise ParameterError("tracker = 'observe-speed' needs a rotor that turns; give a contact law and no speed.")
     for kind in ("load", "preload") if contact is None else ():
-        if sequence.of(kind):
+        if any(one.load_change_n_s_per_m is None for one in sequence.of(kind)):
             raise ParameterError(f"disturb = {kind!r} needs a rotor; give a contact law.")
     if sequence.of("target") and tracker.kind != "pll":
         raise ParameterError(
@@ -542,7 +576,8 @@ def _track_full(run: TrackedRun) -> Tracking:
     motor = setup.motor
     forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if setup.law else []
     currents = [source.current(group)[0] for group in GROUPS]
-    of_mode = ["v(force)", "v(tuned)", "v(shaft)", f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
+    shaft = [] if motor.is_transducer else ["v(shaft)"]
+    of_mode = ["v(force)", "v(tuned)", *shaft, f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
     watched = ["v(restart)"] if source.restart else []
     names = dict.fromkeys([*of_mode, *watched, *forces, "v(a)", "v(b)", *currents, *modal_vectors(motor)])
     outcome = setup.run(run.duration, list(names))
@@ -551,9 +586,8 @@ def _track_full(run: TrackedRun) -> Tracking:
     if setup.solver.audit:
         audit.withhold("run")
     settings = {"duration_s": run.duration, **setup.to_dict(), "mode": mode, "deck_sha256": outcome.deck_sha256}
-    found = judged(
-        run, _periods(vectors, mode), outcome, settings, audit=audit, model_cautions=_inseparable(motor, mode)
-    )
+    cautions = _inseparable(motor, mode)
+    found = judged(run, _periods(vectors, motor, mode), outcome, settings, audit=audit, model_cautions=cautions)
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
     pins = np.array([_phasor(vectors, f"v({group})") for group in GROUPS])
@@ -569,7 +603,7 @@ def _inseparable(motor: Motor, mode: int) -> tuple[str, ...]:
     """Return a caution where the groups sense another mode more than the one to track."""
     sensed = np.abs(sensed_modes(motor, mode))
     other, names = int(np.argmax(sensed)), [one.name for one in motor.modes]
-    if sensed[other] <= sensed[mode] * (1.0 + SAME):
+    if motor.is_transducer or sensed[other] <= sensed[mode] * (1.0 + SAME):  # its modes are far from each other
         return ()
     said = (
         f"The two groups of {motor.name} cannot separate {names[mode]} from {names[other]}, whose current at the same "
@@ -579,26 +613,31 @@ def _inseparable(motor: Motor, mode: int) -> tuple[str, ...]:
 
 
 def _at_end(run: TrackedRun, rise_k: float) -> Motor:
-    """Return the motor with temperature rise and preload at the end of a run."""
+    """Return the motor with temperature rise, preload and resistance of its load at the end of a run."""
     motor, disturbances = run.setup.motor, run.source.disturbances
     if disturbances.drifting:
         motor = disturbances.drifting.warmed(motor, rise_k)
-    preload = motor.contact.preload_n * (1.0 + disturbances.last("preload"))
-    return motor.updated({"contact.preload_n": preload}) if disturbances.of("preload") else motor
+    if disturbances.on_tool:
+        after = motor.tool.resistance_n_s_per_m + disturbances.last("load")
+        motor = motor.updated({"load.resistance_n_s_per_m": max(after, 0.0)})
+    if disturbances.of("preload"):
+        preload = motor.contact.preload_n * (1.0 + disturbances.last("preload"))
+        motor = motor.updated({"contact.preload_n": preload})
+    return motor
 
 
 def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) -> Tracking:
     """Return a result with the loop gain of the running motor at its end; with a caution if there is none."""
     setup, disturbances, tracker = run.setup, run.source.disturbances, run.source.tracker
     motor, speed = _at_end(run, disturbances.last("temperature")), setup.load.speed
-    if speed is None and not found.settled:
+    if speed is None and not found.settled and not motor.is_transducer:
         speed = found.speed_after_rad_s
     target = tracker.target_deg + disturbances.last("target")
     source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
     begins = np.exp(-1j * phase(pins[0]) * np.arange(1, len(force) + 1))  # group A has the phase 0
     point = Point.of(
         motor, _at_pins(pins, found.end_frequency_hz), speed=speed, contact=setup.law, timeout=setup.solver.timeout,
-        load_torque=disturbances.last("load") if speed is None else 0.0,
+        load_torque=disturbances.last("load") if speed is None and not motor.is_transducer else 0.0,
     )  # fmt: skip
     try:
         return replace(found, loop=running_loop(setup.motor, source, point, force * begins))
@@ -702,8 +741,11 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     return Sensing(drift, turn, moved)
 
 
-def _periods(vectors: dict[str, Array], mode: int) -> Periods:
-    """Return the fundamentals of each period, from one rising edge of the force to the next."""
+def _periods(vectors: dict[str, Array], motor: Motor, mode: int) -> Periods:
+    """Return the fundamentals of each period, from one rising edge of the force to the next.
+
+    Instead of a speed a transducer has the amplitude of the motional current of the mode.
+    """
     time, force, edges = vectors["time"], vectors["v(force)"], _edges(vectors)
     velocity = vectors[f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
     turns = np.exp(-2j * pi * np.interp(time, edges, np.arange(edges.size)))
@@ -713,10 +755,15 @@ def _periods(vectors: dict[str, Array], mode: int) -> Periods:
         return np.diff(np.interp(edges, time, summed.real) + 1j * np.interp(edges, time, summed.imag))
 
     length = np.diff(edges)
+    moved = over_periods(velocity * turns)
+    if motor.is_transducer:
+        speed = 2.0 * abs(motor.modes[mode].coupling_a_n_per_v) * np.abs(moved) / length
+    else:
+        speed = over_periods(vectors["v(shaft)"]).real / length
     return Periods(
         0.5 * (edges[1:] + edges[:-1]),
         1.0 / length,
-        np.degrees(np.angle(over_periods(velocity * turns) / over_periods(force * turns))),
-        over_periods(vectors["v(shaft)"]).real / length,
+        np.degrees(np.angle(moved / over_periods(force * turns))),
+        speed,
         over_periods(vectors.get("v(restart)", np.zeros_like(time))).real / length,
     )

@@ -98,6 +98,11 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
     if not force_n > 0.0:
         raise ParameterError(f"Nothing drives mode {own.name}; choose another mode, or another phase of the groups.")
     highest = force_n / own.damping_n_s_per_m / (2.0 * pi * own.frequency_hz)
+    if motor.is_transducer:  # under its load, which couples the modes hardly
+        loaded = motor.loaded_stator
+        mass, damping, stiffness = (float(one[mode, mode]) for one in (loaded.mass, loaded.damping, loaded.stiffness))
+        omega = sqrt(stiffness / mass)
+        return StatorLag(omega / (2.0 * pi), mass * omega / damping, force_n / damping / omega)
     if not contact:
         return StatorLag(own.frequency_hz, own.quality_factor, highest)
     normal = contact_law.normal_stiffness_at_preload(motor.contact) * own.tip_y**2
@@ -242,6 +247,9 @@ class Disturbance(Stated):
     kind: DisturbanceKind = Field(description="disturbance; the losses warm up the averaged motor only")
     begin_s: float = quantity("time at which it begins", "s", default=0.0, ge=0.0)
     load_torque_n_m: float = quantity("load torque after the step", "N·m", default=0.0, ge=-1e3, le=1e3)
+    load_change_n_s_per_m: float | None = quantity(
+        "change of the resistance of a transducer's load", "N·s/m", default=None, ge=-1e9, le=1e9
+    )
     preload_change: float = quantity("relative change of the static normal force", "1", default=0.0, ge=-0.9, le=10.0)
     supply_change: float = quantity("relative change of the supply", "1", default=0.0, ge=-0.99, le=1.0)
     drift: float = quantity("relative drift of all resonance frequencies", "1", default=0.0, ge=-0.2, le=0.2)
@@ -252,6 +260,8 @@ class Disturbance(Stated):
     @property
     def value(self) -> float:
         """What it changes, afterwards: the drift as a temperature rise in K."""
+        if self.load_change_n_s_per_m is not None:
+            return self.load_change_n_s_per_m
         return self.rise_k if self.kind == "temperature" else float(getattr(self, CHANGED.get(self.kind, ""), 0.0))
 
     @property
@@ -280,6 +290,8 @@ class Disturbance(Stated):
         """Return the disturbance, JSON-ready; values of other kinds are ``None``."""
         kinds = {name: kind for kind, name in CHANGED.items()} | {"drift_time_s": "temperature"}
         values = {name: getattr(self, name) if kind == self.kind else None for name, kind in kinds.items()}
+        if self.load_change_n_s_per_m is not None:
+            values["load_change_n_s_per_m"] = self.load_change_n_s_per_m
         return {"kind": self.kind, "begin_s": self.begin_s, **values}
 
 
@@ -321,6 +333,11 @@ class Disturbances:
         return next((one.value for one in reversed(self.of(kind))), 0.0)
 
     @property
+    def on_tool(self) -> bool:
+        """Whether they change the resistance of a transducer's load."""
+        return any(one.load_change_n_s_per_m is not None for one in self.events)
+
+    @property
     def begin_s(self) -> float | None:
         """When the first begins; ``None`` where there are only the start and the losses."""
         return min((one.begin_s for one in self.events if one.kind in CHANGED), default=None)
@@ -337,18 +354,24 @@ class Disturbances:
 
     def add(self, circuit: Circuit, motor: Motor) -> None:
         """Add the sources at the motor."""
-        preload, load = motor.contact.preload_n, self.course("load")
-        pressed = [(at, 1e6 * motor.approach_m(force)) for at, force in self.course("preload", preload, preload)]
-        if len(load) > 1:
+        sources = {"temperature": self.course("temperature")}
+        if self.on_tool:
+            sources["tool"] = self.course("load", motor.load_resistance_n_s_per_m)
+        elif len(load := self.course("load")) > 1:
             circuit.I("load", "shaft", circuit.gnd, schedule_text(load))
-        for node, course in (("approach", pressed), ("temperature", self.course("temperature"))):
+        if self.of("preload"):
+            preload = motor.contact.preload_n
+            course = self.course("preload", preload, preload)
+            sources["approach"] = [(at, 1e6 * motor.approach_m(force)) for at, force in course]
+        for node, course in sources.items():
             if len(course) > 1:
                 circuit.V(node, node, circuit.gnd, schedule_text(course))
 
 
 def mode_force(motor: Motor, tracker: Tracker, mode: int) -> float:
     """Return the amplitude in N of the force on a mode."""
-    return abs(complex(motor.stator.coupling[mode] @ list(two_phasors(tracker).values())))
+    volts = list(two_phasors(tracker).values())[: len(motor.groups)]
+    return abs(complex(motor.stator.coupling[mode] @ volts))
 
 
 @checked
@@ -392,7 +415,7 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 
     The motional currents are Σ θ v of all modes; the pseudo-inverse of the couplings gives the velocity of one mode.
     """
-    couplings = motor.stator.coupling
+    couplings = np.pad(motor.stator.coupling, ((0, 0), (0, len(GROUPS) - len(motor.groups))))
     forces = couplings[mode]
     currents = np.linalg.pinv(couplings.T)[mode]
     if not np.abs(forces).max() > 0.0:
@@ -415,6 +438,8 @@ def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
     """Return the copies of the clamped capacitances and the weights by which a tracker senses a mode."""
     copies, weighted = {}, weights(motor, mode)
     matrix = dielectric_matrix(motor, tracker.frequency)
+    if len(motor.groups) == 1:  # the copy of the channel that is not there does not count
+        matrix = np.eye(len(GROUPS)) * matrix
     for at, group in enumerate(GROUPS):
         weight, cross = (weighted[f"current_{one}"] for one in (group, GROUPS[1 - at]))
         # a copy also stands for the current that its voltage draws through the capacitance between the groups
@@ -422,7 +447,7 @@ def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
         impedance = 1.0 / complex(drawn)
         capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
         copies[groups.named("capacitance", group)] = capacitance * (1.0 + tracker.capacitance_error)
-        copies[groups.named("resistance", group)] = impedance.real
+        copies[groups.named("resistance", group)] = max(impedance.real, 1e-9)  # a capacitance without loss
     return copies | weighted
 
 
@@ -499,11 +524,13 @@ class TrackedSource(Source):
             circuit, "oscillator", "tracker_oscillator", ("tuning", "sine", "cosine", "tuned"),
             **tracker.tuned_hz, rail=RAIL,
         )  # fmt: skip
+        pins = (*pins, *GROUPS[len(pins) :])  # without a group B its nodes carry no current
         lines = tuple(groups.named("sensed", group) if driver else groups.named("line", group) for group in GROUPS)
         controls = tuple(groups.named("control", group) for group in GROUPS) if driver else lines
-        amplitudes = [control_amplitude(driver, group) for group in GROUPS] if driver else [
+        amplitudes = [control_amplitude(driver, group) for group in driver.groups] if driver else [
             tracker.voltage, tracker.voltage * tracker.ratio_b
         ]  # fmt: skip
+        amplitudes.append(0.0)
         waves: Sequence[str] = ("sine", "cosine")
         supply = disturbances.course("supply", 1.0)
         if len(supply) > 1 and not (driver and driver.supplied):
@@ -516,7 +543,9 @@ class TrackedSource(Source):
             phase_deg=driver.phase_deg if driver else tracker.phase_deg,
         )  # fmt: skip
         if driver:
-            add_driver(circuit, driver, dict(zip(GROUPS, lines, strict=True)), source=False, supply=supply[1:])
+            add_driver(circuit, driver, dict(zip(driver.groups, lines, strict=False)), source=False, supply=supply[1:])
+            if driver.channels == 1:
+                circuit.R("idle", lines[1], circuit.gnd, 1e3)
         instantiate(
             circuit, "sense", "tracker_sense",
             (
@@ -589,7 +618,8 @@ Clost lost 0 {smoothed!r} ic={-conductance!r}
     def pins(self) -> tuple[str, ...]:
         """Pins of the motor that the disturbances drive."""
         driven = {"temperature": ("temperature", "heat"), "preload": ("approach",)}
-        return tuple(pin for kind, pins in driven.items() if self.disturbances.of(kind) for pin in pins)
+        pins = tuple(pin for kind, pins in driven.items() if self.disturbances.of(kind) for pin in pins)
+        return (*pins, "tool") if self.disturbances.on_tool else pins
 
     @property
     def thermal(self) -> Thermal | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Driver and design of a transducer with one group: one channel."""
+"""Driver, design and tracker of a transducer with one group: one channel."""
 
 from __future__ import annotations
 
@@ -69,3 +69,17 @@ def test_design_gives_the_wanted_voltage_under_load(air: pr.Motor) -> None:
     steady = transducer_state(tool, drive_of(air)).quantities
     assert design.unmatched[0].power_w == pytest.approx(steady["power_w"], rel=1e-9)
     assert all("group A" in part.name for part in design.parts)
+
+
+def test_tracker_keeps_lock_under_a_load_step(air: pr.Motor) -> None:
+    tracker = pr.Tracker(kind="pll", voltage=20.0, frequency=air.modes[0].frequency_hz, offset=0.005, span=0.03)
+    found = pr.track(air, tracker, disturb="load", load_factor=2.0, begin=10e-3, duration=16e-3)
+    assert found.locked
+    assert found.end_frequency_hz == pytest.approx(air.modes[0].frequency_hz, rel=5e-4)
+    document = found.to_dict()
+    current = 20.0 / AIR.arms[0].resistance_ohm
+    assert document["motional_current_before_a"] == pytest.approx(current, rel=0.03)
+    assert document["motional_current_after_a"] == pytest.approx(0.5 * current, rel=0.03)
+    assert not [name for name in document if "rad_s" in name]
+    assert found.loop is not None
+    assert found.loop.phase_margin_deg > 45.0
