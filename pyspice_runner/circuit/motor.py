@@ -558,9 +558,7 @@ def _transducer_library(motor: Motor, **settings: Any) -> str:
     ]
     notes = [
         *(f"* MODE {mode.name}: {mode.frequency_hz:.6g} Hz, Q {mode.quality_factor:.4g} idle" for mode in motor.modes),
-        "* NODES inside, to plot: vy (m/s) and y (um) of the face, xmode1.velocity (m/s)",
-        "* CHECK  the node check is 0, or 1 for a parameter out of its range or a step longer than STEP",
-        "*",
+        "* NODES inside, to plot: vy (m/s) and y (um) of the face; check is 1 for a step longer than STEP, else 0",
         "* SOURCE equivalent circuit after Butterworth and Van Dyke, IEEE 176-1987",
         "* OMITS  temperature, nonlinearity, a loss tangent beyond 100 times its frequency to both sides",
         f"* REVISION {REVISION}",

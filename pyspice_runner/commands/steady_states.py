@@ -30,8 +30,7 @@ def steady(call: Call) -> int:
     call.check(".json", ".csv", ".nc", ".cir")
     motor = call.loaded
     if motor.is_transducer:
-        _linear(call)
-        return 0
+        return _linear(call)
     with common.busy("ngspice runs periods of the drive"):
         result = pr.steady_state(
             motor, call.in_front(), contact=call.law, **call.pick("speed load_torque accuracy step timeout audit"),
@@ -40,17 +39,16 @@ def steady(call: Call) -> int:
     return 0 if result.converged else 3
 
 
-def _linear(call: Call) -> None:
+def _linear(call: Call) -> int:
     """Deliver the steady state of a transducer."""
     from pyspice_runner.steady.transducer import transducer_state
 
-    call.refuse_idle("on a transducer, whose steady state is in closed form", "accuracy step timeout audit contact")
-    if call.driver is not None:
-        raise pr.ParameterError("The steady state of a transducer is that of ideal voltages; for a driver take drive.")
-    if call.plot is not None or (call.output is not None and call.output.suffix != ".json"):
-        raise pr.ParameterError("The steady state of a transducer is written as .json; simulate has waveforms.")
+    idle = "accuracy step timeout audit contact driver plot"
+    call.refuse_idle("on a transducer, whose steady state under ideal voltages is in closed form", idle)
+    call.check(".json")
     result = transducer_state(call.loaded, call.stated, **call.pick("speed load_torque"))
     call.deliver(result, f"{call.loaded.name}: {result.drive.label}")
+    return 0
 
 
 @command(

@@ -160,7 +160,8 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         return {"quantities": quantity or kept, "analysis": driver_state}
     if analysis == "drive":
         settings = {"analysis": pr.drive_report, "duration": 3e-3}
-        kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
+        moved = "motional_current_amplitude_a_a" if motor.is_transducer else "mean_rotor_speed_rad_s"
+        kept = ["motor_power_w", "driver_efficiency", moved]
         return {"quantities": quantity or kept, **settings}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
 

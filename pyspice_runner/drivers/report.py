@@ -238,20 +238,9 @@ class DriveReport(Result):
         """Return voltages and currents at the outputs of the stages and at the pins, over the time."""
         return self.waveforms
 
-    def _of_shaft(self) -> dict[str, str]:
-        """Return power, speed and torque of the shaft, ready to print."""
-        error = self.mean_torque_error_n_m
-        return {
-            "shaft power": engineering(self.shaft_power_w, "W"),
-            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
-            + remark(self.to_come.get("mean_rotor_speed_rad_s", 0.0)),
-            "mean torque": engineering(self.mean_torque_n_m, "N·m")
-            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
-            + remark(self.to_come["mean_torque_n_m"]),
-        }
-
     def summary(self) -> dict[str, str]:
         """Return driver, powers, losses, efficiency, speed, torque, the parts with their peaks, and the design."""
+        error = self.mean_torque_error_n_m
         found = {
             "motor": str(self.motor["name"]),
             "driver": str(self.driver["label"]),
@@ -260,9 +249,16 @@ class DriveReport(Result):
             "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %"
             + remark(self.to_come["motor_power_w"]),
             "power factor": f"{self.power_factor:.3f}",
-            **({} if self.of_transducer else self._of_shaft()),
+            "shaft power": engineering(self.shaft_power_w, "W"),
+            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
+            + remark(self.to_come.get("mean_rotor_speed_rad_s", 0.0)),
+            "mean torque": engineering(self.mean_torque_n_m, "N·m")
+            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
+            + remark(self.to_come.get("mean_torque_n_m", 0.0)),
             "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
         }
+        for name in ("shaft power", "mean rotor speed", "mean torque") if self.of_transducer else ():
+            del found[name]
         for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
             notes = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
             found[f"losses of {part}"] = ", ".join(notes)

@@ -227,7 +227,7 @@ class Motor(Shown, Parameters):
             if name in _OF_MOTOR and "name" in self.__dict__:
                 raise TransducerError(
                     f"{self.name} is a transducer: it has no {name}, which this needs. Its analyses are admittance, "
-                    "simulate, steady, sweep, drive, track and loop; a motor's file has [contact] and [rotor]."
+                    "simulate, steady, sweep, drive, track and export; a motor's file has [contact] and [rotor]."
                 )
             return super().__getattr__(name)
 
@@ -337,14 +337,10 @@ class Motor(Shown, Parameters):
     @derived
     def _check_contact(self) -> None:
         stator, highest = self.stator, max(mode.frequency_hz for mode in self.modes)
-        for name, value, wanted in (("capacitance_b_f", self.piezo.capacitance_b_f, True),
-                                    ("reference_hz", self.piezo.reference_hz, False)):  # fmt: skip
-            if (value is not None) is not wanted:
-                raise ValueError(
-                    f"piezo.{name} is {'missing: a motor has two groups' if wanted else 'of a transducer'}"
-                )
-        if self.load is not None:
-            raise ValueError("[load] belongs to a transducer, which has no contact and no rotor; leave it out")
+        if self.piezo.capacitance_b_f is None:
+            raise ValueError("piezo.capacitance_b_f is missing: a motor has two groups")
+        if self.load is not None or self.piezo.reference_hz is not None:
+            raise ValueError("[load] and piezo.reference_hz belong to a transducer, without contact and rotor")
         self._check_motion()
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
@@ -505,13 +501,8 @@ class Motor(Shown, Parameters):
         )
         capacitances = (engineering(value, "F") for value in self.piezo.capacitances)
         if self.is_transducer:
-            load = {name: value for name, value in self.tool.model_dump().items() if value}
-            return {
-                "name": self.name,
-                "modes": modes,
-                "clamped capacitances": " and ".join(capacitances),
-                "load": ", ".join(f"{name} {value}" for name, value in load.items()) or "none",
-            }
+            load = ", ".join(f"{name} {value}" for name, value in self.tool.model_dump().items() if value) or "none"
+            return {"name": self.name, "modes": modes, "clamped capacitances": " and ".join(capacitances), "load": load}
         rotor = self.rotor
         return {
             "name": self.name,

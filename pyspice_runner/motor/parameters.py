@@ -11,14 +11,7 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    SerializerFunctionWrapHandler,
-    model_serializer,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.groups import GROUPS

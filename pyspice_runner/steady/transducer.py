@@ -25,18 +25,13 @@ from pyspice_runner.run.waveforms import described
 class TransducerState(Result):
     """A steady state of a transducer.
 
-    Attributes:
-        motor: the transducer.
-        drive: the voltages of its groups.
-        quantities: those of :meth:`.Waveforms.electrical`, and ``load_power_w``, ``damping_loss_w``,
-            ``dielectric_loss_w``, strain, stress and temperature rise of the ceramic; ``None`` where not known.
-            With two tones the amplitudes are bounds: the sums of both.
+    The quantities are those of :meth:`.Waveforms.electrical`, power of the load, losses, and strain, stress and
+    temperature rise of the ceramic; ``None`` where not known. With two tones amplitudes are bounds: the sums of both.
     """
 
     motor: Motor = field(repr=False)
     drive: Drive
     quantities: dict[str, float | None]
-    converged = True
 
     def to_dict(self) -> dict[str, Any]:
         """Return the quantities, the transducer and the drive, JSON-ready."""
@@ -75,8 +70,7 @@ def transducer_state(motor: Motor, drive: Drive, **settings: Unpack[Settings]) -
         pins += 0.5 * np.abs([volts, currents]) ** 2
         for at, group in enumerate(motor.groups):
             found[f"power_{group}_w"] += 0.5 * float((volts[at] * currents[at].conjugate()).real)
-            motional = float(abs(stator.coupling.T[at] @ flows))
-            found[f"motional_current_amplitude_{group}_a"] += motional
+            found[f"motional_current_amplitude_{group}_a"] += float(abs(stator.coupling.T[at] @ flows))
         found["dielectric_loss_w"] += 0.5 * float((volts.conjugate() @ own).real)
         found["amplitude_m"] += float(abs(motor.stator.contact[1] @ moved))
         moves += np.abs(moved)

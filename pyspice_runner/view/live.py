@@ -56,6 +56,7 @@ Rb b_in b 20
 
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     """Return the page as HTML, with a motor and further ones to select, by default the bundled ones."""
+    _ = motor.rotor  # of a transducer an error
     if others is None:
         others = [load_motor(name) for name in available_motors()]
     motors = [motor, *(other for other in others if other.name != motor.name)]

@@ -219,6 +219,8 @@ def tracking(result: Tracking) -> Sheet:
         "phase": (result.phase_deg, Label("phase of the mode", "degrees")),
         "speed": (result.rotor_speed_rad_s, label_of("rotor_speed_rad_s", result.linear)),
     }
+    if result.of_transducer:
+        curves["speed"] = result.rotor_speed_rad_s, Label("motional current", "A")
     if result.temperature_k is not None and result.temperature_k.any():
         curves["temperature"] = (result.temperature_k, Label("temperature rise", "K"))
     disturbances, loop = result.settings["disturbances"], result.loop
@@ -259,16 +261,16 @@ def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -
     lines = [
         (waves[groups.column(place, group, unit)][last],
          {"linestyle": dash, "color": colour, "label": f"{name} {group.upper()}"})
-        for group, colour in GROUPS.items()
+        for group, colour in zip(report.groups, GROUPS.values(), strict=False)
         for place, dash, name in (("group", "-", "pin"), ("output", ":", "stage"))
     ]  # fmt: skip
     draw_lines(ax, (LABELS["time_us"], time), label, lines, title, fontsize="small", ncols=2)
 
 
 def _harmonics(report: DriveReport, ax: Axes) -> None:
-    largest = max(report.groups[group].harmonics[0].current_a for group in GROUPS)
-    for (group, colour), shift in zip(GROUPS.items(), (-0.2, 0.2), strict=True):
-        harmonics = report.groups[group].harmonics
+    largest = max(port.harmonics[0].current_a for port in report.groups.values())
+    for (group, port), colour, shift in zip(report.groups.items(), GROUPS.values(), (-0.2, 0.2), strict=False):
+        harmonics = port.harmonics
         orders = [item.order + shift for item in harmonics]
         heights = [max(item.current_a, 1e-9) for item in harmonics]
         ax.bar(orders, heights, 0.4, color=colour, label=f"pin {group.upper()}")

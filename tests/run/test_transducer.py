@@ -17,6 +17,7 @@ from pyspice_runner.motor.drive import OnePhaseDrive
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import TransducerError
 from pyspice_runner.steady.transducer import transducer_state
+from pyspice_runner.view.live import live_page
 from tests.circuit.batch import measured
 
 # resistance, inductance, capacitance of the arm, C0: two bolt-clamped transducers and an air transducer, as their
@@ -133,7 +134,7 @@ def test_a_mistake_is_named(tmp_path: Path, more: str, words: str) -> None:
 
 def test_a_motor_has_no_tool(tmp_path: Path) -> None:
     text = pr.load_motor("andersen2002").to_toml() + "\n[load]\nresistance_n_s_per_m = 1.0\n"
-    with pytest.raises(pr.ParameterError, match=r"\[load\] belongs to a transducer"):
+    with pytest.raises(pr.ParameterError, match=r"\[load\] and piezo.reference_hz belong to a transducer"):
         written(tmp_path, text)
 
 
@@ -198,6 +199,13 @@ def test_what_needs_a_rotor_is_refused(tmp_path: Path) -> None:
     for analysis in (pr.speed_torque, pr.steady_state, pr.small_signals):
         with pytest.raises(TransducerError, match="MA40S4S is a transducer: it has no rotor"):
             analysis(device, drive, **({"frequencies": [10.0]} if analysis is pr.small_signals else {}))
+    for page in (
+        live_page,
+        lambda motor: pr.report(motor, drive),
+        lambda motor: pr.simulate_averaged(motor, drive, 1.0),
+    ):
+        with pytest.raises(TransducerError, match="MA40S4S is a transducer"):
+            page(device)
     with pytest.raises(pr.ParameterError, match="has no shaft"):
         pr.simulate(device, drive, 1e-3, speed=1.0)
     with pytest.raises(pr.ParameterError, match="which has one group: give a OnePhaseDrive"):
