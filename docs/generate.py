@@ -25,6 +25,7 @@ from pyspice_runner.motor.parameters import (
     Rotor,
     Slider,
     Tip,
+    ToolLoad,
 )
 from pyspice_runner.motor.refusal import unit_of
 from pyspice_runner.motor.solid.parameters import Box, Electrode, Face, Solid, Support
@@ -41,8 +42,8 @@ A motor is a TOML file. It describes its stator by `[solid]`, `[[modes]]`, `[[ar
 [your own motor](own_motor.md). Paths such as `contact.preload_n` and `modes.0.frequency_hz` are those of `--set`,
 `sweep` and `Motor.updated()`; N counts from 0. `piezomotor show MOTOR` prints all values with their origin.
 
-Intervals are what the program accepts, not what is reasonable: [ ] include their ends, ( ) do not. Examples are values
-of `{SET}`, of beams values of `{BEAM}`. The default applies if a value is left out.
+Intervals are what the program accepts: [ ] include their ends, ( ) do not. Examples are of `{SET}`, of beams of
+`{BEAM}`.
 """
 
 
@@ -80,6 +81,7 @@ def parameters_page() -> str:
         ("Slider", Slider, "slider", {}, _own(Slider)),
         ("Mount", Mount, "mount", vars(motor.mount), _own(Mount)),
         ("Limits", Limits, "limits", vars(motor.limits), _own(Limits)),
+        ("Load", ToolLoad, "load", {}, _own(ToolLoad)),
         ("Two-phase drive", pr.TwoPhaseDrive, "drive", _plain(stated["drive"]), _own(pr.TwoPhaseDrive)),
         ("Two-tone drive", pr.TwoToneDrive, "drive", {}, _own(pr.TwoToneDrive)),
     ]
@@ -89,16 +91,17 @@ def parameters_page() -> str:
 _AREA = ("from_m", "to_m", "region")
 _REMARKS = {
     "Electrodes": "Also `from_m`, `to_m` and `region`, as a box.",
-    "Supports": "Also `from_m`, `to_m` and `region`, as a box.",
-    "Contact face": "Also `from_m`, `to_m` and `region`, as a box.",
+    "Supports": "Also `from_m`, `to_m`, `region`.",
+    "Contact face": "Also `from_m`, `to_m`, `region`.",
     "Modes": "`frequency_hz` may replace `stiffness_n_per_m`, and `quality_factor` or a table `[damping]` may replace\n"
     "`damping_n_s_per_m`. The example is mode 2.",
     "Arms": "Seen at group A with group B shorted. It also has `tip_x`, `tip_y`, `recoil_kg` and `recoil_x_kg`.",
-    "Ceramic": "Shared by all patches; each is a parameter of a patch as well.",
+    "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
-    "Mount": "Without it the stator stands at a fixed distance from the rotor.",
-    "Limits": "Results warn beyond these; without the table nothing is compared.",
+    "Mount": "Without it the distance from the rotor is fixed.",
+    "Limits": "Results warn beyond these.",
+    "Load": "Of a transducer, instead of contact and rotor.",
     "Two-phase drive": '`[drive]` with `kind = "two-phase"`; in Python `TwoPhaseDrive`.',
     "Two-tone drive": '`[drive]` with `kind = "two-tone"`; in Python `TwoToneDrive`.',
 }

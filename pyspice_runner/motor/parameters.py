@@ -494,14 +494,13 @@ class Slider(Parameters):
 class ToolLoad(Parameters):
     """The load of a transducer: a mechanical impedance R + jωM + K/(jω), or a resistance in the arm of a mode.
 
-    It opposes the velocity of a mode, or of the face: Σ Y ṙ over the modes.
+    It opposes the velocity of a mode, or of the face: Σ Y ṙ over the modes. If the motion of the face is not known, it
+    acts on the only mode.
     """
 
-    mode: str | None = Field(default=None, description="mode that it loads; not given: the face, or the only mode")
+    mode: str | None = Field(default=None, description="loaded mode; default the face")
     resistance_n_s_per_m: float = quantity("mechanical resistance R", "N·s/m", ge=0.0, le=1e9, default=0.0)
     mass_kg: float = quantity("mass M", "kg", ge=0.0, le=1e3, default=0.0)
     stiffness_n_per_m: float = quantity("stiffness K", "N/m", ge=0.0, le=1e15, default=0.0)
-    resistance_ohm: float = quantity(
-        "resistance in the motional arm of the mode, as that of a spectrum under load less that without", "Ω", ge=0.0,
-        le=1e12, default=0.0,
-    )  # fmt: skip
+    # as that of a spectrum under load less that without
+    resistance_ohm: float = quantity("resistance in the mode's arm", "Ω", ge=0.0, le=1e12, default=0.0)
