@@ -302,7 +302,7 @@ class Call:
         if type(recommended) is kind:
             base = recommended.model_dump()
         elif chosen != "two-tone":
-            base = {"voltage": _VOLTAGE, "frequency": self.loaded.modes[-1].frequency_hz}
+            base = {"voltage": _VOLTAGE, "frequency": self.loaded.modes[self.loaded.main_mode].frequency_hz}
         elif self.frequency_1 is None or self.frequency_2 is None:
             raise pr.ParameterError("A two-tone drive needs --frequency-1 and --frequency-2, in Hz. Give both.")
         else:

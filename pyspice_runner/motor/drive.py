@@ -189,16 +189,13 @@ _USUAL_VOLTAGE = 50.0  # V, without a recommended drive: moves the tip of a smal
 def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
     """Return the recommended drive of a motor's parameter set.
 
-    The default is two phases 90° apart, with 50 V at the frequency of the last mode; for a transducer, of the mode with
-    the largest motional conductance, and one phase for one group.
+    The default is two phases 90° apart, one for one group, with 50 V at the frequency of the main mode.
     """
     if motor.drive is not None:
         values = dict(motor.drive)
         return DRIVES[values.pop("kind", "two-phase")](**values)
-    kind, modes = (TwoPhaseDrive if len(motor.groups) == 2 else OnePhaseDrive), list(motor.modes)
-    if motor.is_transducer:
-        modes.sort(key=lambda mode: mode.coupling_a_n_per_v**2 / mode.damping_n_s_per_m)
-    return kind(voltage=_USUAL_VOLTAGE, frequency=modes[-1].frequency_hz)
+    kind = TwoPhaseDrive if len(motor.groups) == 2 else OnePhaseDrive
+    return kind(voltage=_USUAL_VOLTAGE, frequency=motor.modes[motor.main_mode].frequency_hz)
 
 
 def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:

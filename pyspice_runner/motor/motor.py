@@ -287,6 +287,12 @@ class Motor(Shown, Parameters):
         return GROUPS[: len(self.piezo.capacitances)]
 
     @property
+    def main_mode(self) -> int:
+        """Index of the mode that is driven and tracked by default: the last, of a transducer the best conducting."""
+        conductances = [mode.coupling_a_n_per_v**2 / mode.damping_n_s_per_m for mode in self.modes]
+        return conductances.index(max(conductances)) if self.is_transducer else len(self.modes) - 1
+
+    @property
     def tool(self) -> ToolLoad:
         """The load of a transducer."""
         return self.load or ToolLoad()

@@ -491,7 +491,7 @@ def track(
     """
     contact = None if motor.is_transducer else contact
     law = law_of(contact, motor.law)
-    mode = len(motor.modes) - 1 if mode is None else mode
+    mode = motor.main_mode if mode is None else mode
     if disturbances and disturb != "start":
         raise ParameterError(f"disturb = {disturb!r} and disturbances exclude each other. Give one.")
     begin = _settled(tracker, disturb) if begin is None else begin

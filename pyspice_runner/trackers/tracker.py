@@ -225,7 +225,7 @@ class Tracker(Stated, Excitation):
 
     def as_source(self, motor: Motor, law: Law | None) -> TrackedSource:
         """Return a tracker of the last mode, with the proposed filter for its bandwidth."""
-        mode = len(motor.modes) - 1
+        mode = motor.main_mode
         lag = running_resonance(motor, self, mode=mode, contact=law is not None)
         return TrackedSource(self, mode, propose_filter(self, lag))
 
@@ -384,7 +384,7 @@ def running_resonance(motor: Motor, tracker: Tracker, *, mode: int | None = None
         mode: index of the mode, from 0; by default the last.
         contact: whether the tip is on the rotor.
     """
-    tracked = len(motor.modes) - 1 if mode is None else mode
+    tracked = motor.main_mode if mode is None else mode
     return stator_lag(motor, tracked, mode_force(motor, tracker, tracked), contact=contact)
 
 

@@ -110,6 +110,7 @@ def test_toml_is_read_back(loaded: pr.Motor, tmp_path: Path) -> None:
     again = written(tmp_path, loaded.to_toml(), "again")
     assert again.to_dict() == loaded.to_dict()
     assert again.load_motion == (1.0, -1.0)
+    assert again.main_mode == 0
     heavier = again.updated({"load.mass_kg": 0.0, "load.resistance_n_s_per_m": 40.0})
     assert heavier.tool.resistance_n_s_per_m == 40.0
 
