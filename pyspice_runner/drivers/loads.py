@@ -5,13 +5,13 @@ Maxima are over a whole run, from power-up on. The leg of a bridge commutates in
 output charges the output capacitances of both transistors. If the voltage across a transistor has not come to zero when
 it turns on, its channel discharges the rest (hard switching).
 
-Events begin in a run from power-up. A bridge that stops opens all of its transistors: the energy of the network and of
-the motor goes through their diodes into the supply, or stays. A frequency that sweeps passes the resonances of the
-network with the group.
+A bridge that stops opens all of its transistors: the energy of network and motor goes through their diodes into the
+supply, or stays. A frequency that sweeps passes the resonances of the network with the group.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -32,6 +32,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.strength import depolarised, electrode_distance
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array, Window
+from pyspice_runner.spice.library import number
 from pyspice_runner.units import engineering
 
 TRANSISTOR = "MOSFET"  # first word of the names of transistors
@@ -42,6 +43,7 @@ NO_COIL = 1.0  # H across a group, which stands for none
 _DRAINS = {  # sources in the libraries of the bridges that carry the currents into the drains
     "half-bridge": ("high", "low"), "full-bridge": ("ph", "pl", "nh", "nl"), "push-pull": ("drain_p", "drain_n"),
 }  # fmt: skip
+_BREAKDOWN = re.compile(r"\bbv\s*=\s*(\d[\d.]*(?:e[-+]?\d+)?k?)", re.I)  # of the models of the user's own MOSFET
 NO_PARALLEL = 1e-12  # F across a group, which stands for none
 
 
@@ -212,7 +214,7 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
 
 
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
-    """Return one sentence for each limit of a coil, a capacitor or a built-in MOSFET that is exceeded."""
+    """Return one sentence for each limit of a coil, a capacitor or a MOSFET that is exceeded."""
     frequency = driver.frequency
     notes = [
         f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
@@ -222,7 +224,8 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     ]
     for part in parts:
         volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
-        breakdown = ratings(driver.mosfet).breakdown_v if driver.mosfet in MOSFETS else inf
+        stated = min(map(number, _BREAKDOWN.findall(driver.own_text)), default=inf)
+        breakdown = ratings(driver.mosfet).breakdown_v if driver.mosfet in MOSFETS else stated
         if part.name.startswith(TRANSISTOR) and volts > breakdown:
             notes.append(f"The {part.name} is at {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):

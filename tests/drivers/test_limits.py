@@ -7,10 +7,12 @@ import json
 from math import asin, pi, sqrt
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.drivers.loads import exceeded, load_vectors, part_loads
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.motor.drive import two_phases
 
@@ -95,6 +97,16 @@ def test_a_stage_within_its_limits_has_no_caution_and_a_network_counts_from_the_
     told = pr.drive_report(motor, driver, 3e-4).delivered["a"]
     assert told["place"] == "stage"
     assert told["got_v"] == pytest.approx(50.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("rail", "told"), [(19.0, False), (80.0, True)])
+def test_a_mosfet_above_the_breakdown_voltage_of_its_model_is_told(rail: float, told: bool, tmp_path: Path) -> None:
+    models = tmp_path / "my.lib"
+    models.write_text(".model weak20 VDMOS(Rg=3 Vto=2 Kp=30 Cgdmax=.5n Cgdmin=.1n Cgs=1n Cjo=.5n Is=5p BV=20)\n")
+    driver = pr.Driver(kind="half-bridge", voltage=10.0, frequency=51.7e3, supply_v=rail, mosfet=f"{models}:weak20")
+    zeros = dict.fromkeys([*load_vectors(driver), *(f"i(vout_{group})" for group in "ab")], np.zeros(1))
+    notes = exceeded(part_loads(driver, zeros), driver)
+    assert any("weak20, group A is at 80 V; it breaks down at 20 V" in note for note in notes) is told
 
 
 def test_a_limit_that_an_own_driver_declares_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
