@@ -49,13 +49,13 @@ SAMPLE_TIME = 0.5e-3  # s
 MARGINS = (60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 45.0)  # deg; an integrator alone and a plant without lag: 90°
 LEAST_GAIN_MARGIN = 6.0  # dB
 INTEGRAL_PART = 30.0  # deg, smallest lag of a PI controller at the crossover; a PD controller leads by at most 60°
-TRIED, SLOWEST, STEP_DEG = 90, 5e-4, 5.0  # crossovers that are tried, the lowest of the highest; step of the margins
+TRIED, SLOWEST, STEP_DEG = 90, 2e-4, 5.0  # crossovers that are tried, the lowest of the highest; step of the margins
 ROUNDING = 1.0 + 1e-6  # of a step of the encoder, in the comparison with an error that is a multiple of it
 # of a period, at which the contact of the plant is evaluated: where it opens, the slope of the torque versus amplitude
 # is 11 % above that of the full motor with the 64 of a run, and 1 % with these
 PHASES_OF_PLANT = 256
 STEPPED = 5  # samples before the step
-CYCLES, FEWEST = 12.0, 60  # of the crossover frequency that a step response lasts, and its smallest number of samples
+CYCLES, FEWEST, MOST = 12.0, 60, 50_000  # of the crossover that a step response lasts; bounds of its samples
 SMALL = 0.02  # of the speed: a step of the set point; that of the position passes in a radian of the crossover
 SMALL_DEG = 0.2  # step of the phase
 _RUN = 50e-3  # s from rest, after which the friction has stopped the rotor, or it turns
@@ -355,7 +355,7 @@ def sampled_loop(
     responses = plant.response(frequency)
     loop = _controller(plant, gain, ratio, frequency) * responses
     found, phase_margin, gain_margin = loop_margins(frequency, loop)
-    count = max(FEWEST, int(CYCLES / crossover / sample_time))
+    count = min(max(FEWEST, int(CYCLES / crossover / sample_time)), MOST)
     predicted = _predicted(plant, gain, ratio, count)
     designed = ControlLoop(
         quantity=quantity,

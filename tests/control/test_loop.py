@@ -78,8 +78,8 @@ def test_the_slow_gain_of_the_plant_is_that_of_two_steady_states(motor: pr.Motor
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is not valid: it must be from 0.4 to 800 Hz"),
-        ({"crossover": 1e-9}, pr.ParameterError, r"crossover = 1e-09 Hz is not valid: it must be from 0.4 to 800 Hz"),
+        ({"crossover": 5e3}, pr.ParameterError, r"crossover = 5000 Hz is not valid: it must be from 0.16 to 800 Hz"),
+        ({"crossover": 1e-9}, pr.ParameterError, r"crossover = 1e-09 Hz is not valid: it must be from 0.16 to 800 Hz"),
         ({"mode": 1}, pr.ParameterError, "control_loop: mode and contact are those of a tracker"),
         ({"margin": 200.0}, pr.ParameterError, "margin = 200 ° is not valid: it must be from 5 to 120°"),
         ({"sample_time": 1e-6}, pr.ParameterError, "at least one period of the drive"),
