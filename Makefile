@@ -51,6 +51,7 @@ validation: setup ## compare random motors, contacts and drives with independent
 	$(PY) -m validation.held_points
 	$(PY) -m validation.lock
 	$(PY) -m validation.recovery
+	$(PY) -m validation.loops
 	$(PY) -m validation.trust
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)
