@@ -435,6 +435,7 @@ _FILTER = 0.6
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
+_PAIR = 2.0  # coil of an LLCC that transforms over that of the match; a capacitor takes the rest, and isolates
 _SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil of a design
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
@@ -652,7 +653,8 @@ class _Search:
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
             wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
             filtering = driver.switched or driver.network == "llcc"
-            clamped = self._clamped(driver, group)
+            clamped = self.ideal.motor.piezo.capacitance_f(group)
+            clamped += driver.values(group, CABLE).get("capacitance", 0.0)
             total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
@@ -671,21 +673,19 @@ class _Search:
         return values
 
     def _transforming(self, driver: Driver, source_ohm: float) -> dict[str, float]:
-        """Return the settings of a network that transforms each group to a resistance at the operating point.
-
-        The windings lose, which the match counts; coils are wound and capacitors combined to three digits.
-        """
+        """Return the settings of a network that transforms each group, with the losses of its windings."""
         omega, values = self.omega, dict[str, float]()
         for group in self.pins:
-            load = load_of(driver, group, self.middle.group(group).impedance_ohm)
-            coil = lost = 0.0  # inductance in series, conductance of the parallel coil
-            least = 0.0 if self.spec.network == "l" else _FILTER / (omega**2 * self._clamped(driver, group))
+            plain = load_of(driver, group, self.middle.group(group).impedance_ohm)
+            resistance = lost = 0.0  # in series, and conductance of the parallel coil
             for _ in range(_ROUNDS):
-                winding = min(omega * coil / stock.WINDING_QUALITY, 0.5 * source_ohm)
-                match = match_to_source(1.0 / (1.0 / load + lost), source_ohm - winding, driver.frequency)
-                coil, across = max(match["series_inductance"], least), match.get("parallel_inductance", NO_COIL)
+                load = 1.0 / (1.0 / plain + lost)
+                match = match_to_source(load, max(source_ohm - resistance, 0.5 * source_ohm), driver.frequency)
+                coil = match["series_inductance"] * (1.0 if self.spec.network == "l" else _PAIR)
+                excess, across = coil - match["series_inductance"], match.get("parallel_inductance", NO_COIL)
+                bled = BLED * omega * excess if excess and across == NO_COIL else NO_BLEEDER
                 lost = 0.0 if across == NO_COIL else 1.0 / (omega * across * stock.WINDING_QUALITY)
-            excess = coil - match["series_inductance"]
+                resistance = omega * coil / stock.WINDING_QUALITY + (omega * excess) ** 2 / bled
             found = {
                 "series_inductance": coil - driver.leakage(group),
                 "series_resistance": max(omega * coil / stock.WINDING_QUALITY, 1e-2),
@@ -693,13 +693,10 @@ class _Search:
                 "parallel_inductance": across,
                 "parallel_resistance": max(lost * (omega * across) ** 2, 1e-2),
                 "parallel_capacitance": match.get("parallel_capacitance", NO_PARALLEL),
+                "bleeder": bled,
             }
             values |= {f"llcc_{group}.{name}": float(f"{value:.3g}") for name, value in found.items()}
         return values
-
-    def _clamped(self, driver: Driver, group: str) -> float:
-        """Return the clamped capacitance in F of a group, with that of its cable."""
-        return self.ideal.motor.piezo.capacitance_f(group) + driver.values(group, CABLE).get("capacitance", 0.0)
 
     def _across(self, group: str, most: float) -> dict[str, float]:
         """Return the settings of the pair across a group, which cancels the middle of its susceptances."""

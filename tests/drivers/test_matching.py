@@ -47,9 +47,8 @@ def test_a_source_above_the_load_and_one_without_effect_are_refused() -> None:
 @pytest.mark.parametrize("network", ["l", pytest.param("llcc", marks=pytest.mark.soak)])
 def test_a_design_shows_the_stage_its_resistance_at_the_operating_point(network: str) -> None:
     motor = pr.load_motor("bimodal40")
-    found: Design = pr.design(
-        motor, pr.DriverSpec(pr.default_drive(motor), "linear", network, source_ohm=50.0), speed=20.0
-    )  # type: ignore[arg-type]
+    drive = pr.TwoPhaseDrive(voltage=80.0, frequency=40.7e3)
+    found: Design = pr.design(motor, pr.DriverSpec(drive, "linear", network, source_ohm=50.0), speed=20.0)  # type: ignore[arg-type]
     assert found.driver is not None
     assert found.feasible, found.reason
     assert "At the operating point the stage sees" in found.reason
