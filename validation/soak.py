@@ -118,12 +118,14 @@ def value(rng: np.random.Generator, schema: Mapping[str, Any]) -> float:
 
 # A softened mode has no restoring force beyond 1/√γ: its range depends on the motion (analysis/test_softening.py)
 NONLINEAR = ("softening_per_m2", "damping_growth_per_m2")
+OF_MOTORS = ("capacitance_b_f",)  # optional, as transducers have none
 
 
 def _values(rng: np.random.Generator, kind: type[Parameters]) -> dict[str, float]:
+    schemas = {name: one["anyOf"][0] if name in OF_MOTORS else one for name, one in _schema(kind).items()}
     return {
         name: value(rng, schema)
-        for name, schema in _schema(kind).items()
+        for name, schema in schemas.items()
         if schema.get("type") == "number" and name not in NONLINEAR
     }
 
