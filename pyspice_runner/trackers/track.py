@@ -65,68 +65,111 @@ AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off ove
 
 @dataclass(frozen=True)
 class Sensing:
-    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less."""
+    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less.
 
-    capacitance_drift_per_k: float  # relative drift of the clamped capacitances that their copies do not follow
-    phase_drift_deg_per_k: float  # by which the loop moves the phase of the mode's velocity
-    frequency_drift_hz_per_k: float  # by which it thus moves the frequency away from the one wanted
+    Attributes:
+        capacitance_drift_per_k: relative drift of the clamped capacitances that their copies do not follow, 1/K.
+        phase_drift_deg_per_k: by which the loop moves the phase of the mode's velocity per kelvin.
+        frequency_drift_hz_per_k: by which it thus moves the frequency away from the one wanted.
+    """
+
+    capacitance_drift_per_k: float
+    phase_drift_deg_per_k: float
+    frequency_drift_hz_per_k: float
 
 
 @dataclass(frozen=True)
 class LostLock:
-    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods."""
+    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods.
 
-    lost_s: float  # when, and the frequency then: the pull-out frequency
+    Attributes:
+        lost_s: time at which lock is lost.
+        lost_hz: drive frequency then, the pull-out frequency.
+        regained_s: time from which on it is regained; ``None`` if it is not in the run.
+        regained_hz: drive frequency then.
+    """
+
+    lost_s: float
     lost_hz: float
-    regained_s: float | None = None  # ``None`` if it is not regained in the run
+    regained_s: float | None = None
     regained_hz: float | None = None
 
 
 @dataclass(frozen=True, repr=False)
 class Tracking(Estimated, Result):
-    """A run with a tracker."""
+    """A run with a tracker.
 
-    locked: bool  # whether it locked before the disturbance, and is locked at the end; false without a tracker
-    lock_time_s: float | None  # time after which it stays locked until the disturbance; ``None`` if it does not
-    kept_lock: bool  # whether the phase came within 20° of its target before the disturbance, and stayed within 60°
-    rms_phase_error_deg: float  # of the mode's velocity, from lock to the end; from the start without lock
-    worst_phase_error_deg: float  # largest deviation, averaged over 20 periods, in the same time
-    residual_detuning_hz: float  # drive frequency minus the frequency at which the phase has its target, at the end
-    static_phase_error_deg: float  # phase of the mode's velocity minus its target, mean at the end
-    end_frequency_hz: float  # mean frequency at the end
-    # frequency at which the velocity would be in phase, by the phase at the end and ``lag``
+    Attributes:
+        locked: whether it locked before the disturbance, and is locked at the end; false without a tracker.
+        lock_time_s: time after which it stays locked until the disturbance; ``None`` if it does not.
+        kept_lock: whether the phase came within 20° of its target before the disturbance, and stayed within 60°.
+        rms_phase_error_deg: of the mode's velocity, from lock to the end; from the start without lock.
+        worst_phase_error_deg: largest deviation, averaged over 20 periods, in the same time.
+        residual_detuning_hz: drive frequency minus the frequency at which the phase has its target, at the end.
+        static_phase_error_deg: phase of the mode's velocity minus its target, mean at the end.
+        end_frequency_hz: mean frequency at the end.
+        resonance_reached_hz: frequency at which the velocity would be in phase, by the phase at the end and ``lag``.
+        speed_before_rad_s: speed when the disturbance began.
+        speed_after_rad_s: speed at the end.
+        speed_lost_rad_s: speed before the disturbance minus the lowest speed after it began.
+        stall_torque_n_m: torque on a held shaft; measured only if the load step is to be half of it.
+        to_come: expected further relative change of the speed; ``None`` after too short a time or for a held shaft.
+        lag: resonance and loaded quality factor of the mode, for which the filter was designed.
+        loop_filter: filter of a phase-locked loop.
+        settings: motor, tracker, disturbances and run, JSON-ready.
+        time_s: middle of each period.
+        frequency_hz: frequency of each period.
+        phase_deg: of the mode's velocity ahead of the force, each period.
+        rotor_speed_rad_s: mean of each period.
+        solver_seconds: wall time that the engine took.
+        ngspice_version: version of ngspice; ``None`` of a run with the compiled motor.
+        deck: netlist of the run; ``None`` where ngspice has no model of it.
+        losses: losses of lock after the lock time.
+        restarts_s: times at which a restart began.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
+        temperature_k: of the stator above that at which its parameters hold; averaged runs only.
+        model_cautions: modes that the groups cannot separate.
+        find_error: returns the estimate of the errors of an averaged run.
+        loop: gain and margin of a locked phase-locked loop in front of the running motor at the end, else ``None``.
+        no_loop: why a locked loop has no ``loop``.
+        sensing: how the sensing of a phase-locked loop drifts with the temperature of the stator.
+    """
+
+    locked: bool
+    lock_time_s: float | None
+    kept_lock: bool
+    rms_phase_error_deg: float
+    worst_phase_error_deg: float
+    residual_detuning_hz: float
+    static_phase_error_deg: float
+    end_frequency_hz: float
     resonance_reached_hz: float
-    speed_before_rad_s: float  # speed when the disturbance began
-    speed_after_rad_s: float  # speed at the end
-    speed_lost_rad_s: float  # speed before the disturbance minus the lowest speed after it began
-    stall_torque_n_m: float | None  # torque on a held shaft; measured only if the load step is to be half of it
-    # expected further relative change of the speed; ``None`` after too short a time or for a held shaft
+    speed_before_rad_s: float
+    speed_after_rad_s: float
+    speed_lost_rad_s: float
+    stall_torque_n_m: float | None
     to_come: float | None
-    lag: StatorLag  # resonance and loaded quality factor of the mode, for which the filter was designed
-    loop_filter: LoopFilter  # filter of a phase-locked loop
-    settings: dict[str, Any]  # motor, tracker, disturbance and run, JSON-ready
-    time_s: Array = field(repr=False)  # middle of each period
-    frequency_hz: Array = field(repr=False)  # frequency of each period
-    phase_deg: Array = field(repr=False)  # of the mode's velocity ahead of the force, each period
-    rotor_speed_rad_s: Array = field(repr=False)  # mean of each period
-    solver_seconds: float  # wall time that the engine took
-    ngspice_version: str | None  # version of ngspice; ``None`` of a run with the compiled motor
-    deck: str | None = field(repr=False)  # netlist of the run
-    losses: tuple[LostLock, ...] = ()  # losses of lock after the lock time
-    restarts_s: tuple[float, ...] = ()  # times at which a restart began
-    # outcome of the physical audit; it has findings only with ``audit=False``
+    lag: StatorLag
+    loop_filter: LoopFilter
+    settings: dict[str, Any]
+    time_s: Array = field(repr=False)
+    frequency_hz: Array = field(repr=False)
+    phase_deg: Array = field(repr=False)
+    rotor_speed_rad_s: Array = field(repr=False)
+    solver_seconds: float
+    ngspice_version: str | None
+    deck: str | None = field(repr=False)
+    losses: tuple[LostLock, ...] = ()
+    restarts_s: tuple[float, ...] = ()
     audit: Audit = field(default_factory=Audit)
-    # strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured
     ceramic: dict[str, Any] = field(default_factory=dict)
-    # of the stator above that at which its parameters hold; averaged runs only
     temperature_k: Array | None = field(default=None, repr=False)
-    model_cautions: tuple[str, ...] = ()  # modes that the groups cannot separate
-    # returns the estimate of the errors of an averaged run
+    model_cautions: tuple[str, ...] = ()
     find_error: Callable[[], ErrorEstimate] = field(default=exact, repr=False)
-    # gain and margin of a locked phase-locked loop in front of the running motor at the end, else ``None``
     loop: LoopDesign | None = None
-    no_loop: str = ""  # why a locked loop has no ``loop``
-    sensing: Sensing | None = None  # how the sensing of a phase-locked loop drifts with the temperature of the stator
+    no_loop: str = ""
+    sensing: Sensing | None = None
 
     @property
     def linear(self) -> bool:
