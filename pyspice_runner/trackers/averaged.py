@@ -185,14 +185,15 @@ def replayed(run: TrackedRun, time: Array, frequency: Array) -> ErrorEstimate:
     setup, source, disturbances = run.setup, run.source, run.source.disturbances
     thermal, every = disturbances.drifting, ceil(len(time) / VALUES_OF_A_FUNCTION)
     stage, preload = averaged_front(source).stage, setup.motor.contact.preload_n
-    moved: dict[str, tuple[str, float]] = {  # course → what disturbs it, and its value before
-        "load_torque": ("load", 0.0), "preload": ("preload", preload), "voltage_a": ("supply", stage.voltage),
-        "voltage_b": ("supply", stage.voltage_b), "temperature": ("temperature", 0.0),
+    moved = {  # course → what disturbs it, its value before, and that by which a change counts
+        "load_torque": ("load", 0.0, 1.0), "preload": ("preload", preload, preload),
+        "voltage_a": ("supply", stage.voltage, stage.voltage), "temperature": ("temperature", 0.0, 1.0),
+        "voltage_b": ("supply", stage.voltage_b, stage.voltage_b),
     }  # fmt: skip
     courses: dict[str, ScheduleLike] = {"frequency": np.transpose([time, frequency])[::every]}
-    for name, (kind, before) in moved.items():
+    for name, (kind, before, by) in moved.items():
         if disturbances.of(kind):
-            courses[name] = disturbances.course(kind, before, before or 1.0)
+            courses[name] = disturbances.course(kind, before, by)
     if disturbances.of("temperature") and thermal:  # the stator follows the course at once, not its own losses
         thermal = thermal.model_copy(update={"heat_capacity_j_per_k": 1e-9, "thermal_resistance_k_per_w": 1e-3})
     drive = source.driver or TwoPhaseDrive(**two_phases(source.tracker))

@@ -773,7 +773,8 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     if tracker.kind != "pll":
         return None
     disturbances = run.source.disturbances
-    drift = (disturbances.events[0].thermal or Thermal.of(motor)).capacitance_drift_per_k - tracker.copies_drift_per_k
+    thermal = next((one.thermal for one in disturbances.events if one.thermal), Thermal.of(motor))
+    drift = thermal.capacitance_drift_per_k - tracker.copies_drift_per_k
     weights = sensing(motor, tracker, run.source.mode)
     taken = copies(weights, frequency) @ pins
     charging = by_group(weights, "current") @ taken

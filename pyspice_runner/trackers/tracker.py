@@ -144,6 +144,7 @@ SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 RAIL = 5.0  # V, range of the control voltage
 # Digital events shorten the steps; ngspice's error control is off, as with uniform steps. Nodes have 1 V to 50 kV.
 TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
+ROUNDING = 1e-9  # relative, of times
 STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
 LOST_DEG = 60.0  # phase error with which lock is lost: half the amplitude
 LOST_PERIODS = 5.0  # time constant of the mean by which a loss of lock is seen: the ripple at 2 f is 1.6 %
@@ -311,7 +312,7 @@ class Disturbances:
             raise ParameterError("disturbances: 'temperature' and 'warm-up' exclude each other. Give one.")
         for kind in kinds:
             for before, after in pairwise(self.of(kind)):
-                if after.begin_s < before.end_s:
+                if after.begin_s < before.end_s * (1.0 - ROUNDING):
                     raise ParameterError(
                         f"disturbances: {kind!r} at {after.begin_s:g} s is not valid: it must begin at "
                         f"{before.end_s:g} s or later, when the one before it has ended."
@@ -325,7 +326,9 @@ class Disturbances:
         """Return times in s and what a kind changes, times ``by``, from ``at`` on."""
         found = [(0.0, at)]
         for one in self.of(kind):
-            found += [(one.begin_s, found[-1][1]), (one.end_s, at + by * one.value)]
+            if one.begin_s > found[-1][0]:  # else it begins where the last one ends
+                found.append((one.begin_s, found[-1][1]))
+            found.append((one.end_s, at + by * one.value))
         return found
 
     def last(self, kind: str) -> float:

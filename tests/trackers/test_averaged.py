@@ -226,6 +226,17 @@ def test_a_run_has_a_sequence_of_disturbances() -> None:
         assert after == pytest.approx(before, abs=0.4 * abs(during - before) + 2.0)
 
 
+def test_a_disturbance_begins_where_the_last_one_of_its_kind_ends() -> None:
+    """The sum of 10 and 50 ms is above 60 ms by rounding. The run has an estimate of its errors."""
+    rise = pr.Disturbance(kind="temperature", begin_s=10e-3, drift=-5e-3)
+    drifts = [rise, rise.updated({"begin_s": 60e-3, "drift": 0.0})]
+    found = started({"disturbances": drifts, "duration": 0.12})
+    assert found.temperature_k is not None
+    at = np.interp([10e-3, 60e-3, 110e-3], found.time_s, found.temperature_k)
+    assert at == pytest.approx([0.0, rise.value, 0.0], abs=0.1)
+    assert found.trusted
+
+
 def test_modes_that_two_groups_cannot_separate_have_a_caution() -> None:
     said = [" ".join(started({"mode": mode, "duration": 2e-3}).cautions) for mode in range(4)]
     assert ["cannot separate" in one for one in said] == [True, True, False, False]
