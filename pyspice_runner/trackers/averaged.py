@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from cmath import rect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, pi, radians
 from time import monotonic
@@ -308,7 +308,7 @@ def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
 
 def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
     """Return the loop of the averaged motor at the end of a run, at the speed and the temperature there."""
-    last, source = outcome.last(), run.source
+    last, source = outcome.last(), replace(run.source, restart=None)  # its timer has no operating point near a guess
     held = averaged_tracked_bench(run.setup.motor, source, run.setup.load, end=last)
     tracker = source.tracker
     lowest, *_, highest = swept_hz(tracker).tolist()

@@ -298,3 +298,8 @@ def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[
     assert "against the full motor" not in told.err  # the contact opens, the error is small
     assert run(["track", "andersen2002", "--averaged", "--mode", "bending-1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["run"]["mode"] == 0
+    margins = []
+    for engine in ENGINES:
+        assert run(["track", "andersen2002", "--averaged", "--engine", engine, "--json"]) == 0
+        margins.append(json.loads(capsys.readouterr().out)["loop"]["phase_margin_deg"])
+    assert margins[0] == pytest.approx(margins[1], abs=0.1)
