@@ -99,7 +99,7 @@ class AveragedPoint:
         return running
 
     def recorded(self, duration: float, *, steady: bool = False) -> dict[str, Array]:
-        """Return the records of the compiled motor, from rest or its steady state; voltages are those of the groups.
+        """Return the records of the compiled motor, from rest or its steady state; amplitudes of the groups are ≥ 0.
 
         Raise SimulationError if there is no C compiler, or the run fails.
         """
@@ -110,7 +110,9 @@ class AveragedPoint:
         if self.front.networks:
             rows |= {f"amplitude_{group}": rows[f"pin_amplitude_{group}"] for group in "ab"}
             rows["phase"] = rows["phase"] + rows["pin_phase_b"] - rows["pin_phase_a"]
-        return rows
+        turned = (rows["amplitude_a"] < 0.0) != (rows["amplitude_b"] < 0.0)  # a negative amplitude turns by 180°
+        amplitudes = {name: np.abs(rows[name]) for name in ("amplitude_a", "amplitude_b")}
+        return rows | amplitudes | {"phase": rows["phase"] + 180.0 * turned}
 
     def bench(self) -> Bench:
         """Return a bench with ideal sources and an averaged motor ``Xmotor`` whose shaft is free, loaded or held.

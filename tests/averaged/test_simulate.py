@@ -423,3 +423,13 @@ def test_a_run_says_what_has_not_settled_as_a_longer_run_shows(name: str, durati
     names = {"rotor_speed_rad_s": "speed", "electrical_power_w": "electrical power"}
     moving = [names[key] for key, share in change.items() if share > 0.02]
     assert run.summary()["settled"] == (f"no: {', '.join(moving)}" if moving else "yes")
+
+
+def test_a_negative_amplitude_turns_the_phase_in_the_estimate_of_errors() -> None:
+    motor = pr.load_motor("bimodal40")
+    drive, half = pr.default_drive(motor), 0.5 * pr.default_drive(motor).voltage
+    signed, turned = (
+        pr.simulate_averaged(motor, drive, 20e-3, courses=courses).error_estimate.shares
+        for courses in ({"voltage_b": -half}, {"voltage_b": half, "phase_deg": drive.phase_deg - 180.0})
+    )
+    assert signed == pytest.approx(turned, rel=0.01)
