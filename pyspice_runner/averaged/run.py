@@ -87,7 +87,7 @@ class ErrorEstimate:
             return ""
         return (
             f"The estimated error against the full motor is above {100.0 * TRUSTED:g} %: {self}. Use the full motor, "
-            "or give more phases and harmonics."
+            "or more phases and harmonics where the analysis takes them."
         )
 
     def __str__(self) -> str:
