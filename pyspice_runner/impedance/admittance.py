@@ -111,7 +111,8 @@ class Admittance(Result):
     def summary(self) -> dict[str, str]:
         """Return motor, state, band, and the equivalent circuit of each mode for each connection."""
         low, high = (engineering(float(self.frequency_hz[place]), "Hz") for place in (0, -1))
-        found = {"motor": str(self.motor["name"]), "state": self.state, "band": f"{low} to {high}"}
+        device = "motor" if "contact" in self.motor else "transducer"
+        found = {device: str(self.motor["name"]), "state": self.state, "band": f"{low} to {high}"}
         for connection, resonances in self.resonances.items():
             for item in resonances:
                 arm = ((item.resistance_ohm, "Ω"), (item.inductance_h, "H"), (item.capacitance_f, "F"))

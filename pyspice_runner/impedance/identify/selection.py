@@ -337,9 +337,29 @@ def larger(problem: Problem, solution: Solution) -> list[Solution]:
     head, couplings = np.split(solution.parameters, [solution.last])
     asked = sorted(missing(problem, solution) + _missing_outside(problem, solution), key=lambda item: -item[0])
     tail = np.append(couplings, np.zeros(solution.rank))
-    return [
+    starts = [
         replace(solution, parameters=np.concatenate([head, arm, tail]), arms=solution.arms + 1) for _, arm in asked[:2]
     ]
+    return starts if solution.arms else [*starts, _highest(problem, solution)]
+
+
+def _highest(problem: Problem, bare: Solution) -> Solution:
+    """Return a start with the arm of the highest conductance, and the clamped capacitance that it leaves.
+
+    Beside an arm with a large figure of merit the capacitance alone resembles no part of the spectrum, and its
+    residuals do not lead to the arm.
+    """
+    y, w = problem.y, problem.w
+    at = int(np.argmax(y.real))
+    conductance = max(float(y.real[at]), 1e-12)
+    half = np.flatnonzero(y.real < 0.5 * conductance)
+    low, high = half[half < at], half[half > at]
+    width = w[high[0] if len(high) else -1] - w[low[-1] if len(low) else 0]
+    quality = float(np.clip(w[at] / width, 1.0, 1e5))
+    arm = conductance / (1.0 + 1j * quality * (w / w[at] - w[at] / w))
+    capacitance = max(float(np.median((y - arm).imag / w)), 1e-6)
+    values = [log(capacitance), *bare.parameters[1:], *np.log([w[at], quality / conductance, quality])]
+    return replace(bare, parameters=np.array(values), arms=1)
 
 
 def smaller(problem: Problem, solution: Solution) -> list[Solution]:
