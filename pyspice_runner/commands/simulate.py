@@ -20,7 +20,9 @@ _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every au
 @command(
     "motor", DRIVE, "duration", LAW, "speed load_torque step accuracy signals record_from record_every waveform",
     "averaged", DRIVER, "timeout audit engine", CHANGES, TARGETS,
-    duration=5e-3,
+    duration=option(
+        float | None, None, f"Simulated time, s; default: {common.DURATION:g}, of a transducer until it has settled."
+    ),
     step=option(float | None, None, "Uniform time step, s; default: from the fastest motion."),
     accuracy=option(
         float | None, None, "Largest relative error of the tip's trajectory, such as 0.005; sets the step."
@@ -44,14 +46,15 @@ def simulate(call: Call) -> None:
         call.refuse_idle("without --averaged; piezomotor drive runs every cycle behind a driver", "driver engine")
     call.check_driver()
     motor, shaped = call.loaded, _shaped(call)
+    duration = common.duration_of(motor) if call.duration is None else call.duration
     if call.averaged:
         call.refuse_idle("with --averaged", _OF_CYCLES)
         with common.run_progress("The averaged motor runs") as progress:
             mean = pr.simulate_averaged(
-                motor, call.in_front(), contact=call.law, progress=progress,
-                **call.pick("duration speed load_torque engine timeout"),
+                motor, call.in_front(), duration, contact=call.law, progress=progress,
+                **call.pick("speed load_torque engine timeout"),
             )  # fmt: skip
-        call.deliver(mean, f"{motor.name}, averaged, {call.stated.label}, {call.duration:.6g} s")
+        call.deliver(mean, f"{motor.name}, averaged, {call.stated.label}, {duration:.6g} s")
         return
     if call.plot is not None and call.signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
@@ -60,8 +63,8 @@ def simulate(call: Call) -> None:
     with common.run_progress("ngspice runs the motor") as progress:
         try:
             run = pr.simulate(
-                motor, shaped, contact=call.law, signals=signals, progress=progress,
-                **call.pick("duration speed load_torque step accuracy record_from record_every timeout audit"),
+                motor, shaped, duration, contact=call.law, signals=signals, progress=progress,
+                **call.pick("speed load_torque step accuracy record_from record_every timeout audit"),
             )  # fmt: skip
         except Interrupted as interrupt:
             run, status = interrupt.partial, common.INTERRUPTED

@@ -69,7 +69,7 @@ _IDLE = {  # options without effect on each analysis
         str | None, None, "Address of a Dask cluster, such as tcp://10.0.0.1:8786.", metavar="ADDRESS"
     ),
     store=option(Path | None, None, "Folder of finished points; default: in the user's cache folder."),
-    duration=option(float | None, None, "Simulate: simulated time, s; default: 5e-3."),
+    duration=option(float | None, None, "Simulate: simulated time, s; default: as `simulate`."),
     speed=option(float | None, None, "Hold the shaft at this speed, rad/s (slider: m/s)."),
     load_torque=option(float | None, None, "Simulate: torque of a load, N.m (slider: N).", *LOAD),
 )  # fmt: skip
@@ -147,7 +147,9 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         from pyspice_runner.steady.transducer import transducer_state
 
         kept = ["power_w", "power_factor", "current_a_rms_a", "motional_current_amplitude_a_a"]
-        settings: dict[str, Any] = {"duration": 5e-3} if analysis == "simulate" else {"analysis": transducer_state}
+        settings: dict[str, Any] = {"analysis": transducer_state}
+        if analysis == "simulate":
+            settings = {"duration": common.duration_of(motor)}
         return {"quantities": quantity or kept, **settings}
     if analysis == "operating-point":
         from pyspice_runner.steady.speed_torque import held_point
@@ -163,7 +165,7 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         moved = "motional_current_amplitude_a_a" if motor.is_transducer else "mean_rotor_speed_rad_s"
         kept = ["motor_power_w", "driver_efficiency", moved]
         return {"quantities": quantity or kept, **settings}
-    return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": 5e-3}
+    return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": common.DURATION}
 
 
 def _limits(texts: list[str] | None, known: list[str]) -> dict[str, tuple[float, float]] | None:

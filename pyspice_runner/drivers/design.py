@@ -239,6 +239,7 @@ class Design:
         both = tuple(part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
+        notes = [note for note in notes if note not in self.reason]  # of a driver that is not feasible
         if starts is False:
             notes.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
         feasible = self.feasible and not notes
@@ -445,8 +446,9 @@ _RATIOS = (0.1, 100.0)  # of a transformer, as in its library
 _DETUNED = 0.02  # of the reactance of a coil: a smaller difference needs no capacitor
 _INSTEAD = {
     "none": "Take a network, --driver …+llcc, or a stage of lower resistance.",
-    "inductor": "Series matching cannot follow this load. Take +llcc, lower the voltage, or control the amplitude.",
-    "llcc": "Lower the voltage, or control the amplitude.",
+    "inductor": "Series matching cannot follow this load. Take +llcc or no network, lower the voltage, or control the "
+    "amplitude.",
+    "llcc": "Take no network, lower the voltage, or control the amplitude.",
 }
 
 
@@ -570,7 +572,8 @@ class _Search:
     def linear(self, driver: Driver | None) -> tuple[RangePoint, ...]:
         """Return the range of a transducer: under its load and, if it has one, without."""
         motor, drive = self.ideal.motor, self.spec.drive
-        ends = {OPERATING: motor, IDLE: motor.model_copy(update={"load": None})}
+        idle = {IDLE: motor.model_copy(update={"load": None})} if any(motor.tool.model_dump().values()) else {}
+        ends = {OPERATING: motor} | idle
         return tuple(linear_point(name, one, drive, driver) for name, one in ends.items())
 
     def unreachable(self) -> str:
@@ -815,7 +818,8 @@ class _Search:
         worst = max(
             abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in self.pins
         )
-        ends = "Under load and idle" if self.ideal.motor.is_transducer else "From stall to no load"
+        alone = "Under load and idle" if len(points) > 1 else "At the operating point"
+        ends = alone if self.ideal.motor.is_transducer else "From stall to no load"
         notes = f"{ends} the pins keep their voltages within {100.0 * worst:.2g} %"
         notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
         if self.spec.source_ohm is not None:

@@ -240,13 +240,13 @@ class DriveReport(Result):
 
     def summary(self) -> dict[str, str]:
         """Return driver, powers, losses, efficiency, speed, torque, the parts with their peaks, and the design."""
-        error = self.mean_torque_error_n_m
+        error, share = self.mean_torque_error_n_m, f"{100.0 * self.driver_efficiency:.1f} %"
         found = {
-            "motor": str(self.motor["name"]),
+            (device := "transducer" if self.of_transducer else "motor"): str(self.motor["name"]),
             "driver": str(self.driver["label"]),
             **contact_row(self.run),
             "power put in": engineering(self.power_in_w, "W"),
-            "power into the motor": f"{engineering(self.motor_power_w, 'W')}, {100.0 * self.driver_efficiency:.1f} %"
+            f"power into the {device}": f"{engineering(self.motor_power_w, 'W')}, {share}"
             + remark(self.to_come["motor_power_w"]),
             "power factor": f"{self.power_factor:.3f}",
             "shaft power": engineering(self.shaft_power_w, "W"),

@@ -384,7 +384,7 @@ class Waveforms(Result):
     def summary(self) -> dict[str, str]:
         """Return motor, drive, means, shares of the contact's states and the energy residual."""
         found = {
-            "motor": str(self.provenance["motor"]["name"]),
+            "transducer" if self.of_transducer else "motor": str(self.provenance["motor"]["name"]),
             "duration": engineering(float(self.time_s[-1]), "s"),
         }
         for name, column, value, unit in (

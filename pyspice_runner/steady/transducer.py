@@ -44,7 +44,7 @@ class TransducerState(Result):
 
     def summary(self) -> dict[str, str]:
         """Return powers, currents and amplitudes."""
-        return described(self.quantities)
+        return described({name: value for name, value in self.quantities.items() if value is not None})
 
 
 @checked

@@ -292,7 +292,7 @@ class Tracking(Estimated, Result):
     def summary(self) -> dict[str, str]:
         """Return lock, phase error, and the speeds before and after the disturbance."""
         rows = {
-            "motor": str(self.settings["motor"]["name"]),
+            "transducer" if self.of_transducer else "motor": str(self.settings["motor"]["name"]),
             "tracker": str(self.settings["tracker"]["kind"]),
             "mode": str(self.settings["motor"]["modes"][self.settings["run"]["mode"]]["name"]),
             "disturbance": ", ".join(one["kind"] for one in self.settings["disturbances"]),
@@ -509,7 +509,7 @@ def track(
         disturbances: several disturbances in place of ``disturb``; each moves a value from the last one of its kind.
         mode: index of the mode to follow, from 0; by default the last.
         contact: law of the contact; ``None`` for a free tip.
-        begin: start of the disturbance, s; by default when the tracker has settled.
+        begin: start of the disturbance, s; by default when the tracker, and the mode of a transducer, have settled.
         duration: simulated time, s; by default some time after the disturbance.
         load_torque: torque of the load in N·m; by default half the stall torque, which takes a run with the shaft held.
         load_factor: of a transducer, damping of the mode after the step of the load over that before.
@@ -537,7 +537,8 @@ def track(
     mode = motor.main_mode if mode is None else mode
     if disturbances and disturb != "start":
         raise ParameterError(f"disturb = {disturb!r} and disturbances exclude each other. Give one.")
-    begin = _settled(tracker, disturb) if begin is None else begin
+    built_up = (BUILT_UP + 1.0) * motor.loaded_stator.decay_s if motor.is_transducer else 0.0
+    begin = max(_settled(tracker, disturb), built_up) if begin is None else begin
     one = Disturbance(
         kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
         supply_change=supply_change, drift_time_s=drift_time, target_step_deg=target_step,

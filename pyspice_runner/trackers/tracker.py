@@ -434,7 +434,7 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 def sensed_modes(motor: Motor, mode: int) -> NDArray[np.float64]:
     """Return the current in A that a tracker of a mode senses of each mode, per m/s."""
     weighted = weights(motor, mode)
-    return np.asarray(motor.stator.coupling @ [weighted[groups.named("current", group)] for group in GROUPS])
+    return np.asarray(motor.stator.coupling @ [weighted[groups.named("current", group)] for group in motor.groups])
 
 
 def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
