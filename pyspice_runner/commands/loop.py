@@ -37,12 +37,27 @@ def loop(call: Call) -> None:
             f"s. For {call.sample:g} samples per second write --sample {1.0 / call.sample:.3g}."
         )
     drive = call.one_tone("A loop is designed about")
+    if call.loaded.is_transducer:
+        _phase_locked(call, drive)
+        return
     with common.busy("The averaged motor settles and steps"):
         design = pr.control_loop(
             call.loaded, drive, over=common.axes_of(call.over) if call.over else None,
             **call.pick("quantity crossover margin load_torque", sample_time="sample"),
         )  # fmt: skip
     call.deliver(design, f"{call.loaded.name}: loop of the {call.quantity}, {drive.label}")
+
+
+def _phase_locked(call: Call, drive: pr.TwoPhaseDrive) -> None:
+    """Design the phase-locked loop of a transducer."""
+    name = call.loaded.name
+    if call.quantity != "phase":
+        raise pr.ParameterError(f"{name} is a transducer, without a shaft: add --quantity phase.")
+    call.refuse_idle("for the phase-locked loop of a transducer", "margin sample load_torque over")
+    tone = {key: getattr(drive, key) for key in ("voltage", "frequency")}
+    bandwidth = {} if call.crossover is None else {"bandwidth_hz": call.crossover}
+    design = pr.control_loop(call.loaded, pr.Tracker(kind="pll", **tone, **bandwidth))
+    call.deliver(design, f"{name}: loop of the phase, {drive.label}")
 
 
 @command("motor", DRIVE, "load_torque", CHANGES, TARGETS)

@@ -392,8 +392,8 @@ def loop_margins(frequency: Array, loop: Complex) -> tuple[float, float, float |
     index = np.arange(len(loop))
 
     def crossings(values: Array) -> Array:
-        """Return the indices, with the share of a step, at which values are 0."""
-        found = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+        """Return the indices, with the share of a step, at which values are 0; a point may be there."""
+        found = np.flatnonzero((values[:-1] > 0.0) != (values[1:] > 0.0))
         return np.asarray(found + values[found] / (values[found] - values[found + 1]))
 
     ones = crossings(level)

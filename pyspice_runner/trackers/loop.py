@@ -35,7 +35,7 @@ from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phasors
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.result import json_ready
+from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.copies import Plant
@@ -50,13 +50,14 @@ from pyspice_runner.trackers.tracker import (
     running_resonance,
     sensing,
 )
+from pyspice_runner.units import engineering
 
 POINTS_PER_DECADE = 100
 SWEPT_DECADES = 2  # swept to either side of the bandwidth
 
 
 @dataclass(frozen=True)
-class LoopDesign:
+class LoopDesign(Result):
     """Loop gain and stability margin of a tracker."""
 
     loop_filter: LoopFilter  # the filter
@@ -71,6 +72,16 @@ class LoopDesign:
         """Return filter, crossover and margin, JSON-ready."""
         found: dict[str, Any] = json_ready(asdict(self))
         return {"filter": found.pop("loop_filter"), **found}
+
+    def columns(self) -> dict[str, Array]:
+        """Return the loop gain over frequency."""
+        return {"frequency_hz": self.frequency_hz, "loop_gain_re": self.gain.real, "loop_gain_im": self.gain.imag}
+
+    def summary(self) -> dict[str, str]:
+        """Return filter, crossover and margin."""
+        parts = map(engineering, asdict(self.loop_filter).values(), ("Ω", "F", "F"))
+        margin = f"{self.phase_margin_deg:.1f}°"
+        return {"loop filter": ", ".join(parts), "crossover": f"{self.crossover_hz:.4g} Hz", "phase margin": margin}
 
 
 def phase_shown_deg(

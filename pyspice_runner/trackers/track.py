@@ -320,8 +320,7 @@ class Tracking(Estimated, Result):
         if self.stall_torque_n_m is not None:
             rows["stall torque"] = engineering(self.stall_torque_n_m, "N·m")
         if self.settings["tracker"]["kind"] == "pll":
-            parts, units = asdict(self.loop_filter), ("Ω", "F", "F")
-            rows["loop filter"] = ", ".join(map(engineering, parts.values(), units))
+            rows["loop filter"] = ", ".join(map(engineering, asdict(self.loop_filter).values(), ("Ω", "F", "F")))
         if self.sensing is not None:
             drift = engineering(self.sensing.frequency_drift_hz_per_k, "Hz")
             rows["drift of the sensing"] = f"{self.sensing.phase_drift_deg_per_k:.2g}° and {drift} per kelvin"

@@ -241,10 +241,7 @@ def electrical(run: Waveforms) -> go.Figure:
 
 def loop_gain(loop: LoopDesign) -> go.Figure:
     """Return magnitude and phase of the loop gain of a tracker over frequency, with its crossover and phase margin."""
-    return _stacked([
-        lambda ax: plot_runs.bode_magnitude(ax, loop, loop.gain, {}),
-        lambda ax: plot_runs.bode_phase(ax, loop, loop.gain),
-    ], 460)  # fmt: skip
+    return _stacked([*plot_runs.loop_design(loop).panels.values()], 460)
 
 
 def _stacked(

@@ -147,6 +147,15 @@ def control_loop(loop: ControlLoop) -> Sheet:
     return Sheet(panels, 3, (4.0, 3.4), title)
 
 
+def loop_design(loop: LoopDesign) -> Sheet:
+    """Return magnitude and phase of the loop gain of a tracker."""
+    panels: dict[str, Panel] = {
+        "magnitude": lambda ax: bode_magnitude(ax, loop, loop.gain, {}),
+        "phase": lambda ax: bode_phase(ax, loop, loop.gain),
+    }
+    return Sheet(panels, 2, (4.6, 3.4), "Loop of the phase")
+
+
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
     bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": np.abs(loop.plant)})
     if loop.gain_margin_db is not None:

@@ -48,6 +48,7 @@ for of_a_kind in (  # functions that return the panels of a result of the type o
     plot_runs.averaged_run,
     plot_runs.controlled_run,
     plot_runs.control_loop,
+    plot_runs.loop_design,
     plot_runs.tracking,
     plot_runs.drive_report,
     plot_spectra.admittance,

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.cli import run
 from pyspice_runner.drivers.design import design_driver
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
@@ -67,6 +69,18 @@ def test_design_gives_the_wanted_voltage_under_load(air: pr.Motor) -> None:
     steady = pr.transducer_state(tool, drive_of(air)).quantities
     assert design.unmatched[0].power_w == pytest.approx(steady["power_w"], rel=1e-9)
     assert all("group A" in part.name for part in design.parts)
+
+
+def test_loop_of_the_phase_is_designed_in_front_of_the_mode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (path := tmp_path / "air.toml").write_text(circuit_toml(AIR))
+    for crossover in (200.0, 500.0):
+        asked = ["loop", str(path), "--quantity", "phase", "--crossover", f"{crossover:g}", "--json"]
+        assert run([*asked, "--plot", str(tmp_path / "loop.png")]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["crossover_hz"] == pytest.approx(crossover, rel=1e-6)  # is a point of the sweep
+        assert found["phase_margin_deg"] > 60.0
+    assert run(["loop", str(path)]) == 2
+    assert "air is a transducer, without a shaft: add --quantity phase" in capsys.readouterr().err
 
 
 def test_tracker_keeps_lock_under_a_load_step(air: pr.Motor) -> None:
