@@ -655,14 +655,14 @@ def with_header(motor: Motor, text: str) -> str:
 
 
 def editable_parameters(motor: Motor) -> str:
-    """Return the parameters of the X line that a motor has with each contact law, with their values.
+    """Return the parameters of the X line that a motor has with each contact law, or a transducer, with their values.
 
     The values have no exponent: KiCad would round them to six digits.
     """
     return " ".join(
         f"{item.name}={format_float_positional(item.default, trim='-')}"
-        for item in MotorSubCircuit(motor).settable
-        if item.name in (*_FIRST, "inertia", "bearing")
+        for item in _definition(motor).settable
+        if item.name in (*_FIRST, "inertia", "bearing", "load")
     )
 
 

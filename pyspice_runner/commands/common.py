@@ -46,16 +46,10 @@ _NUMBER = re.compile(
 )
 
 DURATION = 5e-3  # s, of a run by default
-_SETTLED = 7.0  # time constants, after which the power of a transducer is within 0.2 % of its end
 
 INTERRUPTED = 130  # the status of a command that delivers what it has done; another signal than SIGINT changes it
 
 written: list[str] = []  # the files that this command has completed
-
-
-def duration_of(motor: pr.Motor) -> float:
-    """Return the duration in s of a run by default: of a transducer until its power has settled."""
-    return max(DURATION, _SETTLED * motor.loaded_stator.decay_s) if motor.is_transducer else DURATION
 
 
 def say_versions(wanted: bool) -> None:

@@ -46,7 +46,7 @@ def simulate(call: Call) -> None:
         call.refuse_idle("without --averaged; piezomotor drive runs every cycle behind a driver", "driver engine")
     call.check_driver()
     motor, shaped = call.loaded, _shaped(call)
-    duration = common.duration_of(motor) if call.duration is None else call.duration
+    duration = max(common.DURATION, motor.settled_s) if call.duration is None else call.duration
     if call.averaged:
         call.refuse_idle("with --averaged", _OF_CYCLES)
         with common.run_progress("The averaged motor runs") as progress:

@@ -149,7 +149,7 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         kept = ["power_w", "power_factor", "current_a_rms_a", "motional_current_amplitude_a_a"]
         settings: dict[str, Any] = {"analysis": transducer_state}
         if analysis == "simulate":
-            settings = {"duration": common.duration_of(motor)}
+            settings = {"duration": max(common.DURATION, motor.settled_s)}
         return {"quantities": quantity or kept, **settings}
     if analysis == "operating-point":
         from pyspice_runner.steady.speed_torque import held_point

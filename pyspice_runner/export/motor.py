@@ -14,7 +14,13 @@ from pathlib import Path
 
 from pyspice_runner.averaged.library import averaged_library, check_averaged
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
-from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, editable_parameters, motor_library
+from pyspice_runner.circuit.motor import (
+    SUBCIRCUIT,
+    THERMAL_SUBCIRCUIT,
+    TRANSDUCER,
+    editable_parameters,
+    motor_library,
+)
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.circuit import touchstone
@@ -149,10 +155,14 @@ def _unit(export: MotorExport) -> dict[str, str]:
 
 
 def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
-    name = check_name(export.name) if export.name else (THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT)
-    pins = {**MOTOR_PINS, **(THERMAL_PINS if export.thermal else {})}
-    title = f"standing-wave piezomotor {export.motor.name}"
-    return symbol(name, pins, library_name(path), title, editable_parameters(export.motor))
+    motor, name = export.motor, THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT
+    pins, title = {**MOTOR_PINS, **(THERMAL_PINS if export.thermal else {})}, f"standing-wave piezomotor {motor.name}"
+    if motor.is_transducer:
+        name, title = TRANSDUCER, f"transducer {motor.name}"
+        pins = {pin: pins[pin] for pin in (*motor.groups, "com")}
+    if export.name:
+        name = check_name(export.name)
+    return symbol(name, pins, library_name(path), title, editable_parameters(motor))
 
 
 def _stator(export: MotorExport, _: Path) -> str:
@@ -178,7 +188,7 @@ FORMATS = {
     ".s2p": Format(_library, _stator, idle=_NETLIST),
     ".toml": Format(
         _library,
-        lambda export, _: export.motor.to_toml(heading=f"The motor {export.motor.name}, by its modes."),
+        lambda export, _: export.motor.to_toml(heading=f"{export.motor.name}, by its modes."),
         idle=_NETLIST,
     ),
 }

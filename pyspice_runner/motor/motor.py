@@ -53,6 +53,7 @@ from pyspice_runner.units import engineering
 _Arguments = ParamSpec("_Arguments")
 _Owner = TypeVar("_Owner")
 _Found = TypeVar("_Found")
+_SETTLED = 7.0  # time constants, after which a power is within 0.2 % of its end
 _MOST_KEPT = 256  # facts of one motor
 _kept: dict[int, tuple[ref[Any], dict[Any, Any]]] = {}  # by the identity of a motor
 
@@ -227,7 +228,8 @@ class Motor(Shown, Parameters):
             if name in _OF_MOTOR and "name" in self.__dict__:
                 raise TransducerError(
                     f"{self.name} is a transducer: it has no {name}, which this needs. Its analyses are admittance, "
-                    "simulate, steady, sweep, drive, track and export; a motor's file has [contact] and [rotor]."
+                    "simulate, steady, sweep (--analysis operating-point for a map), drive, track, loop (--quantity "
+                    "phase), report and export; a motor's file has [contact] and [rotor]."
                 )
             return super().__getattr__(name)
 
@@ -490,6 +492,11 @@ class Motor(Shown, Parameters):
     def decay_s(self) -> float:
         """Time in s in which the slowest free mode, or the carrier on its mount, decays by e."""
         return self.carried_stator.decay_s
+
+    @property
+    def settled_s(self) -> float:
+        """Time in s from rest until the power of a transducer is within 0.2 % of its end; 0 for a motor."""
+        return _SETTLED * self.loaded_stator.decay_s if self.is_transducer else 0.0
 
     @property
     @derived

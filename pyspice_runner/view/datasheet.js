@@ -118,8 +118,10 @@
     library.textContent = await unpacked("plotly");
     document.head.append(library);
     const button = document.getElementById("start-live");
-    button.addEventListener("click", playground);
-    button.disabled = false;
+    if (button) {
+      button.addEventListener("click", playground);
+      button.disabled = false;
+    }
     for (const chart of all(".chart")) {
       await draw(chart);
       await new Promise((done) => setTimeout(done)); // the page answers between two charts

@@ -25,13 +25,14 @@ from pyspice_runner.datasets import Curves
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.motor import export_motor
 from pyspice_runner.impedance.admittance import Admittance, Resonance
-from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
+from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor, Provenance
 from pyspice_runner.motor.refusal import unit_of
 from pyspice_runner.result import Audit, Result, grouped, json_ready
 from pyspice_runner.run.waveforms import Waveforms
 from pyspice_runner.steady.steady import SteadyState
+from pyspice_runner.steady.transducer import TransducerState
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.units import engineering
 from pyspice_runner.view.live import live_page, packed, rendered
@@ -41,7 +42,8 @@ INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark"
 _TABULATED = ("speed_rad_s", "torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled")
 LEAST_COUPLING = 0.02  # resonance and antiresonance are less than 0.02 % apart below it: the table folds such an arm
 _PERIODS = 3  # of the waveforms to download
-_SECTIONS = ("beam", "patches", "tip", "damping", "modes", "piezo", "contact", "rotor", "slider", "mount", "limits")
+_OF_STRUCTURE = ("beam", "patches", "tip", "damping")
+_SECTIONS = ("modes", "piezo", "contact", "rotor", "slider", "mount", "load", "limits")
 
 
 Arm = tuple[State, str, Resonance]  # of the equivalent circuit of the groups that a name connects
@@ -69,7 +71,7 @@ class Report(Result):
         run: the motor from rest.
         curves: share of the drive's voltage → speed–torque curve.
         free: the steady state of the rotor without load, at the highest of these shares; ``None`` where dry friction of
-            the bearing stops it.
+            the bearing stops it. Of a transducer the steady state under its load.
         measured, connection, tracking, calibration: the arguments of :func:`report`.
         created: when the report was made, ISO 8601.
     """
@@ -79,7 +81,7 @@ class Report(Result):
     spectra: dict[State, Admittance]
     run: Waveforms
     curves: dict[float, xarray.Dataset]
-    free: SteadyState | None
+    free: SteadyState | TransducerState | None
     measured: Spectrum | None = None
     connection: Connection = "A"
     tracking: Tracking | None = None
@@ -97,8 +99,10 @@ class Report(Result):
 
         Returns:
             ``tip_path``: RMS over the motion of the tip. ``rotor_speed``: of the mean speed, over the largest speed
-            reached.
+            reached. Of a transducer ``motional_current``.
         """
+        if self.motor.is_transducer:
+            return {"motional_current": self.run.error_estimate}
         speed, largest = self.run.speed_error_rad_s, float(np.abs(self.run.rotor_speed_rad_s).max())
         share = speed / largest if speed and largest else speed
         return {"tip_path": self.run.error_estimate, "rotor_speed": share}
@@ -108,8 +112,10 @@ class Report(Result):
         """The values at the top of a data sheet, at the highest drive; ``None`` for a value that is not settled.
 
         Speed, currents and powers without load are those of the free rotor's steady state; stall torque and best
-        efficiency are those of settled points of the curve.
+        efficiency are those of settled points of the curve. Of a transducer they are those of its steady state.
         """
+        if isinstance(self.free, TransducerState):
+            return self.free.quantities
         curve = self.curves[max(self.curves)]
         speed, settled = curve["speed_rad_s"].values, curve["settled"].values
         forward = np.where(settled & (curve["efficiency"].values > 0.0), curve["efficiency"].values, -np.inf)
@@ -169,17 +175,20 @@ class Report(Result):
     def summary(self) -> dict[str, str]:
         """Return motor, drive, key figures and errors."""
         figures = self.key_figures
-        best, error = figures["best_efficiency"], self.run.error_estimate
+        best, error = figures.get("best_efficiency"), self.run.error_estimate
         tracked = self.tracking.summary() if self.tracking else {}
+        tracked = {name: tracked[name] for name in ("frequency reached", "phase margin") if name in tracked}
+        rows = {"modes": self.motor.summary()["modes"], "drive": self.drive.label}
+        if isinstance(self.free, TransducerState):
+            return {"transducer": self.motor.name, **rows, **self.free.summary(), **tracked}
         return self._localised({
             "motor": self.motor.name,
-            "modes": self.motor.summary()["modes"],
-            "drive": self.drive.label,
+            **rows,
             "stall torque": engineering(figures["stall_torque_n_m"], "N·m"),
             "no-load speed": engineering(figures["no_load_speed_rad_s"], "rad/s"),
             "best efficiency": "–" if best is None else f"{100.0 * best:.3g} %",
             "electrical power, no load": engineering(figures["electrical_power_w"], "W"),
-            **{name: tracked[name] for name in ("frequency reached", "phase margin") if name in tracked},
+            **tracked,
             "error by the step": "–" if error is None else f"{error:.1e} of the tip's path",
             "energy residual": f"{self.run.energy_residual:.1e}",
         })  # fmt: skip
@@ -193,20 +202,23 @@ def datasheet(report: Report) -> str:
         from pyspice_runner.view import charts
     except ImportError as error:
         raise ParameterError(f"A report needs {error.name}. Install it: `pip install 'piezomotor[report]'`.") from None
-    over, circle = charts.admittance(report.spectra, report.measured, report.connection)
+    over, circle = charts.admittance(report.motor, report.spectra, report.measured, report.connection)
     figures = {
-        "modes": charts.mode_shapes(report.motor),
-        "tip": charts.tip_path(report.run),
         "admittance": over,
         "circle": circle,
-        "curve": charts.speed_torque(report.curves),
-        "spin-up": charts.spin_up(report.run),
         "electrical": charts.electrical(report.run),
         "loop": charts.loop_gain(report.tracking.loop) if report.tracking and report.tracking.loop else None,
         "residuals": charts.calibration(report.calibration.points) if report.calibration else None,
         **{f"residuals-{number}": charts.calibration_curve(curve)
            for number, curve in enumerate(report.calibration.curves if report.calibration else ())},
     }  # fmt: skip
+    if not report.motor.is_transducer:
+        figures |= {
+            "modes": charts.mode_shapes(report.motor),
+            "tip": charts.tip_path(report.run),
+            "curve": charts.speed_torque(report.curves),
+            "spin-up": charts.spin_up(report.run),
+        }
     script, style = ((HERE / f"datasheet.{ending}").read_text(encoding="utf-8") for ending in ("js", "css"))
     return rendered(
         "datasheet.html.j2",
@@ -218,7 +230,8 @@ def datasheet(report: Report) -> str:
         speed_unit="m/s" if report.linear else "rad/s",
         charts={name: figure for name, figure in figures.items() if figure is not None},
         themes={name: charts.theme(INK[name], GRID[name]).to_plotly_json() for name in INK},
-        connections=list(COUPLING),
+        connections=list(report.spectra["free"].resonances),
+        states=charts.state_names(report.motor),
         parameters=list(parameter_rows(report.motor)),
         circuits=_circuits(report.spectra),
         least_coupling=LEAST_COUPLING,
@@ -233,7 +246,7 @@ def datasheet(report: Report) -> str:
             "plotly.js": get_plotlyjs_version(),
         },
         plotly=packed(get_plotlyjs().encode()),
-        live=packed(live_page(report.motor, []).encode()),
+        live="" if report.motor.is_transducer else packed(live_page(report.motor, []).encode()),
         script=script,
         style=style,
     )
@@ -268,11 +281,12 @@ def downloads(report: Report) -> dict[str, str]:
     files |= {
         "report.json": json.dumps(report.to_dict(), indent=2, allow_nan=False) + "\n",
         "last_periods.csv": run.to_dataframe()[last].to_csv(float_format="%.9g", lineterminator="\n"),
-        "speed_torque.csv": "".join(
+    }
+    if report.curves:
+        files["speed_torque.csv"] = "".join(
             curve.assign_coords(drive_share=share).to_dataframe().to_csv(header=not number)
             for number, (share, curve) in enumerate(report.curves.items())
-        ),
-    }
+        )
     with tempfile.TemporaryDirectory() as folder:
         for ending in (".lib", ".toml", ".asy", ".kicad_sym"):
             file = export_motor(motor, Path(folder, f"motor{ending}"))
@@ -290,8 +304,9 @@ _OF_SOLID = ("contact", "boxes", "electrodes", "supports")  # tables within [sol
 def parameter_rows(motor: Motor) -> Iterator[Row]:
     """Yield every parameter of a motor, those of its structure first, with unit, meaning and provenance."""
     structure = motor.structure
-    tables: dict[str, Any] = {name: getattr(structure, name) for name in _SECTIONS[:4]} if structure else {}
-    stated = [name for name in _SECTIONS[4:] if name != "rotor" or not motor.slider]
+    tables: dict[str, Any] = {name: getattr(structure, name) for name in _OF_STRUCTURE} if structure else {}
+    missing = {"contact", "rotor"} if motor.is_transducer else {"rotor"} if motor.slider else set()
+    stated = [name for name in _SECTIONS if name not in missing]
     tables |= {name: getattr(motor, name) for name in stated if getattr(motor, name) is not None}
     if motor.solid is not None:
         tables = {"solid": motor.solid} | {f"solid.{name}": getattr(motor.solid, name) for name in _OF_SOLID} | tables

@@ -25,15 +25,13 @@ _SCREEN_DPI = 80  # of the picture in a notebook
 
 
 def _report(report: Report) -> Sheet:
-    """Return torque and efficiency at full voltage, the admittance of the free tip, and the speed of the run."""
-    curve = plot_curves.speed_torque(Curves(report.curves[max(report.curves)])).panels
-    panels = {
-        "torque": curve["torque"],
-        "efficiency": curve["efficiency"],
-        "magnitude": plot_spectra.admittance(report.spectra["free"]).panels["magnitude"],
-        "speed": plot_runs.waveforms(report.run).panels["speed"],
-    }
-    return Sheet(panels, 2, (5.0, 3.5), f"{report.motor.name}: {report.drive.label}")
+    """Return torque and efficiency at full voltage, the free admittance, and the run; of a transducer the last two."""
+    found = plot_spectra.admittance(report.spectra["free"]).panels | plot_runs.waveforms(report.run).panels
+    kept = ["magnitude", "currents"]
+    if report.curves:
+        found = found | plot_curves.speed_torque(Curves(report.curves[max(report.curves)])).panels
+        kept = ["torque", "efficiency", "magnitude", "speed"]
+    return Sheet({name: found[name] for name in kept}, 2, (5.0, 3.5), f"{report.motor.name}: {report.drive.label}")
 
 
 @singledispatch

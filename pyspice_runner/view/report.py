@@ -27,6 +27,7 @@ from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.steady.settling import Progress
 from pyspice_runner.steady.speed_torque import axis, check_distinct, no_load_state, speed_torque
 from pyspice_runner.steady.steady import SteadyState
+from pyspice_runner.steady.transducer import TransducerState, transducer_state
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.view.datasheet import Report
 
@@ -57,7 +58,7 @@ def report(
     progress: Progress | None = None,
     timeout: float | None = None,
 ) -> Report:
-    """Run the analyses of a motor's data sheet.
+    """Run the analyses of a motor's data sheet; that of a transducer has no curves.
 
     The curves have twice the time step of the run. Their error is four times ``discretisation_error``, that of the run.
 
@@ -91,9 +92,8 @@ def report(
         check_distinct({"speeds": speeds})
     record = None if calibration is None else Record.read(calibration)
     voltages = {name: value for name, value in drive.model_dump().items() if name.startswith("voltage")}
-    scaled = {
-        level: drive.updated({name: value * level for name, value in voltages.items()}) for level in sorted(levels)
-    }
+    shares = () if motor.is_transducer else sorted(levels)
+    scaled = {level: drive.updated({name: value * level for name, value in voltages.items()}) for level in shares}
     done, total = 0, _RUNS + len(scaled) * (1 + (SPEEDS if speeds is None else np.size(speeds)))
     notify = progress or (lambda *_: None)
 
@@ -111,18 +111,15 @@ def report(
             spectra[state] = _spectrum(motor, state, timeout)
             finished[f"admittance_{state}.csv"] = spectra[state].save
             advance()
-        run = simulate(motor, drive, duration=DURATION if duration is None else duration, timeout=timeout)
-        for _ in range(DOUBLINGS if duration is None else 0):
-            if run.settled:
-                break
-            run = simulate(motor, drive, duration=2.0 * float(run.time_s[-1]), timeout=timeout)
+        run = _run(motor, drive, duration, timeout)
         finished["run.nc"] = run.save
         advance()
+        free: SteadyState | TransducerState | None = transducer_state(motor, drive) if motor.is_transducer else None
         step = 2.0 * run.provenance["run"]["step_s"]
         for level, at_level in scaled.items():
-            free = no_load_state(motor, at_level, timeout=timeout)
+            free = idle = no_load_state(motor, at_level, timeout=timeout)
             advance()
-            at = _speeds(motor, free, run) if speeds is None else speeds
+            at = _speeds(motor, idle, run) if speeds is None else speeds
             curves[level] = speed_torque(motor, at_level, speeds=at, step=step, patience=PATIENCE, timeout=timeout)
             finished[f"speed_torque_{100.0 * level:g}.nc"] = partial(write_netcdf, dataset=curves[level])
             advance(np.size(at))
@@ -132,6 +129,16 @@ def report(
         error.partial = finished
         raise
     return Report(motor, drive, spectra, run, curves, free, measured, connection, tracking, record)
+
+
+def _run(motor: Motor, drive: Drive, duration: float | None, timeout: float | None) -> Waveforms:
+    """Return the run from rest; by default until it has settled, with :data:`DOUBLINGS` at most."""
+    run = simulate(motor, drive, duration=duration or max(DURATION, motor.settled_s), timeout=timeout)
+    for _ in range(DOUBLINGS if duration is None else 0):
+        if run.settled:
+            break
+        run = simulate(motor, drive, duration=2.0 * float(run.time_s[-1]), timeout=timeout)
+    return run
 
 
 def _spectrum(motor: Motor, state: State, timeout: float | None) -> Admittance:

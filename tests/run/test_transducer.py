@@ -179,6 +179,11 @@ def test_run_ends_in_the_steady_state(which: str, loaded: pr.Motor, tmp_path: Pa
 def test_export_runs_in_plain_ngspice(loaded: pr.Motor, tmp_path: Path) -> None:
     drive = pr.OnePhaseDrive(voltage=20.0, frequency=loaded.modes[0].frequency_hz)
     text = export_motor(loaded, tmp_path / "tool.lib").read_text()
+    for ending in ("asy", "kicad_sym"):
+        symbol = export_motor(loaded, tmp_path / f"tool.{ending}").read_text()
+        assert "transducer" in symbol
+        assert "load=400" in symbol
+        assert "shaft" not in symbol
     step = float(next(line for line in text.splitlines() if line.startswith("* STEP")).split()[4])
     duration = 12e-3
     deck = [
@@ -198,11 +203,7 @@ def test_what_needs_a_rotor_is_refused(tmp_path: Path) -> None:
     for analysis in (pr.speed_torque, pr.steady_state, pr.small_signals):
         with pytest.raises(TransducerError, match="MA40S4S is a transducer: it has no rotor"):
             analysis(device, drive, **({"frequencies": [10.0]} if analysis is pr.small_signals else {}))
-    for page in (
-        live_page,
-        lambda motor: pr.report(motor, drive),
-        lambda motor: pr.simulate_averaged(motor, drive, 1.0),
-    ):
+    for page in (live_page, lambda motor: pr.simulate_averaged(motor, drive, 1.0)):
         with pytest.raises(TransducerError, match="MA40S4S is a transducer"):
             page(device)
     with pytest.raises(pr.ParameterError, match="has no shaft"):

@@ -27,11 +27,14 @@ from pyspice_runner.calibration.record import (
 )
 from pyspice_runner.calibration.result import SetFit
 from pyspice_runner.circuit.motor import motor_library
+from pyspice_runner.motor.circuit_file import circuit_toml
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Provenance
 from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
+from pyspice_runner.view.live import live_page
 from tests.motors import BEAM40
 from tests.motors import motor as motor_without_a_beam
 from tests.view.pages import PHONE, first_paint_share, opened
@@ -372,6 +375,31 @@ def without_load(curve: xarray.Dataset) -> float:
     """The speed at which the held shaft takes no torque, by a straight line between the last two points."""
     loads, speeds = (curve[name].values[[-1, -2]] for name in ("load_torque_n_m", "speed_rad_s"))
     return float(np.interp(0.0, loads, speeds))
+
+
+def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Path) -> None:
+    circuit = EquivalentCircuit((MotionalArm(643.2, 68.87e-3, 230.5e-12),), 2.402e-9, 0.0, 40e3)
+    (file := tmp_path / "air.toml").write_text(
+        circuit_toml(circuit) + '[load]\nmode = "arm1"\nresistance_ohm = 643.2\n'
+    )
+    report = pr.report(motor := pr.load_motor(file), pr.OnePhaseDrive(voltage=50.0, frequency=39947.0))
+    assert report.key_figures["power_w"] == pytest.approx(0.5 * 50.0**2 / (2.0 * 643.2), rel=1e-4)
+    assert report.run.electrical()["power_w"] == pytest.approx(report.key_figures["power_w"], rel=0.01)
+    assert json.loads(json.dumps(report.to_dict()))["speed_torque"] == []
+    report.plot(tmp_path / "air.png")
+    page, wrong = opened(browser, report.save(tmp_path / "air.html"), READY)
+    assert wrong == []
+    assert page.eval_on_selector_all(".chart", "all => all.map(one => one.id)") == [
+        "admittance",
+        "circle",
+        "electrical",
+    ]
+    shown = page.inner_text("body")
+    page.close()
+    assert {"without load", "under load"} <= {line.split("\t")[0] for line in shown.splitlines()}
+    assert not re.search("rotor|torque|speed|tip ", shown)
+    with pytest.raises(pr.ParameterError, match=f"{motor.name} is a transducer"):
+        live_page(motor)
 
 
 @pytest.mark.soak
