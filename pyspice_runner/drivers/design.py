@@ -444,6 +444,7 @@ _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower vo
 _LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
 _RATIOS = (0.1, 100.0)  # of a transformer, as in its library
 _DETUNED = 0.02  # of the reactance of a coil: a smaller difference needs no capacitor
+_LEAST_BLEEDER = 1e3  # Ω, of the libraries of networks
 _INSTEAD = {
     "none": "Take a network, --driver …+llcc, or a stage of lower resistance.",
     "inductor": "Series matching cannot follow this load. Take +llcc or no network, lower the voltage, or control the "
@@ -672,7 +673,8 @@ class _Search:
             if driver.network == "llcc":
                 values |= self._across(group, most)
             isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
-            values[f"{label}.bleeder"] = nearest(BLED / (omega * capacitor), stock.E12) if isolated else NO_BLEEDER
+            bled = nearest(max(BLED / (omega * capacitor), _LEAST_BLEEDER), stock.E12)
+            values[f"{label}.bleeder"] = bled if isolated else NO_BLEEDER
         return values
 
     def _transforming(self, driver: Driver, source_ohm: float) -> dict[str, float]:

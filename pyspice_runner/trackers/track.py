@@ -560,7 +560,7 @@ def track(
     setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
     if duration is None:
         last = max(sequence.events, key=lambda one: one.end_s)
-        duration = last.end_s + {"start": 0.0, "temperature": 2e-3}.get(last.kind, 12e-3)
+        duration = last.end_s + {"start": 0.0, "temperature": 2e-3}.get(last.kind, max(12e-3, built_up))
     if not averaged:
         _check_duration(setup, source, duration)
     seen = sequence.end_s + 2 * SMOOTHED_PERIODS / tracker.frequency

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.drivers.design import design_driver
 from pyspice_runner.export.motor import export_motor
 from pyspice_runner.motor.circuit_file import circuit_toml, load_circuit
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
@@ -157,6 +158,47 @@ def test_power_is_that_of_a_hand_written_deck(tmp_path: Path, name: str) -> None
     omega = 2.0 * pi * frequency
     impedance = ohm + 1j * (omega * henry - 1.0 / (omega * farad))
     assert steady.quantities["power_w"] == pytest.approx(50.0 * (1.0 / impedance).real, rel=1e-9)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", REAL)
+def test_from_a_spectrum_to_a_driver_and_a_loop_in_lock(tmp_path: Path, name: str) -> None:
+    ohm, henry, farad, clamped = REAL[name]
+    circuit = EquivalentCircuit((MotionalArm(ohm, henry, farad),), clamped, 0.0, 30e3)
+    frequency = np.linspace(0.95, 1.11, 1001) * circuit.arms[0].series_resonance_hz
+    noise = 1e-3 * np.random.default_rng(0).standard_normal((2, 1001))
+    seen = circuit.admittance(frequency) * (1.0 + noise[0] + 1j * noise[1])
+    pr.fit_spectrum(pr.Spectrum(frequency, seen[:, None, None])).save(tmp_path / "mine.toml")
+    device = pr.load_motor(tmp_path / "mine.toml")
+    resonance = device.modes[0].frequency_hz
+    drive = pr.OnePhaseDrive(voltage=20.0, frequency=1.002 * resonance)
+    design = design_driver(device, pr.DriverSpec(drive, "linear", "inductor", rail=60.0))
+    assert design.feasible
+    duration, driver = device.settled_s, design.driver
+    text = str(pr.drive_report(device, driver, duration).deck).rsplit(".end", 1)[0]
+    text += f".measure tran power AVG par('v(a)*i(vpin_a)') FROM={duration - 20.0 / drive.frequency!r} TO={duration!r}"
+    (exported := tmp_path / "exported").mkdir()
+    found = measured(f"{text}\n.end\n", exported)["power"]
+    parts, output = driver.values("a", "inductor"), driver.values("a", "amplifier")["output_resistance"]
+    by_hand = ["by hand"]
+    for n, phase in ((1, 0), (2, 90)):  # .measure gives real parts: the second copy gives the imaginary one
+        by_hand += [
+            f"V{n} s{n} 0 DC 0 AC {driver.voltage!r} {phase}", f"R0{n} s{n} k{n} {output + parts['resistance']!r}",
+            f"L0{n} k{n} j{n} {parts['inductance']!r}", f"Cs{n} j{n} p{n} {parts['capacitance']!r}",
+            f"Rs{n} j{n} p{n} {parts['bleeder']!r}", f"C0{n} p{n} 0 {clamped!r}", f"L{n} p{n} m{n} {henry!r}",
+            f"C{n} m{n} r{n} {farad!r}", f"R{n} r{n} i{n} {ohm!r}", f"Vi{n} i{n} 0 0",
+            f".measure ac part{n} FIND i(Vi{n}) AT={drive.frequency!r}",
+        ]  # fmt: skip
+    by_hand += [f".ac lin 3 {drive.frequency - 1.0!r} {drive.frequency + 1.0!r}", ".end"]
+    (hand := tmp_path / "hand").mkdir()
+    amperes = np.hypot(*measured("\n".join(by_hand), hand).values())
+    assert found == pytest.approx(0.5 * ohm * amperes**2, rel=0.01)
+    tracker = pr.Tracker(kind="pll", voltage=20.0, frequency=resonance, offset=0.005, span=0.03)
+    tracked = pr.track(device, tracker, disturb="load", load_factor=2.0)
+    assert tracked.locked
+    ended = tracked.to_dict()
+    assert ended["motional_current_before_a"] == pytest.approx(20.0 / ohm, rel=0.05)  # builds up for 4 time constants
+    assert ended["motional_current_after_a"] == pytest.approx(10.0 / ohm, rel=0.02)
 
 
 @pytest.mark.parametrize("which", ["one group", "two groups"])
