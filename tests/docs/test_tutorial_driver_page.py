@@ -9,10 +9,12 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from tests.docs.test_pages import commands, run_decks
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorial_driver.md"
@@ -49,13 +51,20 @@ def test_the_tutorial_leads_to_a_deck_parts_and_a_margin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    circuit = EquivalentCircuit((MotionalArm(20.07, 72.47e-3, 448.4e-12),), 3.012e-9, 0.0, 28e3)
+    frequency = np.linspace(26.5e3, 31e3, 1501)
+    pr.Spectrum(frequency, circuit.admittance(frequency)[:, None, None]).save("bl28.csv")
     answers: dict[str, Any] = {}
     for command in commands(PAGE):
         name, *words = shlex.split(command)[1:]
         store = ["--store", str(tmp_path / "store")] if name == "sweep" else []
         assert run([name, *words, *store, "--json"]) == 0, command
-        answers[name] = json.loads(capsys.readouterr().out)
+        answers[name if words[0] != "bl28.toml" else f"{name} transducer"] = json.loads(capsys.readouterr().out)
     run_decks(PAGE, tmp_path)
+    (arm,), state = answers["fit"]["arms"], answers["steady transducer"]
+    assert f"({arm['resistance_ohm']:.4g} Ω, {1e3 * arm['inductance_h']:.4g} mH, " in TEXT
+    assert f"{state['power_w']:.4g} W and {1e3 * state['motional_current_amplitude_a_a']:.4g} mA" in TEXT
+    assert answers["track transducer"]["locked"]
     design, margin = answers["drive"]["design"], answers["sweep"]
     assert design["feasible"]
     assert design["starts"]
