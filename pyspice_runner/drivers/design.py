@@ -762,7 +762,8 @@ class _Search:
         if self.ideal.motor.is_transducer:
             return self.within(found, driver, self.linear(driver))
         behind = [
-            replace(self.ideal, source=driver.equivalent, load=Load(speed=point.speed_rad_s)) for point in self.points
+            replace(self.ideal, source=driver.equivalent, load=Load(None if point.state == IDLE else point.speed_rad_s))
+            for point in self.points
         ]
         starts = [state.solution for state in self.states.values()]
         states = dict(zip(self.states, _solved(behind, starts), strict=True))

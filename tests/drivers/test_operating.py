@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a designed driver does at no load, at its operating point and at a start, on both flagships."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.drivers.design import Design
+from tests.selection import mostly
+
+PLATE40 = str(Path(__file__).parents[2] / "examples" / "plate40.toml")
+SPEEDS = {"bimodal40": 20.0, PLATE40: None}  # of the operating points; by default half the speed at no load
+MOTORS = mostly(pytest.mark.soak, list(SPEEDS), ["bimodal40"])
+
+
+@cache
+def designed(name: str) -> Design:
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor)
+    if name == "bimodal40":
+        drive = drive.model_copy(update={"voltage": 150.0})
+    design = pr.design(motor, pr.DriverSpec(drive, "full-bridge", rail=24.0), speed=SPEEDS[name])
+    assert design.feasible, design.reason
+    return design
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_no_load_is_a_free_shaft_behind_the_network_and_the_verdict_covers_it(name: str) -> None:
+    """Its torque is that of the bearing, within 1 % of that of friction; the real bridge leaves the same speed."""
+    motor, design = pr.load_motor(name), designed(name)
+    idle = next(point for point in design.points if point.state == "no load")
+    friction = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    bearing = motor.rotor.bearing_damping_n_m_s * idle.speed_rad_s
+    assert idle.torque_n_m == pytest.approx(bearing, abs=0.01 * friction)
+    worst = max(abs(idle.group(group).voltage_v / design.wanted_v[group] - 1.0) for group in "ab")
+    told = float(design.reason.partition("within ")[2].partition(" %")[0])
+    assert told >= 99.0 * worst
+    if name == "bimodal40":  # steady_state behind the same bridge with all of its edges: 74.438 rad/s
+        assert idle.speed_rad_s == pytest.approx(74.438, rel=5e-3)
