@@ -165,7 +165,10 @@ class Curves(DatasetResult):
             found["maximum torque"] = engineering(float(data["torque_n_m"].max()), "N·m")
             found["maximum shaft power"] = engineering(float(data["shaft_power_w"].max()), "W")
             found["best efficiency"] = _percent(float(data["efficiency"].where(data["shaft_power_w"] > 0.0).max()))
-        for words, points in (("settled", data["settled"]), ("time averages", data["largest_multiplier"] >= 1.0)):
+        counted = {"settled": data["settled"]}
+        if "largest_multiplier" in data:
+            counted["time averages"] = data["largest_multiplier"] >= 1.0
+        for words, points in counted.items():
             found[words] = f"{int(points.sum())} of {points.size} points"
         return self._localised(found)
 

@@ -268,11 +268,19 @@ def state_space(motor: Motor, drive: TwoPhaseDrive, *, load_torque: float = 0.0)
     if motor.slider:
         described = [{name: linear_unit(unit) for name, unit in known.items()} for known in described]
     states, inputs, outputs = described
-    duration = DECAYS * motor.decay_s
-    held = AveragedPoint.of(Point.of(motor, drive, speed=point["speed"]), duration)
     return StateSpace(
         small.by_state[np.ix_(kept, kept)], driven[kept], by_state[:, kept], through,
         states, inputs, outputs, point,
         {"motor": motor.to_dict(), "drive": drive.model_dump(), "run": {"load_torque_n_m": load_torque}},
-        partial(estimate, held, duration),
+        partial(_error_at, motor, drive, point["speed"]),
     )  # fmt: skip
+
+
+def _error_at(motor: Motor, drive: TwoPhaseDrive, speed: float) -> ErrorEstimate:
+    """Estimate the errors at a steady state, at its speed in rad/s."""
+    duration = DECAYS * motor.decay_s
+    try:
+        held = AveragedPoint.of(Point.of(motor, drive, speed=speed), duration)
+    except ParameterError as error:
+        return ErrorEstimate({}, {}, str(error))
+    return estimate(held, duration)
