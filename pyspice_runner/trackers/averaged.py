@@ -18,6 +18,7 @@ from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor, schedule_text
 from pyspice_runner.averaged.point import (
+    INPUT_OF,
     LONGEST_STEPS,
     VALUES_OF_A_FUNCTION,
     AveragedPoint,
@@ -184,16 +185,7 @@ def replayed(run: TrackedRun, time: Array, frequency: Array) -> ErrorEstimate:
     """Estimate the errors of the averaged motor at the frequencies in Hz that a tracker sets at times in s."""
     setup, source, disturbances = run.setup, run.source, run.source.disturbances
     thermal, every = disturbances.drifting, ceil(len(time) / VALUES_OF_A_FUNCTION)
-    stage, preload = averaged_front(source).stage, setup.motor.contact.preload_n
-    moved = {  # course → what disturbs it, its value before, and that by which a change counts
-        "load_torque": ("load", 0.0, 1.0), "preload": ("preload", preload, preload),
-        "voltage_a": ("supply", stage.voltage, stage.voltage), "temperature": ("temperature", 0.0, 1.0),
-        "voltage_b": ("supply", stage.voltage_b, stage.voltage_b),
-    }  # fmt: skip
-    courses: dict[str, ScheduleLike] = {"frequency": np.transpose([time, frequency])[::every]}
-    for name, (kind, before, by) in moved.items():
-        if disturbances.of(kind):
-            courses[name] = disturbances.course(kind, before, by)
+    courses: dict[str, ScheduleLike] = {"frequency": np.transpose([time, frequency])[::every], **_moved(run)}
     if disturbances.of("temperature") and thermal:  # the stator follows the course at once, not its own losses
         thermal = thermal.model_copy(update={"heat_capacity_j_per_k": 1e-9, "thermal_resistance_k_per_w": 1e-3})
     drive = source.driver or TwoPhaseDrive(**two_phases(source.tracker))
@@ -201,6 +193,19 @@ def replayed(run: TrackedRun, time: Array, frequency: Array) -> ErrorEstimate:
         setup.motor, drive, speed=setup.load.speed, contact=setup.law, thermal=thermal, timeout=setup.solver.timeout
     )
     return estimate(AveragedPoint.of(point, run.duration, courses=courses), run.duration)
+
+
+def _moved(run: TrackedRun) -> dict[str, Schedule]:
+    """Return the courses of both voltages and of what the disturbances move, by the settings of an averaged run."""
+    stage, preload = averaged_front(run.source).stage, run.setup.motor.contact.preload_n
+    moved = {  # what disturbs it, its value before, and that by which a change counts
+        "voltage_a": ("supply", stage.voltage, stage.voltage),
+        "voltage_b": ("supply", stage.voltage_b, stage.voltage_b),
+        "load_torque": ("load", 0.0, 1.0), "preload": ("preload", preload, preload),
+        "temperature": ("temperature", 0.0, 1.0),
+    }  # fmt: skip
+    courses = {name: run.source.disturbances.course(*how) for name, how in moved.items()}
+    return {name: one for name, one in courses.items() if len(one) > 1 or moved[name][0] == "supply"}
 
 
 def _compiled(run: TrackedRun, deck: str | None) -> AveragedTrack:
@@ -219,19 +224,9 @@ def _compiled(run: TrackedRun, deck: str | None) -> AveragedTrack:
         networks=front.networks,
     )  # fmt: skip
     running.set(phase=stage.phase_deg)
-    preload = setup.motor.contact.preload_n
-    courses: dict[str, Schedule] = {
-        "target": source.targets,
-        "amplitude_a": disturbances.course("supply", stage.voltage, stage.voltage),
-        "amplitude_b": disturbances.course("supply", stage.voltage_b, stage.voltage_b),
-    }
-    if disturbances.of("load"):
-        courses["load_torque"] = disturbances.course("load")
-    if disturbances.of("preload"):
-        courses["preload"] = disturbances.course("preload", preload, preload)
+    courses = {"target": source.targets} | {INPUT_OF[name]: course for name, course in _moved(run).items()}
     if disturbances.of("temperature"):  # the stator follows the course, not its own losses
         running.set(heat_capacity=0.0)
-        courses["ambient_temperature"] = disturbances.course("temperature")
     begun = monotonic()
     rows = running.record(courses, run.duration, timeout=setup.solver.timeout or PATIENCE)
 

@@ -139,10 +139,8 @@ def crossing(
 Complex = NDArray[np.complex128]
 Answers = tuple[Complex, Complex, Array]  # as of :func:`_running`
 
-POINTS = {
-    True: 33,
-    False: 9,
-}  # modulations by equations and by copies; with 33 a crossover is within 0.1 % of that by 81
+# modulations by equations and by copies; with 33 a crossover is within 0.1 % of that by 81
+POINTS = {True: 33, False: 9}
 OFFSETS = 16  # of the points about which the motor is linearised
 REACH = 4.0  # from the bandwidth to the lowest and to the highest frequency
 EDGE_STEPS = 20  # of Newton's method
