@@ -50,14 +50,12 @@ def loop(call: Call) -> None:
 
 def _phase_locked(call: Call, drive: pr.TwoPhaseDrive) -> None:
     """Design the phase-locked loop of a transducer."""
-    name = call.loaded.name
     if call.quantity != "phase":
-        raise pr.ParameterError(f"{name} is a transducer, without a shaft: add --quantity phase.")
+        raise pr.ParameterError(f"{call.loaded.name} is a transducer, without a shaft: add --quantity phase.")
     call.refuse_idle("for the phase-locked loop of a transducer", "margin sample load_torque over")
-    tone = {key: getattr(drive, key) for key in ("voltage", "frequency")}
-    bandwidth = {} if call.crossover is None else {"bandwidth_hz": call.crossover}
-    design = pr.control_loop(call.loaded, pr.Tracker(kind="pll", **tone, **bandwidth))
-    call.deliver(design, f"{name}: loop of the phase, {drive.label}")
+    tracker = pr.Tracker(kind="pll", voltage=drive.voltage, frequency=drive.frequency)
+    tracker = tracker.updated({"bandwidth_hz": call.crossover or tracker.bandwidth_hz})
+    call.deliver(pr.control_loop(call.loaded, tracker), f"{call.loaded.name}: loop of the phase, {drive.label}")
 
 
 @command("motor", DRIVE, "load_torque", CHANGES, TARGETS)

@@ -20,9 +20,7 @@ _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every au
 @command(
     "motor", DRIVE, "duration", LAW, "speed load_torque step accuracy signals record_from record_every waveform",
     "averaged", DRIVER, "timeout audit engine", CHANGES, TARGETS,
-    duration=option(
-        float | None, None, f"Simulated time, s; default: {common.DURATION:g}, of a transducer until it has settled."
-    ),
+    duration=option(float | None, None, "Simulated time, s; default: 5e-3, of a transducer until it has settled."),
     step=option(float | None, None, "Uniform time step, s; default: from the fastest motion."),
     accuracy=option(
         float | None, None, "Largest relative error of the tip's trajectory, such as 0.005; sets the step."

@@ -147,10 +147,8 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         from pyspice_runner.steady.transducer import transducer_state
 
         kept = ["power_w", "power_factor", "current_a_rms_a", "motional_current_amplitude_a_a"]
-        settings: dict[str, Any] = {"analysis": transducer_state}
-        if analysis == "simulate":
-            settings = {"duration": max(common.DURATION, motor.settled_s)}
-        return {"quantities": quantity or kept, **settings}
+        run: dict[str, Any] = {"duration": max(common.DURATION, motor.settled_s)}
+        return {"quantities": quantity or kept, **(run if analysis == "simulate" else {"analysis": transducer_state})}
     if analysis == "operating-point":
         from pyspice_runner.steady.speed_torque import held_point
 
@@ -161,10 +159,9 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
         return {"quantities": quantity or kept, "analysis": driver_state}
     if analysis == "drive":
-        settings = {"analysis": pr.drive_report, "duration": 3e-3}
         moved = "motional_current_amplitude_a_a" if motor.is_transducer else "mean_rotor_speed_rad_s"
         kept = ["motor_power_w", "driver_efficiency", moved]
-        return {"quantities": quantity or kept, **settings}
+        return {"quantities": quantity or kept, "analysis": pr.drive_report, "duration": 3e-3}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": common.DURATION}
 
 

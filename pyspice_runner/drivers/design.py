@@ -447,9 +447,8 @@ _DETUNED = 0.02  # of the reactance of a coil: a smaller difference needs no cap
 _LEAST_BLEEDER = 1e3  # Ω, of the libraries of networks
 _INSTEAD = {
     "none": "Take a network, --driver …+llcc, or a stage of lower resistance.",
-    "inductor": "Series matching cannot follow this load. Take +llcc or no network, lower the voltage, or control the "
-    "amplitude.",
-    "llcc": "Take no network, lower the voltage, or control the amplitude.",
+    "inductor": "Series matching cannot follow this load. Take +llcc or no network, or lower or control the amplitude.",
+    "llcc": "Lower the voltage, take no network, or control the amplitude.",
 }
 
 
@@ -821,8 +820,7 @@ class _Search:
         worst = max(
             abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in self.pins
         )
-        alone = "Under load and idle" if len(points) > 1 else "At the operating point"
-        ends = alone if self.ideal.motor.is_transducer else "From stall to no load"
+        ends = ["At the operating point", "Under load and idle", "From stall to no load"][min(len(points), 3) - 1]
         notes = f"{ends} the pins keep their voltages within {100.0 * worst:.2g} %"
         notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
         if self.spec.source_ohm is not None:

@@ -14,13 +14,7 @@ from pathlib import Path
 
 from pyspice_runner.averaged.library import averaged_library, check_averaged
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
-from pyspice_runner.circuit.motor import (
-    SUBCIRCUIT,
-    THERMAL_SUBCIRCUIT,
-    TRANSDUCER,
-    editable_parameters,
-    motor_library,
-)
+from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, TRANSDUCER, editable_parameters, motor_library
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.circuit import touchstone

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from cmath import phase
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from math import degrees, pi
 from typing import Any
 
@@ -79,9 +79,8 @@ class LoopDesign(Result):
 
     def summary(self) -> dict[str, str]:
         """Return filter, crossover and margin."""
-        parts = map(engineering, asdict(self.loop_filter).values(), ("Ω", "F", "F"))
-        margin = f"{self.phase_margin_deg:.1f}°"
-        return {"loop filter": ", ".join(parts), "crossover": f"{self.crossover_hz:.4g} Hz", "phase margin": margin}
+        margins = {"crossover": f"{self.crossover_hz:.4g} Hz", "phase margin": f"{self.phase_margin_deg:.1f}°"}
+        return {"loop filter": ", ".join(map(engineering, astuple(self.loop_filter), ("Ω", "F", "F")))} | margins
 
 
 def phase_shown_deg(

@@ -38,6 +38,11 @@ from pyspice_runner.view.style import CYCLE, GREEN, GREY, LABELS, PURPLE, STATES
 _DASHES = {"-": "solid", "--": "dash", "-.": "dashdot", ":": "dot"}  # of Matplotlib → of Plotly
 _SYMBOLS = {"s": "square", "D": "diamond", "^": "triangle-up", "v": "triangle-down", "x": "x"}
 
+STATES_OF: dict[bool, dict[State, str]] = {  # of a motor, and of a transducer
+    False: {"free": "tip free", "preloaded": "tip pressed on"},
+    True: {"free": "without load", "preloaded": "under load"},
+}
+
 MODE_STEPS = 12  # frames from the middle to the largest deflection
 TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
 PATH_FRAMES = 120  # of one drive period
@@ -153,12 +158,6 @@ def tip_path(run: Waveforms) -> go.Figure:
     return figure
 
 
-def state_names(motor: Motor) -> dict[State, str]:
-    """Return the names of the states of a stator."""
-    words = ("without load", "under load") if motor.is_transducer else ("tip free", "tip pressed on")
-    return {"free": words[0], "preloaded": words[1]}
-
-
 def admittance(
     motor: Motor, spectra: Mapping[State, Admittance], measured: Spectrum | None, measured_on: Connection
 ) -> tuple[go.Figure, go.Figure]:
@@ -166,7 +165,7 @@ def admittance(
     traces, connections = list[plot_spectra.Trace](), list[Connection]()
     for connection in (name for name in COUPLING if name in spectra["free"].resonances):
         for (state, result), colour, dash in zip(spectra.items(), CYCLE, DASHES, strict=False):
-            look: dict[str, Any] = {"color": colour, "linestyle": dash, "label": state_names(motor)[state]}
+            look: dict[str, Any] = {"color": colour, "linestyle": dash, "label": STATES_OF[motor.is_transducer][state]}
             traces.append(plot_spectra.Trace(result.frequency_hz, result.driven(connection), look))
         if measured is not None and (measured.ports == 2 or connection == measured_on):
             own = measured.driven(connection) if measured.ports == 2 else measured

@@ -231,7 +231,7 @@ def datasheet(report: Report) -> str:
         charts={name: figure for name, figure in figures.items() if figure is not None},
         themes={name: charts.theme(INK[name], GRID[name]).to_plotly_json() for name in INK},
         connections=list(report.spectra["free"].resonances),
-        states=charts.state_names(report.motor),
+        states=charts.STATES_OF[report.motor.is_transducer],
         parameters=list(parameter_rows(report.motor)),
         circuits=_circuits(report.spectra),
         least_coupling=LEAST_COUPLING,

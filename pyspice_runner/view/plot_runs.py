@@ -149,10 +149,8 @@ def control_loop(loop: ControlLoop) -> Sheet:
 
 def loop_design(loop: LoopDesign) -> Sheet:
     """Return magnitude and phase of the loop gain of a tracker."""
-    panels: dict[str, Panel] = {
-        "magnitude": lambda ax: bode_magnitude(ax, loop, loop.gain, {}),
-        "phase": lambda ax: bode_phase(ax, loop, loop.gain),
-    }
+    magnitude = partial(bode_magnitude, loop=loop, gain=loop.gain, others={})
+    panels: dict[str, Panel] = {"magnitude": magnitude, "phase": partial(bode_phase, loop=loop, gain=loop.gain)}
     return Sheet(panels, 2, (4.6, 3.4), "Loop of the phase")
 
 

@@ -47,19 +47,13 @@ def test_the_number_of_arms_is_found(arms: int) -> None:
     assert values(fit.circuit) == pytest.approx(values(circuit), rel=1e-6)
 
 
-# resistance, inductance, capacitance of the arm, C0 of two bolt-clamped transducers and an air transducer
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
-@pytest.mark.parametrize(
-    "parts", [(20.07, 72.47e-3, 448.4e-12, 3.012e-9), (7.115, 25.58e-3, 617.7e-12, 4.422e-9),
-              (643.2, 68.87e-3, 230.5e-12, 2.402e-9)],
-)  # fmt: skip
-def test_the_arm_of_a_transducer_is_found_over_resonance_and_antiresonance(parts: Any, noise: float) -> None:
-    arm = MotionalArm(*parts[:3])
-    frequency = np.linspace(0.95, 1.11, 1001) * arm.series_resonance_hz
-    circuit = EquivalentCircuit((arm,), parts[3], 0.0, arm.series_resonance_hz)
-    (found,) = fitted(spectrum(circuit, frequency, noise=noise)).arms
-    values = (found.resistance_ohm, found.inductance_h, found.capacitance_f)
-    assert values == pytest.approx(parts[:3], rel=max(2.0 * noise, 1e-6))
+@pytest.mark.parametrize("arm", [(20.07, 72.47e-3, 448.4e-12), (643.2, 68.87e-3, 230.5e-12)])
+def test_the_arm_of_a_transducer_is_found_over_resonance_and_antiresonance(arm: Any, noise: float) -> None:
+    circuit = EquivalentCircuit((MotionalArm(*arm),), 3e-9, 0.0, 30e3)
+    frequency = np.linspace(0.95, 1.11, 1001) * circuit.arms[0].series_resonance_hz
+    fit = fitted(spectrum(circuit, frequency, noise=noise))
+    assert values(fit.circuit) == pytest.approx(values(circuit), rel=max(2.0 * noise, 1e-6))
 
 
 def test_the_number_of_arms_is_found_in_noise_and_the_runners_up_are_shown() -> None:

@@ -344,11 +344,7 @@ def larger(problem: Problem, solution: Solution) -> list[Solution]:
 
 
 def _highest(problem: Problem, bare: Solution) -> Solution:
-    """Return a start with the arm of the highest conductance, and the clamped capacitance that it leaves.
-
-    Beside an arm with a large figure of merit the capacitance alone resembles no part of the spectrum, and its
-    residuals do not lead to the arm.
-    """
+    """Return a start with the arm of the highest conductance: residuals of the capacitance may not lead to it."""
     y, w = problem.y, problem.w
     at = int(np.argmax(y.real))
     conductance = max(float(y.real[at]), 1e-12)
