@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -126,6 +127,8 @@ def _rows(reports: list[DriveReport]) -> list[list[str]]:
 
 def _table(motor: pr.Motor, reports: list[DriveReport]) -> Table:
     table = Table("quantity", *(report.driver["kind"].rpartition(":")[2] for report in reports), title=motor.name)
+    if not all(report.operating for report in reports):  # which are compared in the same state
+        reports = [replace(report, operating=None) for report in reports]
     summaries = [report.summary() for report in reports]
     for name in summaries[0]:
         table.add_row(name, *(summary.get(name, "") for summary in summaries))

@@ -196,7 +196,8 @@ class Design:
         parts: the parts and what each must withstand in the range; with a run the larger of both.
         feasible: whether everything was simulated and within its limits.
         reason: why it is not feasible and what can be done, or the explanation of the network.
-        starts: whether the motor started from rest behind the driver; ``None`` if that was not simulated.
+        starts: whether the motor started from rest behind the driver; ``None`` if no run shows it.
+        behind: solution at the operating point behind the driver; ``None`` of a transducer, and without a driver.
     """
 
     driver: Driver | None
@@ -209,6 +210,7 @@ class Design:
     reason: str = ""
     starts: bool | None = None
     load_torque_n_m: float = 0.0
+    behind: Orbit | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design without the driver, which its report has, JSON-ready."""
@@ -224,15 +226,17 @@ class Design:
             still = point.speed_rad_s == point.torque_n_m == 0.0  # as a transducer, which has no shaft
             found[point.state] = f"{engineering(point.power_w, 'W') if still else shaft}; pins {pins}"
         found["design"] = f"{'feasible' if self.feasible else 'not feasible'}: {self.reason}"
-        found["starts from rest"] = {True: "yes", False: "no", None: "not simulated"}[self.starts]
+        found["starts from rest"] = {True: "yes", False: "no", None: "not shown"}[self.starts]
         return found
 
     def ran(
-        self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor
-    ) -> Design:
+        self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor,
+        missing_s: float = 0.0,
+    ) -> Design:  # fmt: skip
         """Return the design after runs from rest, from the loads of their parts and the maximum voltages at the pins.
 
-        ``speed_rad_s`` is the mean at the end of the first one, ``None`` for a held shaft.
+        ``speed_rad_s`` is the mean at the end of the first one, ``None`` for a held shaft; it should be longer by
+        ``missing_s`` to show a start.
         """
         assert self.driver is not None
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
@@ -240,11 +244,15 @@ class Design:
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         notes = [note for note in notes if note not in self.reason]  # of a driver that is not feasible
-        if starts is False:
-            notes.append(f"The motor does not start: it turns at {speed_rad_s:.3g} rad/s at the end of the run.")
+        short, turns = "", f"it turns at {speed_rad_s or 0.0:.3g} rad/s at the end of the run."
+        if starts is False and missing_s > 0.0:
+            starts = None
+            short = f" The run is too short by {engineering(missing_s, 's')} to show whether the motor starts: {turns}"
+        elif starts is False:
+            notes.append(f"The motor does not start: {turns}")
         feasible = self.feasible and not notes
         reason = self.reason if feasible else " ".join([*([] if self.feasible else [self.reason]), *notes])
-        return replace(self, parts=both, feasible=feasible, reason=reason, starts=starts)
+        return replace(self, parts=both, feasible=feasible, reason=reason + short, starts=starts)
 
     def _starts(self, speed_rad_s: float) -> bool:
         """Return whether a motor that has reached a speed comes to its operating point.
@@ -268,7 +276,6 @@ ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the 
 
 
 def _phasor(values: Any, time: Any, frequency: float) -> complex:
-    """Return the phasor of the fundamental over one period."""
     return complex(2j * frequency * np.trapezoid(values * np.exp(-2j * pi * frequency * time), time))
 
 
@@ -645,7 +652,6 @@ class _Search:
         return stock.suited(volts, driver.swing("a"), current, driver.frequency) or MOSFETS[-1]
 
     def _values(self, driver: Driver, share: float) -> dict[str, float]:
-        """Return the settings of the network."""
         if driver.network == "none":
             return {}
         if self.spec.source_ohm is not None:
@@ -767,6 +773,7 @@ class _Search:
         starts = [state.solution for state in self.states.values()]
         states = dict(zip(self.states, _solved(behind, starts), strict=True))
         lost = _lost(states, draft.wanted_v, where := "behind this driver; the voltages wanted at the pins")
+        found = replace(found, behind=states[OPERATING].behind)
         if (rise := self.rise) and not lost:
             warm = warmed(behind[1], driver.equivalent, rise)
             states[WARM] = _solved([warm], starts[1:2])[0]
@@ -816,7 +823,6 @@ class _Search:
                 yield f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A."
 
     def _explanation(self, driver: Driver, points: tuple[RangePoint, ...], share: float) -> str:
-        """Return the explanation of a feasible network."""
         worst = max(
             abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in self.pins
         )

@@ -133,7 +133,6 @@ def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mappi
 
 
 def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> Iterator[PartLoad]:
-    """Yield supplies, transistors and dead time."""
     of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
@@ -164,7 +163,6 @@ def _winding(part: Part, group: str, volts: float) -> Iterator[PartLoad]:
 
 
 def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
-    """Return coils and capacitors of a network between two voltages."""
     values, llcc = part.values, part.label == "llcc"
     prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]

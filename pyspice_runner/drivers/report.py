@@ -15,31 +15,33 @@ from math import degrees, isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.drivers import loads
-from pyspice_runner.drivers.design import OPERATING, Design, DriverSpec, NoDriverError, design_driver
+from pyspice_runner.drivers.design import OPERATING, TURNING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
 from pyspice_runner.drivers.feedback import Loop, stability, stability_notes
 from pyspice_runner.drivers.loads import PartLoad, TurnOn
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import require
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
-from pyspice_runner.result import Audit, Result, contact_row
+from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power, ceramic, modal_vectors
 from pyspice_runner.run.point import MOST_POINTS, Point
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.simulate import JUDGED, CoarserRuns
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, Array, has_settled, remark
-from pyspice_runner.run.window import Window, change_to_come
+from pyspice_runner.run.window import AVERAGED_PERIODS, Window, change_to_come
+from pyspice_runner.steady.driven import running
 from pyspice_runner.units import engineering, unit_in
 
 _OF_SHAFT = ("shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "efficiency")
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
+_SETTLING = 20  # periods in which the network settles before those at the operating point that are averaged
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
 
 
@@ -77,51 +79,25 @@ class Port:
 
 
 @dataclass(frozen=True, repr=False)
-class DriveReport(Result):
-    """One driver and its motor, measured over the last whole periods of a run.
+class Balance:
+    """Currents, powers, losses and speed over the last whole periods of a run.
 
     Attributes:
-        motor: the motor, JSON-ready.
-        driver: the driver and every parameter of its parts, JSON-ready.
-        run: settings of the run, JSON-ready.
         outputs: group → output of its power stage, in front of transformer and network.
         groups: group → input of the group at its pin.
         supply_power_w: mean power of all supplies but the gate drivers'. For a stage without supply pins, and for ideal
             sources: output power plus losses of the stage.
         gate_power_w: mean power of the gate drivers.
-        supply_current_mean_a: rail → mean current, both groups together.
-        supply_current_peak_a: rail → peak current, both groups together.
+        supply_current_mean_a, supply_current_peak_a: rail → mean and peak current, both groups together.
         losses_w: ``PART_GROUP.DEVICE`` → mean loss. ``driver_GROUP.total`` is the difference of supply and output power
             of the user's own stage, if its header has no ``LOSS`` lines.
         stored_power_w: rate at which energy builds up in the driver's inductors and capacitors; 0 once settled.
-        motor_power_w: mean power into both groups.
-        shaft_power_w: mean power of the contact on the rotor.
-        mean_torque_n_m: mean torque of the contact on the rotor.
-        mean_torque_error_n_m: its estimated error by the step; ``None`` of a run with edges, or with a given step.
-        mean_rotor_speed_rad_s: mean speed.
-        to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
+        motor_power_w, shaft_power_w: mean powers into both groups, and of the contact on the rotor.
+        mean_torque_n_m, mean_rotor_speed_rad_s: mean torque of the contact on the rotor, and mean speed.
         settling: relative change of the motor's power from the first to the second half of the window.
-        maxima: maxima of pins, stages and parts over the whole run from power-up.
-        delivered: group → ``wanted_v`` and ``got_v``, amplitudes of the fundamental at the ``place``: ``"pin"``, or
-            ``"stage"`` in front of a network that was not designed; and ``limited``: limit of the stage → share of the
-            window in which it is reached.
-        stability: group → loop of its amplifier with feedback; empty for other stages.
-        steps: group → time in s and output of that amplifier after a small step, over what the step is worth.
         switching: turn-on of each transistor of a bridge.
-        design: the design of the driver, completed by the run; ``None`` for a driver that was given.
-        waveforms: time and the voltages and currents of outputs and groups over the window.
-        solver_seconds: wall time that ngspice took.
-        ngspice_version: version of ngspice.
-        deck: netlist of the run.
-        audit: outcome of the physical audit; it has findings only with ``audit=False``.
-        events: maxima of further runs as in ``maxima``, by event: load step, stop, frequency sweep; empty if not asked.
-        event_faults: a sentence for each limit that an event exceeds.
-        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
     """
 
-    motor: dict[str, Any]
-    driver: dict[str, Any]
-    run: dict[str, Any]
     outputs: dict[str, Port]
     groups: dict[str, Port]
     supply_power_w: float
@@ -135,32 +111,7 @@ class DriveReport(Result):
     mean_torque_n_m: float
     mean_rotor_speed_rad_s: float
     settling: float
-    to_come: dict[str, float | None]
-    maxima: dict[str, Any]
     switching: tuple[TurnOn, ...]
-    design: Design | None
-    waveforms: dict[str, Array] = field(repr=False)
-    solver_seconds: float
-    ngspice_version: str
-    deck: str = field(repr=False)
-    audit: Audit = field(default_factory=Audit)
-    delivered: dict[str, dict[str, Any]] = field(default_factory=dict)
-    stability: dict[str, Loop] = field(default_factory=dict)
-    steps: dict[str, tuple[Array, Array]] = field(default_factory=dict, repr=False)
-    ceramic: dict[str, Any] = field(default_factory=dict)
-    events: dict[str, dict[str, Any]] = field(default_factory=dict)
-    event_faults: list[str] = field(default_factory=list)
-    mean_torque_error_n_m: float | None = None
-
-    @property
-    def linear(self) -> bool:
-        """Whether the motor has a slider."""
-        return "slider" in self.motor
-
-    @property
-    def of_transducer(self) -> bool:
-        """Whether the device is a transducer, which has no shaft."""
-        return "contact" not in self.motor
 
     @property
     def power_in_w(self) -> float:
@@ -195,6 +146,67 @@ class DriveReport(Result):
             sum(port.apparent_power_va for port in self.outputs.values()),
         )
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return powers, losses and ports, JSON-ready."""
+        names = ("power_in_w", "driver_efficiency", "efficiency", "power_factor", "balance_residual")
+        return dict(json_ready(vars(self) | {name: getattr(self, name) for name in names}))
+
+
+@dataclass(frozen=True, repr=False)
+class DriveReport(Balance, Result):
+    """One driver and its motor, measured over the last whole periods of a run from power-up.
+
+    Attributes:
+        operating: balance of a design at its operating point, where the shaft is held behind the real stage; ``None``
+            without one.
+        motor, driver, run: the motor, the driver with every parameter of its parts, settings of the run, JSON-ready.
+        mean_torque_error_n_m: its estimated error by the step; ``None`` of a run with edges, or with a given step.
+        to_come: expected further relative change of each mean in a longer run; ``None`` where the run is too short.
+        maxima: maxima of pins, stages and parts over the whole run from power-up.
+        delivered: group → ``wanted_v`` and ``got_v``, amplitudes of the fundamental at the ``place``: ``"pin"``, or
+            ``"stage"`` in front of a network that was not designed; and ``limited``: limit of the stage → share of the
+            window in which it is reached.
+        stability: group → loop of its amplifier with feedback; empty for other stages.
+        steps: group → time in s and output of that amplifier after a small step, over what the step is worth.
+        design: the design of the driver, completed by the run; ``None`` for a driver that was given.
+        waveforms: time and the voltages and currents of outputs and groups over the window.
+        solver_seconds, ngspice_version, deck: wall time that ngspice took, its version, netlist of the run.
+        audit: outcome of the physical audit; it has findings only with ``audit=False``.
+        events: maxima of further runs as in ``maxima``, by event: load step, stop, frequency sweep; empty if not asked.
+        event_faults: a sentence for each limit that an event exceeds.
+        ceramic: strain, stress and temperature rise of the ceramic, and ``cautions``; empty where not measured.
+    """
+
+    motor: dict[str, Any]
+    driver: dict[str, Any]
+    run: dict[str, Any]
+    to_come: dict[str, float | None]
+    maxima: dict[str, Any]
+    design: Design | None
+    waveforms: dict[str, Array] = field(repr=False)
+    solver_seconds: float
+    ngspice_version: str
+    deck: str = field(repr=False)
+    audit: Audit = field(default_factory=Audit)
+    delivered: dict[str, dict[str, Any]] = field(default_factory=dict)
+    stability: dict[str, Loop] = field(default_factory=dict)
+    steps: dict[str, tuple[Array, Array]] = field(default_factory=dict, repr=False)
+    ceramic: dict[str, Any] = field(default_factory=dict)
+    events: dict[str, dict[str, Any]] = field(default_factory=dict)
+    event_faults: list[str] = field(default_factory=list)
+    mean_torque_error_n_m: float | None = None
+    operating: Balance | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether the motor has a slider."""
+        return "slider" in self.motor
+
+    @property
+    def of_transducer(self) -> bool:
+        """Whether the device is a transducer, which has no shaft."""
+        return "contact" not in self.motor
+
     @property
     def settled(self) -> bool:
         """Whether power, torque and speed would stay within 2 % in a longer run."""
@@ -223,7 +235,7 @@ class DriveReport(Result):
             "supply_current_mean_a", "supply_current_peak_a", "losses_w", "stored_power_w", "motor_power_w",
             "shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "driver_efficiency",
             "efficiency", "balance_residual", "settling", "settled", "to_come", "delivered", "stability", "maxima",
-            "events", "switching", "design",
+            "events", "switching", "design", "operating",
         )  # fmt: skip
         left = [name for name in names if not (self.of_transducer and name in _OF_SHAFT)]
         return self._localised({
@@ -240,33 +252,42 @@ class DriveReport(Result):
 
     def summary(self) -> dict[str, str]:
         """Return driver, powers, losses, efficiency, speed, torque, the parts with their peaks, and the design."""
-        error, share = self.mean_torque_error_n_m, f"{100.0 * self.driver_efficiency:.1f} %"
+        error, best = self.mean_torque_error_n_m, self.operating or self
+        to_come = {} if self.operating else self.to_come
+        share = f"{100.0 * best.driver_efficiency:.1f} %"
         found = {
             (device := "transducer" if self.of_transducer else "motor"): str(self.motor["name"]),
             "driver": str(self.driver["label"]),
             **contact_row(self.run),
-            "power put in": engineering(self.power_in_w, "W"),
-            f"power into the {device}": f"{engineering(self.motor_power_w, 'W')}, {share}"
-            + remark(self.to_come["motor_power_w"]),
-            "power factor": f"{self.power_factor:.3f}",
-            "shaft power": engineering(self.shaft_power_w, "W"),
-            "mean rotor speed": engineering(self.mean_rotor_speed_rad_s, "rad/s")
-            + remark(self.to_come.get("mean_rotor_speed_rad_s", 0.0)),
-            "mean torque": engineering(self.mean_torque_n_m, "N·m")
-            + ("" if error is None else f" ± {engineering(error, 'N·m')} by the step")
-            + remark(self.to_come.get("mean_torque_n_m", 0.0)),
-            "settling": f"{100.0 * self.settling:.2g} % change of the power over the window",
+            **({"state": "operating point, the shaft held"} if self.operating else {}),
+            "power put in": engineering(best.power_in_w, "W"),
+            f"power into the {device}": f"{engineering(best.motor_power_w, 'W')}, {share}"
+            + remark(to_come.get("motor_power_w", 0.0)),
+            "power factor": f"{best.power_factor:.3f}",
+            "shaft power": engineering(best.shaft_power_w, "W"),
+            "mean rotor speed": engineering(best.mean_rotor_speed_rad_s, "rad/s")
+            + remark(to_come.get("mean_rotor_speed_rad_s", 0.0)),
+            "mean torque": engineering(best.mean_torque_n_m, "N·m")
+            + ("" if error is None or self.operating else f" ± {engineering(error, 'N·m')} by the step")
+            + remark(to_come.get("mean_torque_n_m", 0.0)),
+            "settling": f"{100.0 * best.settling:.2g} % change of the power over the window",
         }
         for name in ("shaft power", "mean rotor speed", "mean torque") if self.of_transducer else ():
             del found[name]
-        for part, losses in groupby(self.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
+        for part, losses in groupby(best.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
             notes = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
             found[f"losses of {part}"] = ", ".join(notes)
-        for group, port in self.groups.items():
+        for group, port in best.groups.items():
             found |= self._of_group(group, port)
-        for edge in self.switching:
+        for edge in best.switching:
             how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
             found[f"turn-on of {edge.transistor}"] = how
+        if self.operating:
+            found["start-up"] = (
+                f"{engineering(self.power_in_w, 'W')} put in, {engineering(self.motor_power_w, 'W')} into the motor, "
+                f"{engineering(self.mean_rotor_speed_rad_s, 'rad/s')}, {engineering(self.mean_torque_n_m, 'N·m')} at "
+                f"the end of the run of {engineering(self.run['duration_s'], 's')}"
+            )
         for load in self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]:
             found[load.name] = load.words()
         for name in ("motional_current_amplitude_a_a", "amplitude_m"):
@@ -284,10 +305,11 @@ class DriveReport(Result):
         }
         if delivered := self.delivered.get(group):
             limits = delivered["limited"].items()
+            got = port.harmonics[0].voltage_v if self.operating else delivered["got_v"]
             reached = (f"; {name} limit {100.0 * share:.3g} % of the time" for name, share in limits if share)
             found[f"group {group}, wanted"] = (
                 f"{engineering(delivered['wanted_v'], 'V')} at the {delivered['place']}, which has "
-                f"{engineering(delivered['got_v'], 'V')}{''.join(reached)}"
+                f"{engineering(got, 'V')}{''.join(reached)}"
             )
         if loop := self.stability.get(group):
             found[f"group {group}, loop"] = loop.words()
@@ -361,16 +383,7 @@ def drive_report(
         errors = coarser.errors(recording.columns(samples, judged)) if coarser else None
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     measured = _Measurement(window, samples, driver)
-    ports = {place: {group: measured.port(place, group) for group in driver.groups} for place in ("out", "pin")}
-    budgets = [measured.budget(group, ports["out"][group].real_power_w) for group in driver.groups]
-    put_in, losses, feeds, stored = zip(*budgets, strict=True)
-    still = np.zeros_like(samples["time"])
-    power = sum(
-        (measured.voltage("pin", group) * samples[groups.current("pin", group)] for group in driver.groups), still
-    )
-    speeds = samples.get("v(shaft)", still)
-    torque = motor.rotor.radius_m * samples["v(xmotor.friction)"] if setup.law else still
-    currents = measured.supply_currents()
+    balance = measured.balance(setup)
     report = DriveReport(
         motor=motor.to_dict(),
         driver=driver.to_dict(),
@@ -381,23 +394,10 @@ def drive_report(
             "averaged_periods": window.periods,
             "deck_sha256": outcome.deck_sha256,
         },
-        outputs=ports["out"],
-        groups=ports["pin"],
-        supply_power_w=sum(put_in),
-        gate_power_w=sum(feeds),
-        supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
-        supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
-        losses_w={name: loss for of_group in losses for name, loss in of_group.items()},
-        stored_power_w=sum(stored),
-        motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
-        shaft_power_w=window.mean(torque * speeds),
-        mean_torque_n_m=window.mean(torque),
+        **vars(balance),
         mean_torque_error_n_m=errors.torque_n_m if errors else None,
-        mean_rotor_speed_rad_s=window.mean(speeds),
-        settling=window.settling(power),
-        to_come=_to_come(setup, samples, {"motor_power_w": power, "mean_torque_n_m": torque}),
+        to_come=_to_come(setup, measured),
         maxima=loads.maxima(motor, driver, samples),
-        switching=loads.turn_ons(driver, samples, window),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
@@ -405,7 +405,7 @@ def drive_report(
         deck=outcome.deck,
         ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window) | _motional(motor, measured),
     )
-    delivered = measured.delivered(ports, design.wanted_v if design else {})
+    delivered = measured.delivered(balance, design.wanted_v if design else {})
     loops, steps = stability(motor, driver)
     limits = [*stability_notes(loops), *loads.stage_notes(driver, delivered, pins=design is None)]
     report.maxima["exceeded"] += limits
@@ -420,11 +420,11 @@ def drive_report(
         reached = None if speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in driver.groups}
-        design = design.ran(parts, reached, most, motor)
+        design = design.ran(parts, reached, most, motor, _start_time(setup, design) - duration)
         if limits:
             reasons = [*limits, *([] if design.feasible else [design.reason])]
             design = replace(design, feasible=False, reason=" ".join(reasons))
-        report = replace(report, design=design)
+        report = replace(report, design=design, operating=None if speed is not None else _operating(setup, design))
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
@@ -434,6 +434,16 @@ def drive_report(
     if audit:
         audited.withhold("report")
     return replace(report, audit=audited)
+
+
+def _operating(setup: Point, design: Design) -> Balance | None:
+    """Return the balance at the operating point of a design behind its real stage; ``None`` where it is not known."""
+    driver, orbit = setup.drive, design.behind
+    if orbit is None or driver.own:
+        return None
+    held = replace(setup, load=Load(speed=orbit.plant.load.speed))
+    samples = running(held, orbit, _SETTLING + AVERAGED_PERIODS, _vectors(held, driver))
+    return _Measurement(Window(samples["time"], driver.period, uniform=driver.uniform), samples, driver).balance(held)
 
 
 def _motional(motor: Motor, measured: _Measurement) -> dict[str, float]:
@@ -480,37 +490,35 @@ def _start_time(setup: Point, design: Design) -> float:
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
     take long, it begins to.
     """
-    if not setup.source.uniform:
-        return _SHORTEST
-    if setup.motor.is_transducer:
-        return min(max(_SHORTEST, 3.0 * setup.motor.loaded_stator.decay_s), _LONGEST)
-    points = design.points or design.unmatched
-    target = next(point for point in points if point.state == OPERATING)
-    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
-    time = setup.motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
-    return min(max(_SHORTEST, time + 0.5 * setup.motor.decay_s), _LONGEST)
+    motor, uniform = setup.motor, setup.source.uniform
+    if motor.is_transducer:
+        time = 3.0 * motor.loaded_stator.decay_s if uniform else _SHORTEST
+    else:
+        points = design.points or design.unmatched
+        target = next(point for point in points if point.state == OPERATING)
+        torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
+        whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
+        time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole
+    return min(max(_SHORTEST, time), _LONGEST)
 
 
 def _check_duration(setup: Point, duration: float) -> None:
     """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
     least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
-    if not least <= duration <= most:
-        raise ParameterError(
-            f"duration = {duration:g} s is not valid: it must be from {least:.3g} s, ten periods of the driver, to "
-            f"{most:.3g} s, so that the points fit in memory."
-        )
+    words = f"from {least:.3g} s, ten periods of the driver, to {most:.3g} s, so that the points fit in memory"
+    require(least <= duration <= most, "duration", duration, words, unit="s")
 
 
-def _to_come(setup: Point, samples: dict[str, Array], signals: dict[str, Array]) -> dict[str, float | None]:
-    """Return the expected further relative change of the means of signals and of a free rotor's speed."""
-    motor, time = setup.motor, samples["time"]
-    if motor.is_transducer:
-        friction, signals = 0.0, {"motor_power_w": signals["motor_power_w"]}
-    else:
+def _to_come(setup: Point, measured: _Measurement) -> dict[str, float | None]:
+    """Return the expected further relative change of the means of power and torque and of a free rotor's speed."""
+    motor, samples, signals = setup.motor, measured.samples, {"motor_power_w": measured.power}
+    time, friction = samples["time"], 0.0
+    if not motor.is_transducer:
         friction = motor.rotor.radius_m * motor.contact.friction * motor.contact.preload_n
+        signals["mean_torque_n_m"] = measured.torque(setup)
     least = {"motor_power_w": 0.0, "mean_torque_n_m": SMALL_TORQUE * friction, "mean_rotor_speed_rad_s": ROUNDING_RAD_S}
     if setup.load.speed is None and not motor.is_transducer:
-        signals = {**signals, "mean_rotor_speed_rad_s": samples["v(shaft)"]}
+        signals["mean_rotor_speed_rad_s"] = samples["v(shaft)"]
     window = Window(time, setup.source.period)
     found = {}
     for name, values in signals.items():
@@ -532,14 +540,48 @@ class _Measurement:
     driver: Driver
 
     def voltage(self, place: str, group: str) -> Array:
-        """Return the voltage at a place."""
         if place == "pin":
             return self.samples[f"v({group})"]
         back = self.samples[groups.voltage("return", group)] if self.driver.kind == "full-bridge" else 0.0
         return self.samples[groups.voltage("line", group)] - back
 
+    @property
+    def power(self) -> Array:
+        found = np.zeros_like(self.samples["time"])
+        for group in self.driver.groups:
+            found += self.voltage("pin", group) * self.samples[groups.current("pin", group)]
+        return found
+
+    def torque(self, setup: Point) -> Array:
+        """Return the torque of the contact on the rotor; 0 of a free tip."""
+        if setup.law is None:
+            return np.zeros_like(self.samples["time"])
+        return np.asarray(setup.motor.rotor.radius_m * self.samples["v(xmotor.friction)"])
+
+    def balance(self, setup: Point) -> Balance:
+        window, driver, currents = self.window, self.driver, self.supply_currents()
+        ports = {place: {group: self.port(place, group) for group in driver.groups} for place in ("out", "pin")}
+        budgets = [self.budget(group, ports["out"][group].real_power_w) for group in driver.groups]
+        put_in, losses, feeds, stored = zip(*budgets, strict=True)
+        torque, speeds = self.torque(setup), self.samples.get("v(shaft)", np.zeros_like(self.samples["time"]))
+        return Balance(
+            outputs=ports["out"],
+            groups=ports["pin"],
+            supply_power_w=sum(put_in),
+            gate_power_w=sum(feeds),
+            supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
+            supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
+            losses_w={name: loss for of_group in losses for name, loss in of_group.items()},
+            stored_power_w=sum(stored),
+            motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
+            shaft_power_w=window.mean(torque * speeds),
+            mean_torque_n_m=window.mean(torque),
+            mean_rotor_speed_rad_s=window.mean(speeds),
+            settling=window.settling(self.power),
+            switching=loads.turn_ons(driver, self.samples, window),
+        )
+
     def port(self, place: str, group: str) -> Port:
-        """Return the means and harmonics at a place."""
         window, voltage, current = self.window, self.voltage(place, group), self.samples[groups.current(place, group)]
         volts, amperes = window.harmonics(voltage), window.harmonics(current)
         rms_v, rms_a = window.rms(voltage), window.rms(current)
@@ -556,8 +598,8 @@ class _Measurement:
             apparent_power_va=rms_v * rms_a,
             power_factor=_quotient(power, rms_v * rms_a),
             displacement_factor=_quotient(float(complex_power.real), float(abs(complex_power))),
-            voltage_thd=_distortion(volts),
-            current_thd=_distortion(amperes),
+            voltage_thd=_quotient(float(np.linalg.norm(volts[1:])), float(abs(volts[0]))),
+            current_thd=_quotient(float(np.linalg.norm(amperes[1:])), float(abs(amperes[0]))),
             slew_rate_v_per_s=window.slew_rate(voltage),
             resistance_ohm=float(impedance.real),
             reactance_ohm=float(impedance.imag),
@@ -597,20 +639,19 @@ class _Measurement:
             losses = {f"{parts[0].label}_{group}.total": put_in - inside - output_w} | losses
         return put_in, losses, sum(feeds), sum(stored)
 
-    def delivered(self, ports: Mapping[str, Mapping[str, Port]], wanted_v: Mapping[str, float]) -> dict[str, Any]:
+    def delivered(self, balance: Balance, wanted_v: Mapping[str, float]) -> dict[str, Any]:
         """Return what :attr:`DriveReport.delivered` has, for the voltages that a design wants at the pins."""
         driver, place = self.driver, "pin" if wanted_v or self.driver.network == "none" else "stage"
         shares = loads.limited(driver, self.samples, max(self.window.start, driver.supply_rise_s))
         found = {}
         for group in driver.groups:
-            got = ports["pin" if place == "pin" else "out"][group].harmonics[0].voltage_v
+            got = (balance.groups if place == "pin" else balance.outputs)[group].harmonics[0].voltage_v
             ratio = driver.values(group, "transformer").get("ratio", 1.0) if place == "stage" else 1.0
             wanted = wanted_v.get(group, driver.amplitude(group))
             found[group] = {"place": place, "wanted_v": wanted, "got_v": ratio * got, "limited": shares[group]}
         return found
 
     def supply_currents(self) -> dict[str, Array]:
-        """Return the currents that the rails deliver, both groups together."""
         found: dict[str, Array] = {}
         for group in self.driver.groups:
             for rail, name in zip(RAILS, ("positive", "negative"), strict=True):
@@ -619,7 +660,6 @@ class _Measurement:
         return found
 
     def waveforms(self) -> dict[str, Array]:
-        """Return voltages and currents of both groups over the window."""
         columns = {"time_s": self.window.time}
         for group in self.driver.groups:
             for place, name in (("out", groups.named("output", group)), ("pin", groups.named("group", group))):
@@ -633,10 +673,6 @@ class _Measurement:
     def _growth(self, part: Part, name: str) -> float:
         energy = self.window.cut(self.samples[part.power_vector("store", name)])
         return 1e-6 * float(energy[-1] - energy[0]) / self.window.length
-
-
-def _distortion(phasors: NDArray[np.complex128]) -> float:
-    return _quotient(float(np.linalg.norm(phasors[1:])), float(abs(phasors[0])))
 
 
 def _quotient(above: float, below: float) -> float:

@@ -41,7 +41,7 @@ from pyspice_runner.circuit.state import (
 from pyspice_runner.drivers.driver import DELAY, Delay, Driver, add_breakpoints, add_channels, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, NO_CAPACITOR
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_phases
+from pyspice_runner.motor.drive import Drive, Load, Tone, TwoPhaseDrive, two_phases, two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.run.point import Point
@@ -339,14 +339,24 @@ class Plant:
         return sum(part.values["capacitance"] != NO_CAPACITOR and part.values["bleeder"] >= 1e12 for part in parts)
 
     def store_phasors(self, pins: Mapping[str, complex], currents: Mapping[str, complex]) -> list[complex]:
-        """Return the phasors of the stores of a network in a linear steady state; 0 for those of a stage.
+        """Return the phasors of the stores of network and transformer in a linear steady state; else 0.
 
-        ``pins`` has the phasor of the voltage in V at the pin of each group, ``currents`` that of the current in A.
+        ``pins`` has the phasor of the voltage in V at the pin of each group, ``currents`` that of the current in A. The
+        core of a transformer has the alternating flux alone; the halves of a primary share its current.
         """
         omega, of_devices = 2.0 * pi * self.front.frequency, dict[tuple[str, str], complex]()
-        for group in GROUPS:
+        for group, stage in two_phasors(self.front).items():
+            through = currents[group]
             for part, before in self.front.passed(group, pins[group], currents[group], omega):
                 of_devices |= {(part.instance.lower(), device): value for device, value in before.stores.items()}
+                through = before.amperes
+            for part in self.front.parts(group):
+                if part.label == self.front.transformer_label:
+                    linked = part.values["coupling"] * part.values["ratio"]
+                    volts = self.front.fundamental(group) / (linked * self.front.raised(group)) * stage / abs(stage)
+                    core = linked * through + volts / (1j * omega * part.values["magnetizing"])
+                    shares = {"lprimary": core, "lp": 0.5 * core, "ln": 0.5 * core}
+                    of_devices |= {(part.instance.lower(), device): value for device, value in shares.items()}
         return [of_devices.get((store.instance, store.device), 0j) for store in self.stores]
 
     @cached_property

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil, pi, sqrt
 
 import numpy as np
@@ -231,19 +231,43 @@ def driven_answers(
     return answers, tuple(maps)
 
 
+def running(setup: Point, start: Orbit, periods: int, vectors: Sequence[str]) -> dict[str, Array]:
+    """Return vectors of a run behind a driver, by their names in a run of one motor.
+
+    It starts with the motor as it moves in a steady state that is near, and the network to suit.
+    """
+    plant = Plant.of(setup)
+    powers = {
+        name: replace(power, terms={_inside(term): word for term, word in power.terms.items()})
+        for name, power in plant.front.powers.items()
+    }
+    names = {name: name if name in powers else _inside(name) for name in vectors}
+    bench = driven_bench([Copy(plant, _behind_network(plant, start))], setup.discretisation)
+    found = run_bench(
+        replace(bench, signals={**bench.signals, **powers}), list(names.values()), setup.solver.timeout, "transient",
+        transient_timing(setup.step, periods * setup.source.period),
+    ).vectors()  # fmt: skip
+    return {"time": found["time"], **{name: found[own] for name, own in names.items()}}
+
+
+def _inside(vector: str) -> str:
+    """Return a vector of a run of one motor as that of the first copy of a bench."""
+    return re.sub(r"^(v|i)\((v\.)?", lambda at: f"{at[1]}({'v.' if at[1] == 'i' else ''}{copy_name(0)}.", vector)
+
+
 def _behind_network(plant: Plant, start: Orbit) -> Array:
-    """Return the state with the motor as it moves with ideal voltages at its pins, and the network to suit."""
+    """Return the state with the motor as it moves in a steady state, and the network to suit its pins."""
     assert start.trace is not None
-    drive, time = start.plant.drive, start.trace.time
+    drive, time, waves = start.plant.drive, start.trace.time, start.trace.pins
     omega, begun = 2.0 * pi / drive.period, plant.begins * drive.period
-    turns = np.exp(-1j * omega * time)
-    pins, currents = {}, {}
+    turns, pins, currents = np.exp(-1j * omega * time), {}, {}
     for group in GROUPS:
         (tone,) = groups.of(drive.tones, group)
+        amperes = waves[groups.current("pin", group)] if waves else current(start.plant, group, start.trace)
         pins[group] = tone.amplitude * np.exp(1j * tone.phase)
-        currents[group] = complex(
-            2j * np.trapezoid(current(start.plant, group, start.trace) * turns, time) / drive.period
-        )
+        if waves:
+            pins[group] = complex(2j * np.trapezoid(waves[f"v({group})"] * turns, time) / drive.period)
+        currents[group] = complex(2j * np.trapezoid(amperes * turns, time) / drive.period)
     turned = np.exp(1j * omega * begun)
     plates = [float((pins[state.field[len("plates_")]] * turned).imag) for state in plant.states[plant.inner :]]
     stores = [float((phasor * turned).imag) for phasor in plant.store_phasors(pins, currents)]
@@ -292,7 +316,7 @@ class _Period(Dynamometer):
 def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, float]:
     bench = _Period(setup.with_step(period_map.step))
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
-    inside = {name: re.sub(r"^(v|i)\((v\.)?", rf"\1(\2{copy_name(0)}.", name) for name in vectors}
+    inside = {name: _inside(name) for name in vectors}
     found = run_bench(
         driven_bench([Copy(point.plant, point.state)], period_map.discretisation, meters=True), list(inside.values()),
         period_map.timeout, "transient", transient_timing(period_map.step, period_map.duration),

@@ -84,7 +84,8 @@ class SteadyState(Quantities, Result):
         waveforms: one period at the finest step, stable or not, with the deck that runs it; ``None`` without a
             solution.
         provenance: settings, numbers of runs and hashes, JSON-ready.
-        solution: the solved point at the coarse step; ``None`` without a solution.
+        solution: the solved point at the coarse step; ``None`` without a solution, and behind a driver.
+        behind: the solved point behind a driver; else ``None``.
         failure: the first failure of ngspice if every run failed, else ``None``.
     """
 
@@ -102,6 +103,7 @@ class SteadyState(Quantities, Result):
     waveforms: Waveforms | None = field(default=None, repr=False)
     provenance: dict[str, Any] = field(default_factory=dict, repr=False)
     solution: Orbit | None = field(default=None, repr=False)
+    behind: Orbit | None = field(default=None, repr=False)
     failure: SimulationError | None = field(default=None, repr=False)
     current_a_phase_deg: float = float("nan")
     current_b_phase_deg: float = float("nan")
@@ -311,7 +313,8 @@ def steady_states(
             some, begun = [setups[place] for place in places], [near[place] for place in places]
             answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
             for place, answer in zip(places, answers, strict=True):
-                found[place] = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
+                state = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
+                found[place] = replace(state, behind=answer.point if state.converged else None)
     return list(found.values())
 
 
@@ -554,7 +557,7 @@ def _result(
         residual=last.residual, iterations=point.iterations, step_s=step,
         method=(answer.method or point.method) if found else "",
         audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
-        provenance=provenance, solution=None, failure=coarse.failure,
+        provenance=provenance, solution=None, behind=None, failure=coarse.failure,
     )  # fmt: skip
 
 

@@ -254,7 +254,6 @@ def drive_report(report: DriveReport) -> Sheet:
 
 
 def _steps(report: DriveReport, ax: Axes) -> None:
-    """Draw the steps of amplifiers with feedback."""
     for group, (time, output) in report.steps.items():
         label = f"{group.upper()}: {report.stability[group].words()}"
         ax.plot(1e6 * time, output, color=GROUPS[group], label=label)
@@ -287,14 +286,15 @@ def _harmonics(report: DriveReport, ax: Axes) -> None:
 
 
 def _powers(report: DriveReport, ax: Axes) -> None:
-    shares = {"motor": report.motor_power_w}
-    for device, loss in report.losses_w.items():
+    best = report.operating or report
+    shares = {"motor": best.motor_power_w}
+    for device, loss in best.losses_w.items():
         part = device.partition("_")[0]
         shares[part] = shares.get(part, 0.0) + loss
     ax.barh(list(shares), list(shares.values()), color=[GREEN, *[VERMILION] * (len(shares) - 1)])
     ax.invert_yaxis()
     title = (
-        f"supply {report.power_in_w:.3g} W, power factor {report.power_factor:.3f}, "
-        f"{100 * report.driver_efficiency:.1f} % reach the motor"
+        f"supply {best.power_in_w:.3g} W, power factor {best.power_factor:.3f}, "
+        f"{100 * best.driver_efficiency:.1f} % reach the motor"
     )
     dress(ax, "power in W", "", title)

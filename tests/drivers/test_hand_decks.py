@@ -25,6 +25,7 @@ from pyspice_runner.spice.library import number
 from tests.motors import BEAM40
 
 START, STEADY = 1e-3, 3e-3  # s, of a run from rest, and of one in which the networks settle: they decay in 0.5 ms
+HELD = 10e-3  # s, of a run with the shaft held, in which the motor settles, too
 LAST = 0.5e-3  # s of such a run, over which the means are taken
 
 
@@ -71,20 +72,20 @@ DRIVES: dict[str, tuple[str, str, str, float | None, float]] = {
 
 
 def measured(
-    name: str, motor: pr.Motor, folder: Path, speed: float | None, duration: float = START
+    name: str, motor: pr.Motor, folder: Path, speed: float | None, duration: float | None = None
 ) -> dict[str, complex]:
     """Return the fundamentals of the vectors of a deck over its last whole periods, and as ``mean …`` their means.
 
-    The shaft is held at a speed in rad/s. With ``None`` it starts from rest, and the transistors are those of
-    :data:`TRANSISTORS`.
+    The shaft is held at a speed in rad/s; with ``None`` it starts from rest. With a duration in s the transistors are
+    those of :data:`TRANSISTORS`.
     """
     pr.export_motor(motor, folder / "motor.lib")
     text = (DECKS / f"{name}.cir").read_text(encoding="utf-8")
     changes: dict[str, Any] = {r"^(Vshaft shaft 0) .*$": rf"\1 {speed!r}"}
     if speed is None:
-        changes = {
-            r"^Vshaft .*\n": "",
-            r"i\(Vshaft\)": "v(shaft)",
+        changes = {r"^Vshaft .*\n": "", r"i\(Vshaft\)": "v(shaft)"}
+    if duration is not None:
+        changes |= {
             r"^\.tran 50n .*$": rf".tran {EDGES} {duration} {duration - LAST} {EDGES} uic",
             **(TRANSISTORS if "Sa1" in text else {}),
         }
@@ -224,6 +225,17 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
         assert deck == pytest.approx(design, abs=bound), quantity
 
 
+def transistor_losses(deck: dict[str, complex], losses_w: dict[str, float]) -> tuple[float, float]:
+    """Return the loss of all transistors without that of their gates, in a deck and in a report."""
+    lost = sum(value.real for vector, value in deck.items() if vector.startswith("mean @"))
+    ours = sum(
+        loss for key, loss in losses_w.items()
+        if key.startswith("bridge_") and key.rpartition(".")[2] in {"p", "n", "high", "low", "ph", "pl", "nh", "nl"}
+    )  # fmt: skip
+    ours -= 3.0 / 22.0 * sum(loss for key, loss in losses_w.items() if key.endswith(".gates"))  # 3 Ω are inside
+    return lost, ours
+
+
 def started(name: str, folder: Path, duration: float = START) -> dict[str, tuple[float, float, float]]:
     """Return the values of :func:`compared` for a start from rest.
 
@@ -235,12 +247,7 @@ def started(name: str, folder: Path, duration: float = START) -> dict[str, tuple
     assert report.design
     assert report.design.starts
     deck = measured(name, motor, folder, None, duration)
-    lost = sum(value.real for vector, value in deck.items() if vector.startswith("mean @"))
-    ours = sum(
-        loss for key, loss in report.losses_w.items()
-        if key.startswith("bridge_") and key.rpartition(".")[2] in {"p", "n", "high", "low", "ph", "pl", "nh", "nl"}
-    )  # fmt: skip
-    ours -= 3.0 / 22.0 * sum(loss for key, loss in report.losses_w.items() if key.endswith(".gates"))  # 3 Ω are inside
+    lost, ours = transistor_losses(deck, report.losses_w)
     speed = report.mean_rotor_speed_rad_s
     found = {"speed": (deck["mean v(shaft)"].real, speed, 0.01 * speed)}
     return found | ({"FET loss": (lost, ours, 0.01 * ours)} if ours else {})
@@ -266,6 +273,21 @@ def test_the_transistors_of_a_deck_lose_as_much_as_those_of_the_design(
     """
     deck, design, bound = started(name, tmp_path, duration)["FET loss"]
     assert deck == pytest.approx(design, abs=5.0 * bound)
+
+
+@pytest.mark.soak
+def test_the_operating_point_of_a_report_has_the_power_and_the_losses_of_a_deck_that_holds_the_shaft(
+    tmp_path: Path,
+) -> None:
+    """Power within 2 %: means over 20 periods scatter by 1 %; measured: 0.8 % less. Losses as above: 0.4 % less."""
+    name = "bimodal40_full_bridge_inductor"
+    motor = pr.load_motor("bimodal40")
+    report = pr.drive_report(motor, designed(name, motor), audit=False)
+    assert report.operating
+    deck = measured(name, motor, tmp_path, 20.0, HELD)
+    assert report.operating.supply_power_w == pytest.approx(deck["mean v(power)"].real, rel=0.02)
+    lost, ours = transistor_losses(deck, report.operating.losses_w)
+    assert lost == pytest.approx(ours, rel=0.05)
 
 
 if __name__ == "__main__":

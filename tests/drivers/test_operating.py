@@ -41,3 +41,25 @@ def test_no_load_is_a_free_shaft_behind_the_network_and_the_verdict_covers_it(na
     assert told >= 99.0 * worst
     if name == "bimodal40":  # steady_state behind the same bridge with all of its edges: 74.438 rad/s
         assert idle.speed_rad_s == pytest.approx(74.438, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_the_head_of_the_table_is_the_operating_point_and_a_short_run_is_no_verdict(name: str) -> None:
+    """Powers within 2 % of the steady state behind the fundamental; the core's own current loses 0.5 % more."""
+    design = designed(name)
+    report = pr.drive_report(pr.load_motor(name), design, 3e-4)
+    point = next(point for point in design.points if point.state == "operating point")
+    held = report.operating
+    assert held
+    assert report.design
+    assert held.mean_rotor_speed_rad_s == pytest.approx(point.speed_rad_s, rel=1e-6)
+    assert held.motor_power_w == pytest.approx(point.power_w, rel=0.02)
+    assert held.supply_power_w == pytest.approx(point.stage_power_w, rel=0.02)
+    assert abs(held.balance_residual) < 0.01
+    assert all(held.losses_w[f"bridge_{group}.{leg}"] > 0.0 for group in "ab" for leg in ("ph", "pl", "nh", "nl"))
+    rows = report.summary()
+    assert list(rows.values())[3].startswith("operating point")
+    assert float(rows["power put in"].split()[0]) == pytest.approx(held.power_in_w, rel=1e-3)
+    assert "at the end of the run of 300" in rows["start-up"]
+    assert (report.design.feasible, report.design.starts) == (True, None)
+    assert "The run is too short by 700" in report.design.reason
