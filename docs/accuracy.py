@@ -62,8 +62,8 @@ def campaigns() -> list[str]:
         ("held shafts", "settling", held["cases"],
          f"{agree} agree, {by_friction} held by friction, {differ} differ", "held_points"),
         ("fits of noisy spectra", "known circuit", trials, f"{missed} arms missed, {extra} extra", "fits"),
-        ("averaged torque, trusted", "full motor", len(trusted), f"within {max(trusted):.2g} μF₀R", "averaged"),
-        ("averaged torque, not trusted", "full motor", len(others), f"within {max(others):.2g} μF₀R", "averaged"),
+        *((f"averaged torque, {name}", "full motor", len(errors), f"within {max(errors):.2g} μF₀R", "averaged")
+          for name, errors in (("trusted", trusted), ("not trusted", others)) if errors),
     )  # fmt: skip
     return [f"| {' | '.join(map(str, row[:4]))} | `{row[4]}` |" for row in rows]
 

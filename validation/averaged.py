@@ -86,7 +86,9 @@ def summary(record: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "cases": len(record),
         "stable": len(steady),
         "maximum_torque_error": {
-            str(trusted): 100.0 * max(abs(one["steady_error"]) for one in steady if one["trusted"] == trusted)
+            str(trusted): 100.0 * max(
+                (abs(one["steady_error"]) for one in steady if one["trusted"] == trusted), default=0.0
+            )
             for trusted in (True, False)
         },
         "maximum_run_up_error": 100.0 * max(abs(one["run_up_error"]) for one in record),
