@@ -238,7 +238,8 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int 
     found = {name: values.mean(axis=0) for name, values in copies.items()}
     probed = np.concatenate([drive.frequency - modulation[::-1], drive.frequency + modulation])
     cold = np.array([cold_admittance(point.motor, at) for at in probed.tolist()])
-    hot, image, hot_error, _ = (of.pop(name) for of in (found, errors) for name in ("hot", "image"))
+    hot, image, hot_error = found.pop("hot"), found.pop("image"), errors.pop("hot")
+    del errors["image"]
     return SmallSignals(state, modulation, found, probed, hot, cold, image, errors, hot_error)
 
 
