@@ -36,8 +36,8 @@ from pyspice_runner.units import linear_name
 
 POINTS = 7  # operating points along a run
 DECAYS = 8.0  # decay times of the slowest mode, after which a held motor is settled
-# Without it the estimate was at least 0.56 of the true error in 37 transients of two motors, by which it was chosen; it
-# is validated on others (validation/trust.py).
+# Factor on the estimate. It was chosen by 37 transients of two motors, in which the estimate without it is at least
+# 0.56 of the true error; validation/trust.py has these and others.
 MARGIN = 2.0
 # Share of the period in slip or open. Below it the contact sticks nearly throughout: the shaft of the full motor then
 # swings on the stiffness of the contact for seconds, and a held shaft has any torque up to the friction torque.
@@ -73,7 +73,7 @@ class Comparison(NamedTuple):
 def estimate(run: AveragedPoint, duration: float, *, steady: bool = False) -> ErrorEstimate:
     """Estimate the errors of a run of a duration in s, from rest or from the steady state at its start.
 
-    It takes about 1.5 s of CPU time, and five times that of the run.
+    It takes about 1.5 s of CPU time plus five times the CPU time of the run.
     """
     motor, contact = run.point.motor, run.point.motor.contact
     try:
@@ -160,7 +160,7 @@ def compare(run: AveragedPoint, rows: Mapping[str, Array]) -> Comparison:
 
 
 def _free_speeds(points: Sequence[Point], torques: Sequence[float], settles: Array) -> Array:
-    """Return by how much held speeds are above those of the full motor with a free shaft, loaded by torques in N·m.
+    """Return held speeds minus the speeds of the full motor with a free shaft that torques in N·m load.
 
     NaN where there is no such state, or the shaft does not settle in the run.
     """

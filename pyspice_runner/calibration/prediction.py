@@ -62,7 +62,7 @@ class Prediction:
     values: Array  # at the measured points, then of the curves
     solutions: tuple[Solution, ...] = ()  # of the points
     peaks: Mapping[int, Peak] = field(default_factory=dict)  # by the places of measured resonances
-    scatter: Array | float = 0.0  # errors of values that are time averages, 0 of others
+    scatter: Array | float = 0.0  # errors of values that are time averages, 0 for other values
 
     @property
     def known(self) -> bool:
@@ -351,7 +351,7 @@ class Predictor:
 
 
 def _scatter(state: State, quantity: str) -> float:
-    """Return the relative error of a time average, 0 of others: that of the torque, or of the friction torque."""
+    """Return the error of a time average relative to the torque, or to the friction torque; 0 for other values."""
     if not isinstance(state, SteadyState) or state.stable or not state.reached or quantity == RESONANCE:
         return 0.0
     contact = state.motor.contact

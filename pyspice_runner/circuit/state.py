@@ -246,7 +246,7 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
 
 
 def transducer_branches(motor: Motor, group: str) -> tuple[Branch, ...]:
-    """Return the branches of the clamped capacitance of a transducer, those of a fitted circuit."""
+    """Return the branches of a transducer's clamped capacitance, as in a fitted circuit."""
     return constant_loss(motor.piezo.capacitance_f(group), motor.piezo.loss_tangent, motor.stator.capacitance_at)
 
 

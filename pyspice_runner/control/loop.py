@@ -51,8 +51,8 @@ LEAST_GAIN_MARGIN = 6.0  # dB
 INTEGRAL_PART = 30.0  # deg, smallest lag of a PI controller at the crossover; a PD controller leads by at most 60°
 TRIED, SLOWEST, STEP_DEG = 90, 2e-4, 5.0  # crossovers that are tried, the lowest of the highest; step of the margins
 ROUNDING = 1.0 + 1e-6  # of a step of the encoder, in the comparison with an error that is a multiple of it
-# of a period, at which the contact of the plant is evaluated: where it opens, the slope of the torque versus amplitude
-# is 11 % above that of the full motor with the 64 of a run, and 1 % with these
+# Phases of a period at which the contact of the plant is evaluated. Where the contact opens, the slope of torque versus
+# amplitude exceeds the slope in the full motor by 11 % with 64 phases, as in a run, and by 1 % with 256.
 PHASES_OF_PLANT = 256
 STEPPED = 5  # samples before the step
 CYCLES, FEWEST, MOST = 12.0, 60, 50_000  # of the crossover that a step response lasts; bounds of its samples
@@ -112,7 +112,7 @@ class ControlLoop(Result):
         time_s: sample times of the step response.
         step_predicted: the response by the small signals over the step.
         step_simulated: that of the averaged motor.
-        model_cautions: those of the signs of the gains.
+        model_cautions: cautions about the signs of the gains.
         provenance: motor, drive, operating point and settings, JSON-ready.
         spread: the loop at other operating points, which is a schedule of the gains as well.
         dead_band_v: amplitude of group A below which the motor stands at this load; ``None`` for a phase.

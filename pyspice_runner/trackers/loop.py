@@ -125,7 +125,7 @@ def crossing(
 ) -> LoopDesign:
     """Return the design of a loop by its gain over frequency in Hz; ``more`` are further fields.
 
-    Raise SimulationError if the gain does not cross 1 once.
+    Raise SimulationError if the gain does not cross 1 exactly once.
     """
     level = np.log(np.abs(gain))
     below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
