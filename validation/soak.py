@@ -76,13 +76,14 @@ def case(seed: int, index: int, subject: str = "motors") -> Case:
         draw = _driven if rng.random() < 0.5 else _tracked
         found: Case = _accepted(lambda: draw(rng))
         return found
-    while True:
+    for _ in range(_TRIES):
         try:
             motor = random_motor(rng)
             drive = _drive(rng, motor)
         except FruitlessError:
             continue
         return _asked(rng, motor, drive)
+    raise FruitlessError
 
 
 class FruitlessError(Exception):

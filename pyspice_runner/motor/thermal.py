@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from math import prod
+import numpy as np
 
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.motor.parameters import quantity
@@ -91,10 +91,12 @@ def heat_capacity(structure: Structure) -> float:
 
 
 def heat_capacity_of_boxes(solid: Solid) -> float:
-    """Return the heat capacity in J/K of a solid whose boxes do not overlap."""
-    found = 0.0
-    for box in solid.boxes:
-        card, (low, high) = materials()[box.material], box.corners
-        volume = prod(b - a for a, b in zip(low, high, strict=True))
-        found += volume * card.density_kg_m3 * card.specific_heat_j_per_kg_k
-    return found
+    """Return the heat capacity in J/K of a solid of boxes; where two overlap, the later one counts."""
+    corners = np.array([box.corners for box in solid.boxes])
+    planes = [np.unique(corners[:, :, axis]) for axis in range(3)]
+    per_volume = np.zeros([len(each) - 1 for each in planes])
+    for box, ends in zip(solid.boxes, corners, strict=True):
+        card = materials()[box.material]
+        inside = tuple(slice(*np.searchsorted(each, ends[:, axis])) for axis, each in enumerate(planes))
+        per_volume[inside] = card.density_kg_m3 * card.specific_heat_j_per_kg_k
+    return float(np.einsum("xyz,x,y,z->", per_volume, *map(np.diff, planes)))

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.motor.thermal import heat_capacity_of_boxes
 from tests.motors import BEAM40
 
 
@@ -19,3 +20,17 @@ def test_a_motor_heats_by_its_own_resistance_and_capacity() -> None:
     assert small.time_constant == pytest.approx(60.0 * small.heat_capacity_j_per_k)
     assert pr.Thermal.of(pr.load_motor("andersen2002-unintended-mode")) == pr.Thermal()
     assert pr.Thermal.of(pr.load_motor(BEAM40).updated({"limits": None})).thermal_resistance_k_per_w == 100.0
+
+
+def test_boxes_that_overlap_count_once() -> None:
+    """A tip of alumina that reaches into the plate displaces its ceramic: the later box counts."""
+    solid = pr.load_motor("bimodal40").solid
+    assert solid is not None
+    plate = solid.boxes[0]
+    low, high = plate.corners
+    corner = tuple(0.5 * (a + b) for a, b in zip(low, high, strict=True))
+    inner = solid.boxes[1].model_copy(update={"from_m": low, "to_m": corner})
+    both = solid.model_copy(update={"boxes": (plate, inner)})
+    ceramic = heat_capacity_of_boxes(solid.model_copy(update={"boxes": (plate,)}))
+    alumina = heat_capacity_of_boxes(solid.model_copy(update={"boxes": (inner,)}))
+    assert heat_capacity_of_boxes(both) == pytest.approx(7.0 / 8.0 * ceramic + alumina)
