@@ -447,6 +447,7 @@ _PAIR = 2.0  # coil of an LLCC that transforms over that of the match; a capacit
 _SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil of a design
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
+_SECANTS = 4  # speeds at most at which no load is sought; two do where torque over speed is nearly a line
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
 _LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
 _RATIOS = (0.1, 100.0)  # of a transformer, as in its library
@@ -772,6 +773,8 @@ class _Search:
         ]
         starts = [state.solution for state in self.states.values()]
         states = dict(zip(self.states, _solved(behind, starts), strict=True))
+        if not _steady(states[IDLE]) and _steady(states[OPERATING]):
+            states[IDLE] = self._unloaded(driver, states)
         lost = _lost(states, draft.wanted_v, where := "behind this driver; the voltages wanted at the pins")
         found = replace(found, behind=states[OPERATING].behind)
         if (rise := self.rise) and not lost:
@@ -781,6 +784,23 @@ class _Search:
         if lost:
             return replace(found, reason=f"{lost} {_INSTEAD[driver.network]}")
         return self.within(found, driver, tuple(range_point(name, state, driver) for name, state in states.items()))
+
+    def _unloaded(self, driver: Driver, states: Mapping[str, SteadyState]) -> SteadyState:
+        """Return the state at no load of a shaft held at the speed where it takes no torque, which is easier to find.
+
+        It is the given state if there is none.
+        """
+        motor, held, ideal = self.ideal.motor, replace(self.ideal, source=driver.equivalent), self.states[IDLE]
+        least = ACCURACY * motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+        before, speed = states[OPERATING], ideal.speed_rad_s
+        for _ in range(_SECANTS):
+            (last,) = _solved([replace(held, load=Load(speed=speed))], [ideal.solution])
+            change = last.load_torque_n_m - before.load_torque_n_m
+            if not _steady(last) or abs(last.load_torque_n_m) <= least or not change:
+                break
+            speed -= last.load_torque_n_m * (last.speed_rad_s - before.speed_rad_s) / change
+            before = last
+        return last if _steady(last) and abs(last.load_torque_n_m) <= least else states[IDLE]
 
     def within(self, found: Design, driver: Driver, points: tuple[RangePoint, ...]) -> Design:
         """Return the design with the points behind its driver, and whether they are within limits."""
