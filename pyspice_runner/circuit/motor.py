@@ -278,6 +278,7 @@ class MotorSubCircuit(Assembly):
     def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
         shaking = written_stator(self._motor, self._discretisation, self._mount).carrier_recoil.T.tolist()
+        pins = [*self._motor.groups, *[self._common] * (3 - len(self._motor.groups))]
         for index, (mode, (along_y, along_x)) in enumerate(zip(self._motor.modes, shaking, strict=True), start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
             values: dict[str, float | str] = dict(mode_values(mode, self._discretisation))
@@ -293,7 +294,6 @@ class MotorSubCircuit(Assembly):
             inside = [f"xmode{index}.{node}" for node in ("force", "damped", "velocity", "elastic")]
             if self._motor.is_transducer:  # in all digits: what a fit found is no eigenvalue
                 values |= {name: repr(values[name]) for name in ("mass", "stiffness", "damping", "coupling_a")}
-            pins = [*self._motor.groups, *[self._common] * (3 - len(self._motor.groups))]
             self._put(f"mode{index}", part, (*pins, *inside, base, *warm), values | more)
             tip["stiffness"] = values["stiffness"]
             force, _, velocity, elastic = inside

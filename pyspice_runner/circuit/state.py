@@ -81,6 +81,7 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     return found
 
 
+@derived
 def pushes(motor: Motor, law: Law | None) -> dict[str, tuple[float, ...]]:
     """Return the force per volt on each group, in N/V, that moves what is in series with the contact.
 
@@ -199,6 +200,7 @@ class State:
         return float(found[self.index]) if found else 0.0
 
 
+@derived
 def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> tuple[State, ...]:
     """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
     modes = list(enumerate(motor.modes))
@@ -235,8 +237,8 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
         ]
     if not motor.is_transducer:
         states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
-    if not motor.is_transducer and motor.rotor.bearing_friction_n_m:
-        states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
+        if motor.rotor.bearing_friction_n_m:
+            states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
     states += [
         State(node, "group", f"v({{0}}.{node})", groups.column("plates", group, "v"), at)
         for group in motor.groups

@@ -286,7 +286,7 @@ class Motor(Shown, Parameters):
     @property
     def groups(self) -> tuple[str, ...]:
         """Names of its electrical groups."""
-        return GROUPS[: len(self.piezo.capacitances)]
+        return GROUPS[:1] if self.piezo.capacitance_b_f is None else GROUPS
 
     @property
     def main_mode(self) -> int:

@@ -181,7 +181,7 @@ def time_averages(
     means at a vanishing step. The error is what the means vary, and the difference to the finer step. A motor that
     ngspice cannot run is left out.
     """
-    longest = max((point.plant.motor.decay_s for point in points.values()), default=0.0)
+    longest = max(point.plant.motor.decay_s for point in points.values())
     periods = max(FEWEST_PERIODS, ceil(longest / period_map.period))
     copies = {}
     for place, point in points.items():

@@ -425,7 +425,7 @@ def solve_part(
             place: points[place] for place, one in answers.items()
             if averages and points[place].plant.law and np.abs(one.point.multipliers).max(initial=0.0) >= 1.0
         }  # fmt: skip
-        averaged, blocks = time_averages(unstable, maps[0], accuracy)
+        averaged, blocks = time_averages(unstable, maps[0], accuracy) if unstable else ({}, [])
         maps += blocks
         for place, average in averaged.items():
             mean = _answer(answers[place].point, blocks[0], *average)
