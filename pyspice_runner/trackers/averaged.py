@@ -271,7 +271,7 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
     s = 2j * pi * frequency[:, np.newaxis, np.newaxis]
     by_frequency = np.linalg.solve(s * np.eye(len(free)) - opened, by_tuning[:, np.newaxis])
     gain = np.asarray(-by_frequency[:, row, 0], dtype=np.complex128)
-    return crossing(tracker, own, frequency, gain)
+    return crossing(own, frequency, gain)
 
 
 def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
@@ -315,4 +315,4 @@ def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
     frequency = vectors["frequency"].real
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     gain = -pump * source.loop_filter.impedance(2j * pi * frequency) * vectors["v(phase)"]
-    return crossing(tracker, source.loop_filter, frequency, gain)
+    return crossing(source.loop_filter, frequency, gain)

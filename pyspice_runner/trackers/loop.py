@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.design import network_of
-from pyspice_runner.errors import ParameterError, SimulationError
+from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, two_phasors
 from pyspice_runner.motor.motor import Motor
@@ -111,7 +111,7 @@ def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, cont
     loop_filter = propose_filter(tracker, lag)
     frequency = swept_hz(tracker)
     gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
-    return crossing(tracker, loop_filter, frequency, gain)
+    return crossing(loop_filter, frequency, gain)
 
 
 def swept_hz(tracker: Tracker) -> Array:
@@ -120,17 +120,11 @@ def swept_hz(tracker: Tracker) -> Array:
     return np.asarray(tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps))
 
 
-def crossing(
-    tracker: Tracker, loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128], **more: float
-) -> LoopDesign:
+def crossing(loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128], **more: float) -> LoopDesign:
     """Return the design of a loop by its gain over frequency in Hz; ``more`` are further fields.
 
-    Raise SimulationError if the gain does not cross 1 exactly once.
+    Where the gain crosses 1 several times, crossover and margin are those with the worst margin.
     """
-    level = np.log(np.abs(gain))
-    below = np.flatnonzero((level[:-1] > 0.0) & (level[1:] <= 0.0))
-    if below.size != 1:
-        raise SimulationError(f"The loop gain crosses 1 {below.size} times near {tracker.bandwidth_hz:g} Hz.")
     crossover, margin, _ = loop_margins(frequency, gain)
     return LoopDesign(loop_filter, crossover, margin, frequency, gain, **more)
 
@@ -168,7 +162,7 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
     # within the dead time the current sets when a bridge turns; edges of voltage and current may move by its angle
     dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
     return crossing(
-        tracker, source.loop_filter, frequency, gain,
+        source.loop_filter, frequency, gain,
         margin_error_deg=degrees(float(np.max(errors / np.abs(turns)))) + dead_deg, sensed_phase_deg=sensed,
     )  # fmt: skip
 
