@@ -455,7 +455,7 @@ def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
     if other[rows, places].any():
         return None
     modes = [base.modes[place] for place in places]
-    scales = [copysign(sqrt(modes[0].mass_kg / mode.mass_kg), mode.coupling_a_n_per_v) for mode in modes]
+    scales = [copysign(sqrt(base.modes[0].mass_kg / mode.mass_kg), mode.coupling_a_n_per_v) for mode in modes]
     return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, modes, strict=True)]
 
 
