@@ -36,7 +36,7 @@ from pyspice_runner.averaged.library import schedule_text
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
 from pyspice_runner.circuit.source import GROUPS, Excitation, Pins, Source
-from pyspice_runner.drivers.driver import Driver, add_driver, control_amplitude
+from pyspice_runner.drivers.driver import SWITCHED_OPTIONS, Driver, add_driver, control_amplitude
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
@@ -144,6 +144,10 @@ SMOOTHED_PERIODS = 20  # over which phase and speed are averaged
 RAIL = 5.0  # V, range of the control voltage
 # Digital events shorten the steps; ngspice's error control is off, as with uniform steps. Nodes have 1 V to 50 kV.
 TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol": "1e9", "method": "trap"}
+# The edges of a bridge have no points of their own here. Where its low transistor takes the current from the other body
+# diode, that breaks off by amperes, and an error of 3e-15 C would take steps of femtoseconds, in which rounding rules.
+# 1e-13 C (reltol times chgtol) are nothing against the nanocoulombs of a gate; ngspice takes xtrtol where it counts
+BRIDGE_OPTIONS = {**SWITCHED_OPTIONS, "abstol": "3e-6", "chgtol": "1e-9", "trtol": "7", "xtrtol": "7"}
 ROUNDING = 1e-9  # relative, of times
 STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
 LOST_DEG = 60.0  # phase error with which lock is lost: half the amplitude
@@ -513,9 +517,9 @@ class TrackedSource(Source):
                 f"The driver {self.driver.name} has no pin in, so no tracker can set its frequency. Add the pin."
             )
 
-    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:
-        """Return ngspice's options: behind switching edges those of the driver."""
-        return self.driver.options(motor, law) if self.driver and self.driver.switched else TRACKER_OPTIONS
+    def options(self, motor: Motor, law: Law | None) -> Mapping[str, str]:  # noqa: ARG002
+        """Return ngspice's options, behind switching edges with control of the steps."""
+        return BRIDGE_OPTIONS if self.driver and self.driver.switched else TRACKER_OPTIONS
 
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add oscillator, tracker, driver and sensing between ground and the nodes of groups A and B."""
