@@ -73,6 +73,9 @@ def averaged_tracked_bench(
     parts = ("tracker_restart", "tracker_averaged", "tracker_filter")
     circuit.raw_spice += "\n".join(read_library(part).subcircuit for part in parts) + "\n"
     start = {}
+    if not end:  # the first iterations divide by the frequency
+        begun = tracker.frequency * (1.0 + tracker.offset)
+        start = {"tuned": begun, "tuning": tracker.start_v, "control": tracker.start_v}
     front = averaged_front(source)
     sources = "stage" if front.networks else "line"
     for group, voltage in two_phasors(front.stage).items():

@@ -205,6 +205,12 @@ def test_a_restart_returns_to_the_starting_frequency(how: dict[str, Any]) -> Non
     assert abs(late) < 10.0
 
 
+def test_without_a_compiler_a_loop_starts_at_the_middle_of_its_range() -> None:
+    found, compiled = (started({"duration": 2e-3, "engine": engine}, offset=0.0) for engine in ("spice", "compiled"))
+    assert found.end_frequency_hz == pytest.approx(compiled.end_frequency_hz, rel=1e-3)
+    assert found.speed_after_rad_s == pytest.approx(compiled.speed_after_rad_s, rel=5e-3)
+
+
 def test_a_run_that_stays_locked_is_the_same_with_and_without_a_restart() -> None:
     settings = {"disturb": "load", "load_torque": 50e-3, "begin": 20e-3, "duration": 60e-3}
     found, without = (started(settings, restart=restart) for restart in (True, False))
