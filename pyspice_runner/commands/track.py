@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from math import atan, cos, pi, radians
 from typing import Any, get_args
 
 import pyspice_runner as pr
@@ -14,7 +15,6 @@ from pyspice_runner.commands.options import (
     LOAD,
     PHASE,
     TARGETS,
-    VOLTAGE,
     Call,
     command,
     option,
@@ -23,6 +23,7 @@ from pyspice_runner.errors import require
 from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind
 
 START_OFFSET = 0.03  # relative to the centre
+FARTHEST_DEG = 60.0  # of a target
 
 
 @command(
@@ -36,7 +37,9 @@ START_OFFSET = 0.03  # relative to the centre
         list[str] | None, None, "In place of --disturb, one of several: load=50m@20m is 50 mN.m from 20 ms on. "
         f"Kinds: {', '.join(CHANGED)}. Repeatable.", "--event", metavar="KIND=VALUE@BEGIN",
     ),
-    voltage=VOLTAGE,
+    voltage=option(
+        float | None, None, "Amplitude of group A, V; default: the mode has the amplitude of the recommended drive."
+    ),
     ratio_b=option(float, 1.0, "Amplitude of group B relative to group A."),
     phase=PHASE,
     frequency=option(
@@ -80,6 +83,9 @@ def track(call: Call) -> None:
     _refuse_idle(call)
     call.check(".json", ".csv", ".cir")
     motor = call.loaded
+    names = [mode.name for mode in motor.modes]
+    require(call.mode is None or call.mode in names, "--mode", call.mode, f"one of {', '.join(names)}")
+    mode = None if call.mode is None else names.index(call.mode)
     phases = call.phases(motor, ratio_b=call.ratio_b)
     tone = {name: getattr(phases, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
     call.refuse_idle(f"on {motor.name}", "load_torque" if motor.is_transducer else "load_factor")
@@ -91,15 +97,15 @@ def track(call: Call) -> None:
         **call.pick("span", kind="tracker", target_deg="target", bandwidth_hz="bandwidth", period_s="period",
                     step_hz="step_size", restart_after_s="restart_after"),
     )  # fmt: skip
-    names = [mode.name for mode in motor.modes]
-    require(call.mode is None or call.mode in names, "--mode", call.mode, f"one of {', '.join(names)}")
-    mode = None if call.mode is None else names.index(call.mode)
+    if call.voltage is None and motor.drive is not None:
+        usual = _usual_voltage(motor, tracker, mode, contact=call.law is not None)
+        tracker = tracker.updated({"voltage": usual})
     if call.frequency is None:
         tracker = centred(motor, tracker, mode=mode, contact=call.law is not None)
     with common.busy(f"The motor runs with the tracker {call.tracker}"):
         driver = None
         if call.driver:
-            pins = phases.updated({"frequency": tracker.frequency})
+            pins = phases.updated({"frequency": tracker.frequency, "voltage": tracker.voltage})
             driver = call.spec_of(call.driver, pins).built(motor, contact=call.law)
         result = pr.track(
             motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
@@ -121,6 +127,23 @@ def _event(text: str, call: Call) -> pr.Disturbance:
     if kind == "temperature":
         values |= {"drift_time_s": call.drift_time, "thermal": pr.Thermal.of(call.loaded) if call.all_drift else None}
     return pr.Disturbance(**{"kind": kind, **values})
+
+
+def _usual_voltage(motor: pr.Motor, tracker: pr.Tracker, mode: int | None, *, contact: bool) -> float:
+    """Return the voltage at which a mode has at the target phase the amplitude that the recommended drive gives it.
+
+    That drive holds beside the resonance, where the same voltage gives less. Where a mode has a phase beyond all
+    targets there, the drive is meant for another one, and its voltage is returned.
+    """
+    from pyspice_runner.trackers.tracker import running_resonance
+
+    drive = pr.default_drive(motor)
+    if not isinstance(drive, pr.TwoPhaseDrive):
+        return tracker.voltage
+    lag = running_resonance(motor, tracker, mode=mode, contact=contact)
+    phase = atan(2.0 * pi * lag.time_constant_s * (drive.frequency - lag.resonance_hz))
+    beyond = abs(phase) > radians(FARTHEST_DEG)
+    return tracker.voltage if beyond else round(tracker.voltage * cos(phase) / cos(radians(tracker.wanted_deg)), 1)
 
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, contact: bool = True) -> pr.Tracker:

@@ -293,8 +293,16 @@ def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones
     assert abs(following.static_phase_error_deg) < 0.1
 
 
+def test_the_flagship_is_tracked_within_its_limits_by_default(capsys: pytest.CaptureFixture[str]) -> None:
+    """100 V beside the resonance; at resonance, where 100 V stress the ceramic to 52 MPa of 41, the same amplitude."""
+    assert run(["track", "bimodal40", "--averaged", "--duration", "0.2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["tracker"]["voltage"] == pytest.approx(62.3, abs=0.1)
+    assert (found["locked"], found["cautions"]) == (True, [])
+
+
 def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[str]) -> None:
-    command = f"track {BEAM40} --averaged --disturb warm-up --target -20 --duration 60 --json"
+    command = f"track {BEAM40} --averaged --voltage 110 --disturb warm-up --target -20 --duration 60 --json"
     assert run(command.split()) == 0
     told = capsys.readouterr()
     found = json.loads(told.out)
