@@ -17,6 +17,7 @@ from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
     Damping,
+    Feedback,
     Limits,
     Mode,
     Mount,
@@ -82,6 +83,7 @@ def parameters_page() -> str:
         ("Mount", Mount, "mount", vars(motor.mount), _own(Mount)),
         ("Limits", Limits, "limits", vars(motor.limits), _own(Limits)),
         ("Load", ToolLoad, "load", {}, _own(ToolLoad)),
+        ("Feedback", Feedback, "feedback", {}, _own(Feedback)),
         ("Two-phase drive", pr.TwoPhaseDrive, "drive", _plain(stated["drive"]), _own(pr.TwoPhaseDrive)),
         ("Two-tone drive", pr.TwoToneDrive, "drive", {}, _own(pr.TwoToneDrive)),
     ]
@@ -100,7 +102,8 @@ _REMARKS = {
     "Materials": "Instead of the stiffness and the compliances of the contact.",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",
-    "Limits": "Results warn beyond these.",
+    "Limits": "Results warn beyond those that are known.",
+    "Feedback": "A [feedback electrode](own_motor.md#feedback-electrode).",
     "Load": "Of a transducer, instead of contact and rotor.",
     "Two-phase drive": '`[drive]` with `kind = "two-phase"`; in Python `TwoPhaseDrive`.',
     "Two-tone drive": '`[drive]` with `kind = "two-tone"`; in Python `TwoToneDrive`.',
@@ -157,6 +160,8 @@ def _allowed(kind: type[Any], name: str) -> str:
         return ", ".join(schema["enum"])
     if "$ref" in schema:
         return "path"
+    if schema.get("type") == "object":
+        return "by mode"
     if schema.get("type") == "array":
         return "three coordinates"
     if made_of or schema.get("type") == "string":

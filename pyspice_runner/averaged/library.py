@@ -29,6 +29,7 @@ from pyspice_runner.circuit.motor import (
     mode_values,
     outside,
     require_linear,
+    require_no_feedback,
     rounded,
     spring_values,
     with_header,
@@ -81,6 +82,7 @@ def check_averaged(contact: ContactLaw | None) -> None:
 def require_averaged(motor: Motor) -> None:
     """Raise ParameterError for a mode that is not linear, a loss without an averaged model, or a deep penetration."""
     require_linear(motor, "The averaged motor")
+    require_no_feedback(motor, "The averaged motor")
     if flat := motor.contact.worn_flat_radius_m:
         raise ParameterError(
             f"contact.worn_flat_radius_m = {flat:g} has no averaged model: it must be 0. Set it, or use the full motor."

@@ -13,6 +13,7 @@ from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
 from pyspice_runner.circuit.source import GROUPS, Source, not_below_rounding
 from pyspice_runner.circuit.state import (
+    CHARGED,
     Discretisation,
     Motion,
     first_guess,
@@ -177,6 +178,9 @@ def add_meters(circuit: Netlist, motor: Motor, law: Law | None, lag: dict[str, f
     for spring, part in zip(carriers(motor.mount), ("mount", "mount_x"), strict=False):
         nodes = (f"xmotor.x{part}.arm_r", f"xmotor.x{part}.elastic")
         instantiate(circuit, f"heat_{part}", "piezomotor_heat", nodes, resistance=spring.damping_n_s_per_m)
+    if motor.feedback:
+        nodes, resistance = (f"xmotor.{CHARGED}", circuit.gnd), motor.feedback.resistance_ohm
+        instantiate(circuit, f"heat_{CHARGED}", "piezomotor_heat", nodes, resistance=resistance)
     between = abs(piezo.capacitance_ab_f)
     for group, line in zip(GROUPS, METERED, strict=True):
         nodes = (line, group, circuit.gnd)

@@ -31,6 +31,8 @@ from pyspice_runner.circuit.law import (
     unplotted,
 )
 from pyspice_runner.circuit.state import (
+    CHARGED,
+    FEEDBACK,
     PLATES,
     Discretisation,
     Motion,
@@ -54,7 +56,7 @@ from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, derived
-from pyspice_runner.motor.parameters import Mode, Mount, Piezo
+from pyspice_runner.motor.parameters import Feedback, Mode, Mount, Piezo
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.stator import STEP_WORDS, longest_step
 from pyspice_runner.motor.thermal import Thermal
@@ -81,6 +83,9 @@ REVISION = 3  # of the exported motor: its pins, its parameters and what they me
 _FIRST = ("preload", "friction", "normal_stiffness", "compliance", "radius")
 SLIDER_TIME = "slider_time"  # parameter of a contact or a stem: half of the time step
 _DERIVED = ("deflection", "damping", "span")  # parameters of a contact that the motor sets
+AMPLIFIER = LibraryParameter(
+    "amplifier", "ohm", 1e7, 1.0, 1e12, "resistance at the feedback electrode; 1e12 leaves it to what is at the pin f"
+)
 # for a loss tangent of 0: SPICE has no resistor of 0 ohm, and a tiny one costs precision
 SMALLEST_LOSS = 1e-5
 
@@ -157,8 +162,8 @@ class MotorSubCircuit(Assembly):
     ``heat`` (1 V = 1 W). With open pins nothing drifts. The last pin may be ``approach`` (1 V = 1 um), by which the
     tip, or the far end of the mount's springs, moves towards the rotor. ``plates`` are the clamped capacitances. With
     ``check`` there is a node of that name (``piezomotor_check``). If not ``plotted``, a brush has no nodes ``slider``
-    and ``state``. The names of the parts begin with ``prefix``, by default the name; motors with the same law may
-    share parts.
+    and ``state``. If ``sensed``, the node f of a feedback electrode is a pin, the fifth. The names of the parts begin
+    with ``prefix``, by default the name; motors with the same law may share parts.
     """
 
     def __init__(
@@ -173,6 +178,7 @@ class MotorSubCircuit(Assembly):
         plates: bool = True,
         check: bool = False,
         plotted: bool = True,
+        sensed: bool = False,
         name: str = "",
         prefix: str = "",
     ) -> None:
@@ -191,10 +197,12 @@ class MotorSubCircuit(Assembly):
         self.settable = (
             *_settable(library, touching),
             *(replace(item, default=rounded(turning[item.name])) for item in rotor.parameters if item.name in turning),
+            *([replace(AMPLIFIER, default=motor.feedback.resistance_ohm)] if motor.feedback else []),
         )
         starts = [state for state in (motor_states(motor, law) if startable else ()) if state.part]
         warm = ("temperature", "heat") if thermal else ()
-        pins = ("a", "b", "com", "shaft", *warm, *(("approach",) if approach else ()))
+        pin_f = (FEEDBACK,) if sensed and motor.feedback else ()
+        pins = ("a", "b", "com", "shaft", *pin_f, *warm, *(("approach",) if approach else ()))
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
         defaults |= {state.parameter: "0" for state in starts}
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
@@ -205,6 +213,8 @@ class MotorSubCircuit(Assembly):
         if plates:
             self._add_groups(warm)
         self._add_modes(warm, preload if law else 0.0)
+        if motor.feedback:
+            self._add_feedback(motor.feedback)
         if library:
             moved = {}
             if sway := static_sway(motor, law, discretisation):  # the crown stands beside the tip at rest
@@ -303,6 +313,21 @@ class MotorSubCircuit(Assembly):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:
             self.R("open_temperature", "temperature", self.gnd, 1e9)
+
+    def _add_feedback(self, electrode: Feedback) -> None:
+        """Add the electrode: its capacitance, the amplifier, transformers to the modes, shares of the groups."""
+        self.C(CHARGED, CHARGED, self._common, rounded(electrode.capacitance_f))
+        self.R(CHARGED, CHARGED, self._common, f"{{{AMPLIFIER.name}}}")
+        self.V(FEEDBACK, FEEDBACK, "sensed_f", "DC 0")
+        for group, share, (high, low) in zip(
+            GROUPS, electrode.shares, (("sensed_f", "shared_f"), ("shared_f", CHARGED)), strict=True
+        ):
+            self.VCVS(f"share_{group}", high, low, group, self._common, voltage_gain=rounded(share))
+            self.CCCS(f"share_{group}", self._common, group, f"V{FEEDBACK}", current_gain=rounded(share))
+        for index, coupling in enumerate(self._motor.stator.sensed.tolist(), start=1):
+            name, ratio, voltage = f"{FEEDBACK}{index}", rounded(coupling), (CHARGED, self._common)
+            self.VCCS(f"force_{name}", self.gnd, f"xmode{index}.force", *voltage, transconductance=ratio)
+            self.VCCS(f"flow_{name}", *voltage, f"xmode{index}.velocity", self.gnd, transconductance=ratio)
 
     def _add_slant(self, index: int, slope: float) -> str:
         """Return the pin base of a mode that shakes the carrier along y and, ``slope`` times as much, along x."""
@@ -476,6 +501,14 @@ def require_linear(motor: Motor, what: str) -> None:
             )
 
 
+def require_no_feedback(motor: Motor, what: str) -> None:
+    """Raise a ParameterError for a motor with a feedback electrode. ``what`` is the subject."""
+    if motor.feedback:
+        raise ParameterError(
+            f'{what} has no feedback electrode: use the full motor, or leave it out by updated({{"feedback": None}}).'
+        )
+
+
 def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
     """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy, with a law as voltages move it."""
     nodes = {name: name for name in ("x", "y", "vx", "vy")}
@@ -593,10 +626,13 @@ def motor_library(
     if motor.is_transducer:
         return _transducer_library(motor, name=check_name(name) if name else "", thermal=thermal)
     law = touching_law(contact, "The library contains the rotor.", motor.law)
-    circuit = MotorSubCircuit(motor, law=law, thermal=thermal, check=True, name=check_name(name) if name else "")
+    given = check_name(name) if name else ""
+    circuit = MotorSubCircuit(motor, law=law, thermal=thermal, check=True, sensed=True, name=given)
     name = circuit.name
     step = coarsest_step(motor)
     pins = [("shaft", "rad/s", "rotor speed; a current fed into the pin is a driving torque")]
+    if motor.feedback:
+        pins.append((FEEDBACK, "V", "feedback electrode, a third group; it may stay open"))
     if thermal:
         pins += [
             ("temperature", "K", "temperature above that at which the parameters hold; if open, nothing drifts"),
@@ -625,6 +661,7 @@ def motor_library(
         ),
         _mount_line(motor),
         *_clamped_lines(motor),
+        *([f"* FEEDBACK {motor.feedback.model_dump_json()}"] if motor.feedback else []),
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
         "* CHECK  the node check is 0, or 1 for a parameter out of its range, a step longer than STEP and, after",
         f"*        {550 * step:.2g} s of .tran, pins that carry no alternating drive, as when com floats. If the drive",
@@ -640,7 +677,7 @@ def motor_library(
         "*",
         "* USE    the first line of a deck is its title; then:",
         *(f"*   {line}" for line in source_lines(default_drive(motor))),
-        f"*   Xmotor a b 0 shaft {'0 heat ' if thermal else ''}{name}",
+        f"*   Xmotor a b 0 shaft {f'{FEEDBACK} ' if motor.feedback else ''}{'0 heat ' if thermal else ''}{name}",
         "*   .tran 100n 500u 0 100n uic",
         "*   .measure tran speed_rad_s FIND v(shaft) AT=499u",
         "*   .measure tran check MAX v(xmotor.check)",

@@ -26,9 +26,11 @@ from pyspice_runner.motor.stator import Stator, carriers, discretised
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
+FEEDBACK = "f"  # node, and pin of an exported motor, of the feedback electrode
+CHARGED = "charged_f"  # node of its capacitance
 _STRONG = 100.0  # factor of the force by damping, if all of the preload came within half a step
 Array = NDArray[np.float64]
-Kind = Literal["mode", "contact", "stem", "mount", "rotor", "bearing", "group"]
+Kind = Literal["mode", "contact", "stem", "mount", "feedback", "rotor", "bearing", "group"]
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,7 @@ class Motion:
     carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
     carrier_x_m_s: float = 0.0  # its velocity
     bearing: float = 0.0  # share of its torque that a dry bearing takes, from -1 to 1
+    charged_v: float = 0.0  # voltage of the feedback electrode by the charge on its capacitance
 
 
 @dataclass(frozen=True)
@@ -235,6 +238,8 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
             State(name, "mount", f"v({{0}}.x{part}.elastic)", f"{name}_m", None, part, unit=MICRO, spring=spring),
             State(f"{name}_velocity", "mount", f"i(v.{{0}}.x{part}.vvelocity)", f"{name}_m_s", None, part, "velocity"),
         ]
+    if motor.feedback:
+        states.append(State(CHARGED, "feedback", f"v({{0}}.{CHARGED})", "charged_v"))
     if not motor.is_transducer:
         states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
         if motor.rotor.bearing_friction_n_m:

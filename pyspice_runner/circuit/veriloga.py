@@ -26,6 +26,7 @@ from pyspice_runner.circuit.motor import (
     SUBCIRCUIT,
     coarsest_step,
     mode_values,
+    require_no_feedback,
     rounded,
     spring_values,
 )
@@ -75,6 +76,7 @@ def motor_module(
             f"contact = {law.name!r} is not valid for a .va file: it must be one of {', '.join(WRITTEN)}. "
             "Export a .lib for a law of your own."
         )
+    require_no_feedback(motor, "A .va file")
     text = module_source(len(motor.modes), law, flat=motor.contact.worn_flat_radius_m > 0.0)
     for parameter, value in module_values(motor, law, thermal=thermal).items():
         text, count = re.subn(

@@ -15,6 +15,7 @@ from pathlib import Path
 from pyspice_runner.averaged.library import averaged_library, check_averaged
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.motor import SUBCIRCUIT, THERMAL_SUBCIRCUIT, TRANSDUCER, editable_parameters, motor_library
+from pyspice_runner.circuit.state import FEEDBACK
 from pyspice_runner.circuit.veriloga import motor_module
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.export.circuit import touchstone
@@ -151,6 +152,8 @@ def _unit(export: MotorExport) -> dict[str, str]:
 def _symbol(symbol: Callable[..., str], export: MotorExport, path: Path) -> str:
     motor, name = export.motor, THERMAL_SUBCIRCUIT if export.thermal else SUBCIRCUIT
     pins, title = {**MOTOR_PINS, **(THERMAL_PINS if export.thermal else {})}, f"standing-wave piezomotor {motor.name}"
+    if motor.feedback:
+        pins = {**MOTOR_PINS, FEEDBACK: "right", **pins}
     if motor.is_transducer:
         name, title = TRANSDUCER, f"transducer {motor.name}"
         pins = {pin: pins[pin] for pin in (*motor.groups, "com")}

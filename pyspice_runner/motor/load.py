@@ -24,7 +24,7 @@ is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from math import copysign, inf, sqrt
 from pathlib import Path
@@ -56,6 +56,7 @@ from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
     Damping,
+    Feedback,
     Mode,
     Parameters,
     Patch,
@@ -357,8 +358,10 @@ def _from_solid(
             if abs(mode[name]) <= 1e-6 * stator.mass_kg:
                 mode[name] = 0.0  # but for rounding
     capacitance = stator.clamped_f + stator.residual_f
+    if "feedback" in solid.groups:
+        capacitance = _with_feedback(plain, capacitance, modes, stator.couplings_n_per_v[2].tolist(), where)
     between = -float(capacitance[0, 1])
-    motion = np.where(np.diag(stator.residual_m_per_n)[:, np.newaxis] > 0.0, stator.residual_m_per_v, 0.0)
+    motion = np.where(np.diag(stator.residual_m_per_n)[:, np.newaxis] > 0.0, stator.residual_m_per_v[:, :2], 0.0)
     motion = np.where(np.abs(motion) > _NO_MOTION * np.abs(motion).max(), motion, 0.0)  # 0 but for rounding
     piezo = {
         "capacitance_a_f": float(capacitance[0, 0]),
@@ -368,6 +371,28 @@ def _from_solid(
     for axis, row in zip("yx", motion.tolist(), strict=True):
         piezo |= {f"motion_{axis}_{group}_m_per_v": per_volt for group, per_volt in zip(GROUPS, row, strict=True)}
     return solid, modes, piezo
+
+
+def _with_feedback(
+    plain: dict[str, Any], capacitance: Any, modes: list[dict[str, Any]], couplings: Sequence[float], where: str
+) -> Any:
+    """Complete ``[feedback]``, which has the capacitance of cable and amplifier only, by the electrode of a solid.
+
+    The modes get the force factors of groups A and B with the electrode open; return the capacitances with it open.
+    """
+    table = dict(as_table(plain.get("feedback", {}), "feedback", where))
+    if given := [name for name in ("couplings_n_per_v", "share_a", "share_b") if name in table]:
+        raise ParameterError(f"{where}: feedback.{given[0]} follows from [solid]; leave it out.")
+    total = float(capacitance[2, 2])
+    total += limited(Feedback, "capacitance_f", table.get("capacitance_f"), "feedback.capacitance_f", where)
+    shares = -capacitance[:2, 2] / total
+    table |= {"capacitance_f": total, "share_a": float(shares[0]), "share_b": float(shares[1])}
+    for mode, force in zip(modes, couplings, strict=True):
+        table.setdefault("couplings_n_per_v", {})[mode["name"]] = force
+        mode["coupling_a_n_per_v"] += table["share_a"] * force
+        mode["coupling_b_n_per_v"] += table["share_b"] * force
+    plain["feedback"] = table
+    return capacitance[:2, :2] - total * np.outer(shares, shares)
 
 
 def _softening(

@@ -33,6 +33,7 @@ from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
     Damping,
+    Feedback,
     Limits,
     Mode,
     Mount,
@@ -105,7 +106,9 @@ _COMPANIONS = {
 
 
 ALIASES = {"frequency_hz": "stiffness_n_per_m", "quality_factor": "damping_n_s_per_m"}  # other ways to state a mode
-_OPTIONAL: dict[str, type[Parameters]] = {"mount": Mount, "limits": Limits, "load": ToolLoad}  # that may be null
+_OPTIONAL: dict[str, type[Parameters]] = {  # that may be null
+    "mount": Mount, "limits": Limits, "load": ToolLoad, "feedback": Feedback,
+}  # fmt: skip
 MOVED: dict[str, type[Parameters]] = {"rotor": Rotor, "slider": Slider}  # what the tip moves: one of them
 SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **MOVED, **_OPTIONAL}
 
@@ -212,6 +215,7 @@ class Motor(Shown, Parameters):
     mount: Mount | None = Field(default=None, description="plate springs of the stator; null: held at a fixed distance")
     limits: Limits | None = Field(default=None, description="limits of ceramic and contact; null: not known")
     load: ToolLoad | None = Field(default=None, description="load of a transducer; null: it runs idle")
+    feedback: Feedback | None = Field(default=None, description="feedback electrode; null: there is none")
     law: dict[str, FiniteFloat] = Field(
         default_factory=dict, description="values of parameters of the contact's law; others have its defaults"
     )
@@ -259,8 +263,9 @@ class Motor(Shown, Parameters):
         elif len(self.groups) == 1:
             document["modes"] = [{k: v for k, v in mode.items() if k not in OF_GROUP_B} for mode in document["modes"]]
             document["piezo"] = {k: v for k, v in document["piezo"].items() if k not in OF_GROUP_B}
-        if not self.law:
-            del document["law"]
+        for name in ("law", "feedback"):
+            if not document[name]:
+                del document[name]
         return document
 
     @model_validator(mode="after")
@@ -332,7 +337,15 @@ class Motor(Shown, Parameters):
                 f"the modes reach from {lowest:.4g} to {highest:.4g} Hz; a stator's are at most a factor "
                 f"{WIDEST_SPREAD:g} apart, so leave out those that do not take part"
             )
+        for name in set(self.feedback.couplings_n_per_v if self.feedback else ()) - set(names):
+            raise ValueError(f"feedback.couplings_n_per_v has {name!r}, which is no mode: they are {', '.join(names)}")
         stator = self.stator
+        sensed = float(np.sum(stator.sensed**2 / stator.stiffness)) if self.feedback else 0.0
+        if self.feedback and sensed > CLOSEST_COUPLING * (sensed + self.feedback.capacitance_f):
+            raise ValueError(
+                "feedback.couplings_n_per_v and feedback.capacitance_f give a coupling k_eff² above "
+                f"{CLOSEST_COUPLING:g}, which no ceramic exceeds: correct one of them"
+            )
         clamped, motional = np.diag(stator.capacitance), np.sum(stator.coupling.T**2 / stator.stiffness, axis=1)
         for group, coupling in zip(self.groups, motional / (clamped + motional), strict=True):
             if coupling > CLOSEST_COUPLING:
@@ -378,8 +391,8 @@ class Motor(Shown, Parameters):
 
     def _check_transducer(self) -> None:
         names, load = [mode.name for mode in self.modes], self.tool
-        if self.mount or self.materials or self.law:
-            raise ValueError("mount, materials and law belong to a motor; a transducer has none, so leave them out")
+        if self.mount or self.materials or self.law or self.feedback:
+            raise ValueError("mount, materials, law and feedback belong to a motor: leave them out of a transducer")
         if load.mode not in (None, *names) or (load.resistance_ohm and load.mode is None and len(names) > 1):
             what = f"mode = {load.mode!r}" if load.mode else "resistance_ohm is of one arm: mode"
             raise ValueError(f"load.{what} is not valid: it must be one of {', '.join(names)}")
@@ -407,7 +420,7 @@ class Motor(Shown, Parameters):
     @derived
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
-        return Stator.of_modes(self.modes, self.piezo, None if self.is_transducer else self.contact)
+        return Stator.of_modes(self.modes, self.piezo, None if self.is_transducer else self.contact, self.feedback)
 
     @property
     @derived
@@ -657,7 +670,9 @@ def _toml(document: Mapping[str, Any], provenance: Mapping[str, Provenance], hea
 
 
 def _written(value: object) -> str:
-    """Return a number or a text as TOML; the syntax is that of JSON, except for DEL."""
+    """Return a number, a text or a table of them as TOML; the syntax of one is that of JSON, except for DEL."""
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_written(key)} = {_written(one)}' for key, one in value.items())} }}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -63,7 +63,7 @@ class Beam(Parameters):
         default="timoshenko", description="with or without shear and rotary inertia of the sections"
     )
     poissons_ratio: float = quantity("Poisson's ratio, for the shear stiffness", "1", ge=0.0, le=0.49, default=0.3)
-    recoil: bool = Field(default=True, description="whether the modes get the recoil Γ of the beam and its tip")
+    recoil: bool = Field(default=True, description="whether the modes have recoil Γ")
 
 
 class Patch(Parameters):
@@ -72,7 +72,7 @@ class Patch(Parameters):
     A pair is poled such that the same voltage stretches the upper patch and shortens the lower one.
     """
 
-    group: Literal["A", "B"] = Field(description="electrical group that the electrodes are wired to")
+    group: Literal["A", "B"] = Field(description="group of the electrodes")
     faces: Literal["both", "top", "bottom"] = Field(description="faces of the beam that carry the ceramic")
     start_m: float = quantity("left end, from the left support", "m", ge=0.0, le=1.0)
     end_m: float = quantity("right end, from the left support", "m", gt=0.0, le=1.0)
@@ -181,7 +181,7 @@ class Mode(Parameters):
         "recoil Γ on the carrier of a mount: momentum along y per modal velocity", "kg", ge=-1e3, le=1e3, default=None
     )
     recoil_x_kg: float | None = quantity(
-        "recoil Γₓ on a carrier that moves along the rotor, too: momentum along x per modal velocity", "kg", ge=-1e3,
+        "recoil Γₓ along x, on a carrier that moves along the rotor, too", "kg", ge=-1e3,
         le=1e3, default=None,
     )  # fmt: skip
 
@@ -208,7 +208,7 @@ class Mode(Parameters):
 
 def _motion(along: str, group: str) -> Any:
     """Return the field of the motion of the contact per volt on a group."""
-    meaning = f"static motion of the tip {along} per volt on group {group}, by modes that are left out"
+    meaning = f"tip motion {along} per volt on {group}, by modes left out"
     return quantity(meaning, "m/V", ge=-1e-6, le=1e-6, default=0.0)
 
 
@@ -276,6 +276,33 @@ class Piezo(Parameters):
         return along[:count], (self.motion_y_a_m_per_v, self.motion_y_b_m_per_v)[:count]
 
 
+class Feedback(Parameters):
+    """A feedback electrode: a third group, which no source drives, as a sensor of the vibration.
+
+    Its voltage is U_F = w + s_A U_A + s_B U_B, with C_F ẇ + w/R = −Σ θ_Fn ṙ_n, and the forces θ_Fn w act on the modes.
+    Their stiffness is that with the electrode shorted; on a large R it adds θ_F²/C_F. Capacitances and force factors of
+    groups A and B are those with the electrode open.
+    """
+
+    capacitance_f: float = quantity(
+        "capacitance C_F, clamped, with that of cable and amplifier", "F", gt=MIN_CAPACITANCE, le=1e-3
+    )
+    # with a larger one a charge would stay for more than minutes
+    resistance_ohm: float = quantity(
+        "resistance R of its amplifier and dielectric loss", "Ω", ge=1.0, le=1e10, default=1e7
+    )
+    couplings_n_per_v: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        description="force per volt θ_F on modes, by their names", json_schema_extra={"unit": "N/V"}
+    )
+    share_a: float = quantity("its voltage s_A per volt on A, the modes held", "1", ge=-1.0, le=1.0, default=0.0)
+    share_b: float = quantity("the same s_B of B", "1", ge=-1.0, le=1.0, default=0.0)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Voltage of the electrode per volt on groups A and B while the modes are held."""
+        return self.share_a, self.share_b
+
+
 SOFTEST_SIDES = 0.01  # m/N^(2/3), the maximum of the contact's library
 # K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes
 # it larger, a value identified from a run may be smaller; a factor of ten each way, and ten more for soft layers.
@@ -301,7 +328,7 @@ class Contact(Parameters):
     # micronewtons press a MEMS rotor, kilonewtons the largest ring motors
     preload_n: float = quantity("static normal force F₀", "N", ge=1e-6, le=1e5)
     restitution: float = quantity(
-        "coefficient of restitution of an impact along the normal; 1 is no loss", "1", ge=0.05, le=1.0, default=1.0
+        "coefficient of restitution along the normal; 1 is no loss", "1", ge=0.05, le=1.0, default=1.0
     )
     restitution_velocity_m_s: float = quantity(
         "approach velocity at which the coefficient of restitution holds", "m/s", ge=1e-4, le=1e3, default=0.1
@@ -319,15 +346,15 @@ class Contact(Parameters):
         default=0.05,
     )  # fmt: skip
     series_compliance_m_per_n: float = quantity(
-        "compliance of the tip's stem and of rough surfaces, in series with the Hertz contact", "m/N", ge=0.0, le=1e-3,
+        "compliance of stem and rough surfaces, in series with the contact", "m/N", ge=0.0, le=1e-3,
         default=0.0,
     )  # fmt: skip
     tangential_series_compliance_m_per_n: float = quantity(
-        "compliance of tip and stem along the rotor, in series with the tangential contact", "m/N", ge=0.0, le=1e-3,
+        "compliance of tip and stem along the rotor", "m/N", ge=0.0, le=1e-3,
         default=0.0,
     )  # fmt: skip
     worn_flat_radius_m: float = quantity(
-        "radius of the flat to which the cap of the tip is worn; K_N and K_t are the values of the new tip", "m",
+        "radius of the flat worn on the tip; K_N and K_t are those of the new tip", "m",
         ge=0.0, le=0.01, default=0.0,
     )  # fmt: skip
     # for a worn tip, and for pressure, tension and wear, which need more than its stiffness
@@ -340,7 +367,7 @@ class Contact(Parameters):
     )
     # from the best lubricated ceramics to soft polymers
     specific_wear_rate_m3_per_n_m: float | None = quantity(
-        "wear of the tip in volume per normal force and path of slip, k; not known: no wear", "m³/(N·m)", ge=1e-21,
+        "worn volume per normal force and path of slip, k; not known: no wear", "m³/(N·m)", ge=1e-21,
         le=1e-9, default=None,
     )  # fmt: skip
 
@@ -434,18 +461,18 @@ class Limits(Parameters):
     )
     ambient_c: float = quantity("temperature of the surroundings", "°C", ge=-273.0, le=1e3)
     field_v_per_m: float | None = quantity(
-        "maximum amplitude of the alternating field in the ceramic; not known: not compared", "V/m", ge=1e3, le=1e8,
+        "maximum amplitude of the field in the ceramic", "V/m", ge=1e3, le=1e8,
         default=None,
     )  # fmt: skip
     contact_pressure_pa: float | None = quantity(
-        "maximum peak pressure that tip and rotor withstand; not known: not compared",
+        "maximum peak pressure that tip and rotor withstand",
         "Pa",
         ge=1e5,
         le=1e11,
         default=None,
     )
     contact_tension_pa: float | None = quantity(
-        "strength in tension of the surfaces of tip and rotor; not known: not compared", "Pa", ge=1e4, le=1e11,
+        "strength in tension of the surfaces of tip and rotor", "Pa", ge=1e4, le=1e11,
         default=None,
     )  # fmt: skip
 
@@ -461,7 +488,7 @@ class Rotor(Parameters):
     )
     # small ball bearings reach their torque after some micrometres of rolling
     bearing_presliding_rad: float = quantity(
-        "angle after a reversal over which the dry friction comes to 63 % of its torque (Dahl)", "rad", ge=1e-5, le=1.0,
+        "angle after a reversal to 63 % of the dry friction (Dahl)", "rad", ge=1e-5, le=1.0,
         default=1e-3,
     )  # fmt: skip
 
@@ -475,7 +502,7 @@ class Slider(Parameters):
     guide_friction_n: float = quantity("dry friction of the guide", "N", ge=0.0, le=1e3, default=0.0)
     # guides with balls or rollers reach their friction after some micrometres to a tenth of a millimetre
     guide_presliding_m: float = quantity(
-        "travel after a reversal over which the dry friction comes to 63 % of its force (Dahl)", "m", ge=1e-5, le=1e-2,
+        "travel after a reversal to 63 % of the dry friction (Dahl)", "m", ge=1e-5, le=1e-2,
         default=1e-5,
     )  # fmt: skip
 

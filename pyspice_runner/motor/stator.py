@@ -8,23 +8,15 @@ with r the coordinates, U and Q the voltages and charges of the groups, F and u 
 R and S are of the modes that are left out. A beam, a solid, measured modes or a fitted spectrum end in the modes of a
 motor, and :attr:`.Motor.stator` makes these arrays of them.
 
-**Recoil.** The modes shake the carrier that holds their supports. With z the displacement of the carrier and
-:math:`w_n` the shape of mode n, the kinetic energy
+**Recoil.** The modes shake the carrier that holds their supports; ``docs/physics.md`` derives the terms Γ ṙ ż of it.
 
-.. math::
-    T = \tfrac12\int\mu\,(\dot z + \dot w)^2\,dx = \tfrac12 m_c\dot z^2 + \dot z\sum\Gamma_n\dot r_n
-    + \tfrac12\sum m_n\dot r_n^2, \qquad \Gamma_n = \int\mu\,w_n\,dx + m_t w_n(x_t)
-
-has a cross term; the mass :math:`m_c` of the carrier contains that of the stator. A single mode has the equivalent
-without recoil :math:`m' = m - \Gamma^2/m_c`, :math:`Y' = Y - \Gamma/m_c`, exact for soft springs: its other coordinate
-is the centre of mass, :math:`z + \Gamma r/m_c`. A carrier that moves along the rotor has the same term with
-:math:`\Gamma_x` there. ``docs/physics.md`` derives it.
+**Feedback electrode.** One more group, on a resistance, gives the coordinates the stiffness of its charge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import atan, floor, log10, pi, sqrt
 from typing import Self
@@ -32,7 +24,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.motor.parameters import Contact, Mode, Mount, Piezo, ToolLoad
+from pyspice_runner.motor.parameters import Contact, Feedback, Mode, Mount, Piezo, ToolLoad
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -65,9 +57,13 @@ class Stator:
     capacitance_at: float = CAPACITANCE_AT  # Hz, at which C holds
     loss_tangent: float = 0.0  # of the clamped capacitances, the same at all frequencies
     carriers: int = 0  # number of coordinates of the carrier, the last ones: along y, then along x
+    feedback: Feedback | None = None  # electrode that loads the coordinates; M, B, K and C are those with it shorted
+    sensed: Array = field(default_factory=lambda: np.zeros(0))  # its force per coordinate, shape (n,), N/V
 
     @classmethod
-    def of_modes(cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact | None) -> Self:
+    def of_modes(
+        cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact | None, feedback: Feedback | None = None
+    ) -> Self:
         """Return the stator of modes with one contact, or one face of a transducer; a recoil that is not known is 0.
 
         Voltages do not move a contact without a compliance in series: its modes that are left out do not count.
@@ -86,6 +82,8 @@ class Stator:
             residual_per_volt=np.where(softness[:, np.newaxis] > 0.0, piezo.motion, 0.0),
             capacitance_at=piezo.reference_hz or CAPACITANCE_AT,
             loss_tangent=piezo.loss_tangent,
+            feedback=feedback,
+            sensed=np.array([feedback.couplings_n_per_v.get(mode.name, 0.0) for mode in modes if feedback]),
         )
 
     def loaded(self, motion: Array, load: ToolLoad, resistance_n_s_per_m: float) -> Self:
@@ -144,8 +142,9 @@ class Stator:
         coupling, recoil = np.zeros((n + count, self.coupling.shape[1])), np.zeros((n + count, 2))
         contact[:, :n], coupling[:n], recoil[:n] = self.contact, self.coupling, self.recoil
         return replace(
-            self, mass=mass, damping=damping, stiffness=stiffness, coupling=coupling, contact=contact, recoil=recoil
-        )
+            self, mass=mass, damping=damping, stiffness=stiffness, coupling=coupling, contact=contact, recoil=recoil,
+            sensed=np.pad(self.sensed, (0, count)) if self.feedback else self.sensed,
+        )  # fmt: skip
 
     def adapted(self, step: float) -> Self:
         """Return the stator, on its carrier, that a netlist needs so that the trapezoidal rule is exact at resonances.
@@ -173,9 +172,18 @@ class Stator:
         return replace(self, mass=mass if self.carriers else written, stiffness=springs)
 
     def dynamic_stiffness(self, omega: ArrayLike) -> Complex:
-        """Return K − ω²M + jωB in N/m at angular frequencies in rad/s, shape (…, n, n)."""
+        """Return K − ω²M + jωB in N/m at angular frequencies in rad/s, shape (…, n, n), with the feedback electrode."""
         rate = 1j * np.asarray(omega, dtype=float)[..., np.newaxis, np.newaxis]
-        return np.asarray(square(self.stiffness) + rate * square(self.damping) + rate**2 * square(self.mass))
+        found = np.asarray(square(self.stiffness) + rate * square(self.damping) + rate**2 * square(self.mass))
+        if self.feedback:
+            found += self.feedback_gain(omega)[..., np.newaxis, np.newaxis] * np.outer(self.sensed, self.sensed)
+        return found
+
+    def feedback_gain(self, omega: ArrayLike) -> Complex:
+        """Return volts at the feedback electrode per coulomb on it in 1/F at angular frequencies in rad/s."""
+        assert self.feedback is not None
+        rate = 1j * np.asarray(omega, dtype=float)
+        return np.asarray(rate / (1.0 / self.feedback.resistance_ohm + rate * self.feedback.capacitance_f))
 
     def admittance(self, omega: ArrayLike) -> Complex:
         """Return the admittance matrices of the groups in S at angular frequencies in rad/s, shape (…, g, g).
@@ -228,6 +236,7 @@ class Stator:
         return replace(
             self, mass=mass, damping=damping, stiffness=elastic, coupling=shapes.T @ carried.coupling,
             contact=carried.contact @ shapes, recoil=np.zeros((n, 2)),
+            sensed=shapes.T @ carried.sensed if self.feedback else self.sensed,
         )  # fmt: skip
 
     @property

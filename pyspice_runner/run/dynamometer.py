@@ -17,7 +17,7 @@ import numpy as np
 
 from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
-from pyspice_runner.circuit.state import PLATES, Motion, held_piezo, motion_of, motor_states
+from pyspice_runner.circuit.state import CHARGED, PLATES, Motion, held_piezo, motion_of, motor_states
 from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers, square
@@ -188,9 +188,10 @@ class Dynamometer:
 
     @property
     def dampers(self) -> list[str]:
-        """Names of the dampers: the modes, and the mount if there is one."""
+        """Names of the dampers: the modes, and the mount and the feedback electrode if there are any."""
         modes = [str(index) for index in range(1, len(self.setup.motor.modes) + 1)]
-        return [*modes, *("mount", "mount_x")[: len(carriers(self.setup.motor.mount))]]
+        sensed = [CHARGED] if self.setup.motor.feedback else []
+        return [*modes, *("mount", "mount_x")[: len(carriers(self.setup.motor.mount))], *sensed]
 
     @property
     def dielectrics(self) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pyspice_runner.circuit.motor import dielectric_branches
 from pyspice_runner.circuit.state import (
+    FEEDBACK,
     Discretisation,
     Kind,
     held_piezo,
@@ -26,7 +27,7 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import square
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.point import Point
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, OF_TRANSDUCER, Array, EnergyBalance
+from pyspice_runner.run.waveforms import COLUMNS, HEATED, OF_TRANSDUCER, SENSED, Array, EnergyBalance
 from pyspice_runner.run.window import plate_voltage
 
 VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents, which the source knows
@@ -41,6 +42,7 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
     "contact_state": ("v(xmotor.state)",),
     "rotor_speed_rad_s": ("v(shaft)",),
     "temperature_k": ("v(temperature)",),
+    "feedback_v": (f"v(xmotor.{FEEDBACK})",),
 }
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
 _CURRENTS = {column("current", group, "a"): group for group in GROUPS}
@@ -73,7 +75,7 @@ class Recording:
             else:
                 names += self.point.source.current(_CURRENTS[name])[:1] if name in _CURRENTS else VECTORS[name]
         if signals is None:
-            names += state_vectors(self.point.motor, self.point.law, kinds=("mode", "mount", "bearing"))
+            names += state_vectors(self.point.motor, self.point.law, kinds=("mode", "mount", "feedback", "bearing"))
         return [name for name in dict.fromkeys(names) if self.point.law or name[2:-1] not in _OF_CONTACT]
 
     @property
@@ -81,7 +83,8 @@ class Recording:
         """The columns that a run with these settings has."""
         if self.point.motor.is_transducer:
             return columns_of_transducer(self.point.motor)
-        return [*COLUMNS, *(HEATED if self.point.thermal else ())]
+        sensed = SENSED if self.point.motor.feedback else ()
+        return [*COLUMNS, *sensed, *(HEATED if self.point.thermal else ())]
 
     @property
     def _velocities(self) -> list[str]:
@@ -171,6 +174,7 @@ class _Terms:
         self.displacement, self.velocity = np.split(recording._courses(samples, "mode"), 2)
         self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
         self.share = recording._courses(samples, "bearing")
+        self.charged = recording._courses(samples, "feedback")
         self.penetration = recording._penetration(samples)
         self.stator = motor.stator
         thermal = recording.point.thermal
@@ -201,7 +205,7 @@ class _Terms:
         passed = np.cumsum(0.5 * (electrical[1:] + electrical[:-1]) * np.diff(self.time))
         of_modes = {
             "electrical": self.work(electrical),
-            "dielectric": self.dielectric(),
+            "dielectric": self.dielectric() + self.sensed(),
             "kinetic": _change(0.5 * self.stator.mass @ self.velocity**2),
             "elastic": _change(0.5 * self.stator.stiffness @ (squared - 0.5 * softening * squared**2)),
             "damping": self.work(self.stator.damping @ (self.velocity**2 * (1.0 + growth * squared))),
@@ -276,6 +280,14 @@ class _Terms:
                 energy += self.work((u - at_a) * (u - at_a - 2.0 * share * (v - at_b))) / a.resistance_ohm
                 energy += self.work((v - at_b) ** 2) / b.resistance_ohm
         return energy
+
+    def sensed(self) -> float:
+        """Return the energy in the feedback electrode and its loss."""
+        electrode = self.motor.feedback
+        if electrode is None:
+            return 0.0
+        squared = self.charged[0] ** 2
+        return _change(0.5 * electrode.capacitance_f * squared) + self.work(squared / electrode.resistance_ohm)
 
     def drift(self) -> float:
         """Return the work of the drift of a heated motor on the springs of its modes."""

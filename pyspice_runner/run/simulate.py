@@ -26,8 +26,8 @@ from pyspice_runner.result import Audit
 from pyspice_runner.run.audit import audit_run, ceramic, delivering
 from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point, Settings
-from pyspice_runner.run.recording import Recording, columns_of_transducer
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, OF_TRANSDUCER, EnergyBalance, Waveforms, interpolated
+from pyspice_runner.run.recording import Recording
+from pyspice_runner.run.waveforms import HEATED, OF_TRANSDUCER, EnergyBalance, Waveforms, interpolated
 from pyspice_runner.run.window import Array, Window
 
 _USUAL_ERROR = 5e-4  # of the tip's motion, at the default step; more than at nearly all reference points of the tests
@@ -110,7 +110,7 @@ def simulated(
             f"duration = {duration:g} s is shorter than ten steps of {point.step:g} s; give at least "
             f"{10 * point.step:.3g} s."
         )
-    columns = columns_of_transducer(point.motor) if point.motor.is_transducer else list(COLUMNS)
+    columns = [name for name in Recording(point, point.discretisation).all_columns if name not in HEATED]
     _check_recording(signals, columns, record_from, record_every, duration, point.step)
     judged = TIP if "tip_x_m" in columns else [name for name in columns if name in OF_TRANSDUCER]
     estimate = (step is None or accuracy is not None) and (signals is None or {*judged} <= {*signals})
@@ -198,7 +198,7 @@ def _run(
             **stressed,
             "cautions": [*stressed["cautions"], *inexact],
         }
-        arrays: dict[str, Any] = {name: waves.get(name) for name in (*COLUMNS, *HEATED, *OF_TRANSDUCER)}
+        arrays: dict[str, Any] = {name: waves.get(name) for name in Waveforms.units}
         found = Waveforms(
             **arrays,
             energy=energy,  # type: ignore[arg-type]

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from cmath import phase
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from math import isfinite
+from math import degrees, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,6 +47,7 @@ OF_TRANSDUCER = {  # beside time, voltages, currents, and of a known face tip_y_
     "motional_current_a_a": ("A", "motional current of group A, that of its modes"),
     "motional_current_b_a": ("A", "motional current of group B"),
 }
+SENSED = {"feedback_v": ("V", "voltage of the feedback electrode")}
 HEATED = {"temperature_k": ("K", "temperature of a heated motor, above that at which its parameters hold")}
 
 
@@ -112,6 +114,7 @@ class Waveforms(Result):
         provenance: motor, drive, run settings and hash of the deck, JSON-ready.
         deck: the netlist that was run.
         temperature_k: only for a motor heated by its losses.
+        feedback_v: only for a motor with a feedback electrode.
         motional_current_a_a, motional_current_b_a: only for a transducer; ``tip_y_m`` is then the motion of its face.
         final_state: the motion at the end, from which a run can continue, if all signals were recorded.
         error_estimate: estimated error of the tip's trajectory, RMS relative to its motion; ``None`` for a run with a
@@ -152,7 +155,9 @@ class Waveforms(Result):
     motional_current_a_a: Array = field(default_factory=_absent)
     motional_current_b_a: Array = field(default_factory=_absent)
 
-    units = COLUMNS | HEATED | OF_TRANSDUCER
+    feedback_v: Array = field(default_factory=_absent)
+
+    units = COLUMNS | SENSED | HEATED | OF_TRANSDUCER
 
     def __post_init__(self) -> None:
         for name in (*self.units, "energy"):
@@ -254,6 +259,7 @@ class Waveforms(Result):
         return self._localised({
             "mean_rotor_speed_rad_s": known("rotor_speed_rad_s", "mean_rotor_speed_rad_s"),
             "mean_torque_n_m": known("friction_force_n", "mean_torque_n_m"),
+            **self.sensed(),
             "state_fractions": known("contact_state", "state_fractions"),
             "energy_residual": known("energy", "energy_residual"),
             "energy_j": asdict(self.energy) if hasattr(self, "energy") else None,
@@ -291,6 +297,20 @@ class Waveforms(Result):
             if hasattr(self, column):
                 name = name or column.replace("current_", "current_amplitude_", 1)
                 found[name] = float(abs(self._window.harmonics(getattr(self, column))[0]))
+        return found
+
+    def sensed(self) -> dict[str, float]:
+        """Return amplitude in V, and phase in degrees ahead of the voltage of group A, of a feedback electrode.
+
+        They are at the drive's frequency over the last whole drive periods. What was not recorded is left out.
+        """
+        if not hasattr(self, "feedback_v"):
+            return {}
+        volts = complex(self._window.harmonics(self.feedback_v)[0])
+        found = {"feedback_amplitude_v": abs(volts)}
+        if hasattr(self, "voltage_a_v"):
+            ahead = volts * complex(self._window.harmonics(self.voltage_a_v)[0]).conjugate()
+            found["feedback_phase_deg"] = degrees(phase(ahead))
         return found
 
     def columns(self) -> dict[str, Array]:
@@ -396,6 +416,7 @@ class Waveforms(Result):
         found["drive"] = str(self.provenance["drive"]["label"])
         if self.of_transducer:
             found |= {words: text + self.remark(words) for words, text in described(self.electrical()).items()}
+        found |= described(self.sensed())
         found |= contact_row(self.provenance["run"])
         if hasattr(self, "contact_state"):
             found["contact"] = ", ".join(
@@ -413,7 +434,9 @@ def described(quantities: Mapping[str, float | None]) -> dict[str, str]:
     """Return quantities ready to print, their names as words without the unit."""
     units = {name: unit_in(name) for name in quantities}
     return {
-        name.removesuffix(f"_{units[name].lower()}").replace("_", " "): engineering(value, units[name].strip("1"))
+        name.removesuffix(f"_{units[name].lower()}").removesuffix("_deg").replace("_", " "): engineering(
+            value, units[name].strip("1")
+        )
         for name, value in quantities.items()
     }
 

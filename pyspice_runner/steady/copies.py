@@ -146,7 +146,7 @@ class Plant:
         """The states that a period maps, in their order."""
         turning: tuple[Kind, ...] = ("rotor",) if self.turns else ()
         plates: tuple[Kind, ...] = ("group",) if self.driver else ()
-        return motor_states(self.motor, self.law, ("mode", "contact", "stem", "mount", *turning, *plates))
+        return motor_states(self.motor, self.law, ("mode", "contact", "stem", "mount", "feedback", *turning, *plates))
 
     @cached_property
     def places(self) -> dict[Kind, slice]:

@@ -171,8 +171,10 @@ def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array,
     """Return the first five fields of :class:`Stators` of one point, with so many coordinates."""
     stator, modes = plant.motor.stator.with_carrier(plant.mount), plant.modes
     count = len(stator.mass)
-    stiffness, damping, mass = np.eye(most), np.zeros((most, most)), np.zeros((most, most))
-    for padded, own in ((stiffness, stator.stiffness), (damping, stator.damping), (mass, stator.mass)):
+    impedance = np.tile(np.eye(most, dtype=complex), (len(orders), 1, 1))
+    impedance[:, :count, :count] = stator.dynamic_stiffness(omega * orders)
+    damping, mass = np.zeros((most, most)), np.zeros((most, most))
+    for padded, own in ((damping, stator.damping), (mass, stator.mass)):
         padded[:count, :count] = square(own)
     rates = 1j * omega * orders[:, np.newaxis, np.newaxis]
     tip = np.pad(stator.contact, ((0, 0), (0, most - count)))
@@ -185,7 +187,7 @@ def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array,
             direct[order] += per_volt * phasor
     if stator.carriers:
         forces[0, modes] = plant.motor.contact.preload_n
-    return tip, stiffness + rates * damping + rates**2 * mass, damping + 2.0 * rates * mass, forces, direct
+    return tip, impedance, damping + 2.0 * rates * mass, forces, direct
 
 
 def tone_phasor(tone: Tone, omega: float) -> tuple[int, complex]:
@@ -544,6 +546,9 @@ class Balance:
         state[displacements] = coordinates.sum(axis=0).real
         state[velocities] = (1j * grid.omega * orders @ coordinates).real
         state[plant.places["contact"]] = MICRO * self.sliders
+        if plant.motor.feedback:
+            stator, charge = plant.motor.stator, -coordinates[:, : plant.modes] @ plant.motor.stator.sensed
+            state[plant.places["feedback"]] = (stator.feedback_gain(grid.omega * orders) @ charge).real
         contact, stem = plant.motor.contact, []
         moved, moving = direct.sum(axis=0).real, (1j * grid.omega * orders @ direct).real
         for axis, series, force, rest in (

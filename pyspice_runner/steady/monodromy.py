@@ -266,6 +266,11 @@ class Linearised:
             rates[run][np.ix_(speeds, speeds)] = -inverse @ square(stator.damping)
             inputs[run][np.ix_(speeds, (0, 1))] = inverse @ stator.contact.T
             driven[run, speeds, :2] = inverse @ stator.coupling[:, :2]
+            if electrode := stator.feedback:
+                place = self.plant.places["feedback"].start
+                rates[run, speeds, place] = inverse @ stator.sensed
+                rates[run, place, speeds] = -stator.sensed / electrode.capacitance_f
+                rates[run, place, place] = -1.0 / (electrode.resistance_ohm * electrode.capacitance_f)
             if plant.turns:
                 rotor = one.motor.rotor
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2

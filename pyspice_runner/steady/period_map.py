@@ -471,6 +471,9 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     mount_loss = 0.0
     for spring, rise in zip(carriers(plant.mount), trace.states[plant.moving[1][plant.modes :]], strict=True):
         mount_loss += spring.damping_n_s_per_m * float(rise[1:] @ rise[1:]) / points
+    taken = 0.0  # by the resistance at the feedback electrode
+    if motor.feedback:
+        taken = float(np.mean(trace.states[plant.places["feedback"], 1:] ** 2)) / motor.feedback.resistance_ohm
     heating = velocity[:, 1:] ** 2
     growth = [mode.damping_growth_per_m2 for mode in motor.modes]
     if any(growth):
@@ -486,7 +489,7 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         "press": float(normal @ (vy - x * vx / radius)) / points,
         "given": radius * float(friction @ turning) / points,
         "speed": float(turning.sum()) / points,
-        "damping_loss": float(motor.stator.damping @ heating.sum(axis=1)) / points + mount_loss,
+        "damping_loss": float(motor.stator.damping @ heating.sum(axis=1)) / points + mount_loss + taken,
         "dielectric_loss": _dielectric_loss(plant),
         "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),

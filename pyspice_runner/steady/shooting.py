@@ -432,6 +432,10 @@ def start_point(plant: Plant) -> Orbit:
     for _, tip in zip(carriers(plant.mount), (towards, along), strict=False):
         lift = contact_law.static_penetration(motor.contact) + float(np.abs(tip * amplitudes).max())
         carrier += [lift, lift / plant.drive.period]
+    sensed = []
+    if motor.feedback:
+        charge = float(np.abs(motor.stator.sensed) @ np.sqrt(2.0 * energy / motor.stator.stiffness))
+        sensed = [max(charge / motor.feedback.capacitance_f, 1e-6)]
     turning = [swift / motor.rotor.radius_m] if plant.turns else []
     sliders = plant.places["contact"]
     stem = []
@@ -439,7 +443,7 @@ def start_point(plant: Plant) -> Orbit:
         stem += [compliance * preload, swift]
     scale = np.array([
         *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem,
-        *carrier, *turning,
+        *carrier, *sensed, *turning,
     ])  # fmt: skip
     return Orbit(plant, state, scale)
 

@@ -29,8 +29,8 @@ from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import audit_point, delivering
 from pyspice_runner.run.dynamometer import STUCK, Quantities, stuck
 from pyspice_runner.run.point import Point, Settings
-from pyspice_runner.run.recording import Recording
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, Array, Waveforms
+from pyspice_runner.run.recording import VECTORS, Recording
+from pyspice_runner.run.waveforms import HEATED, Array, Waveforms, described
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
@@ -170,10 +170,15 @@ class SteadyState(Quantities, Result):
             "speed_rad_s": self.speed_rad_s,
             **json_ready(self.quantities),
             **self._entries("current_a_phase_deg", "current_b_phase_deg", "torque_error_n_m"),
+            **self.sensed(),
             **self._entries("floquet_multipliers", "stable", "instability", "converged"),
             **self._entries("residual", "iterations", "method", "step_s", "audit", "cautions"),
             **self.provenance,
         })  # fmt: skip
+
+    def sensed(self) -> dict[str, float]:
+        """Return amplitude and phase of a feedback electrode as :meth:`.Waveforms.sensed`, if there are waveforms."""
+        return self.waveforms.sensed() if self.waveforms else {}
 
     @property
     def deck(self) -> str | None:  # type: ignore[override]
@@ -211,6 +216,7 @@ class SteadyState(Quantities, Result):
             "stress of the ceramic": engineering(self.ceramic_stress_pa, "Pa"),
             "peak pressure of the contact": engineering(self.peak_pressure_pa, "Pa"),
             "temperature rise": engineering(self.temperature_rise_k, "K"),
+            **described(self.sensed()),
             "estimated error of the torque": engineering(self.torque_error_n_m, "N·m"),
             "stable": f"{'yes' if self.stable else 'no'}, largest multiplier {self.largest_multiplier:.5g}",
             "found by": f"{self.method or 'no method'}, {self.iterations} iterations",
@@ -592,8 +598,11 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         name, sign = setup.source.current(group)
         samples[f"v({group})"] = drive_voltage(plant.tones(group), trace.time)
         samples[name] = sign * current(plant, group, trace)
+    if electrode := plant.motor.feedback:
+        shared = sum(share * samples[f"v({group})"] for group, share in zip("ab", electrode.shares, strict=True))
+        samples[VECTORS["feedback_v"][0]] = trace.states[plant.places["feedback"]][0] + shared
     recording = Recording(setup, discretisation, started=False)
-    waves = recording.columns(samples, COLUMNS)
+    waves = recording.columns(samples, recording.all_columns)
     arrays: dict[str, Any] = dict.fromkeys(HEATED) | waves
     return Waveforms(
         **arrays,

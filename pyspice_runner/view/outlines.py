@@ -17,7 +17,7 @@ from pyspice_runner.motor.solid.stator import stator_of
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.view.style import BLUE, GREEN, GREY, VERMILION
 
-COLOURS = {"A": BLUE, "B": VERMILION}  # of the groups
+COLOURS = {"A": BLUE, "B": VERMILION, "feedback": GREEN}  # of the groups
 POINTS = 20  # on each side of a box
 _INSIDE = 1.0 - 1e-6
 

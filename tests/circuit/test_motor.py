@@ -18,7 +18,7 @@ from PySpice.Spice.Netlist import Circuit
 import pyspice_runner as pr
 from pyspice_runner.circuit.bench import AC_OPTIONS, admittance_bench, motor_bench
 from pyspice_runner.circuit.law import LAWS, Law, law_of
-from pyspice_runner.circuit.motor import MotorSubCircuit, add_motor, motor_library
+from pyspice_runner.circuit.motor import MotorSubCircuit, add_motor, dielectric_matrix, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS, DriveSource
 from pyspice_runner.circuit.state import Discretisation, written
 from pyspice_runner.errors import ParameterError
@@ -332,3 +332,93 @@ def test_shaft_is_free_loaded_or_held() -> None:
 def test_first_voltage_is_that_of_the_phase() -> None:
     drive = pr.TwoPhaseDrive(voltage=10.0, frequency=40e3, phase_deg=30.0)
     assert drive.initial_voltages() == pytest.approx((0.0, 10.0 * sin(pi / 6)))
+
+
+# --- the feedback electrode: a third group, passive ------------------------------------------------------------
+
+FLAGSHIP = pr.load_motor("bimodal40")
+DRIVE = pr.default_drive(FLAGSHIP)
+MATCHED = 1.0 / (2.0 * np.pi * DRIVE.frequency * 3e-10)  # ohm, at which the electrode takes the most power
+
+
+def sensed(**values: Any) -> Motor:
+    """Return the flagship with an electrode that senses a tenth of what group A drives."""
+    couplings = {mode.name: 0.1 * mode.coupling_a_n_per_v for mode in FLAGSHIP.modes}
+    return FLAGSHIP.updated({"feedback": {"capacitance_f": 3e-10, "couplings_n_per_v": couplings, **values}})
+
+
+def test_an_open_electrode_has_the_voltage_of_its_charge_and_the_shares_of_the_groups() -> None:
+    subject = sensed(resistance_ohm=1e9, share_a=0.2, share_b=-0.1)
+    state = pr.steady_state(subject, DRIVE, speed=8.0)
+    plant, trace, waves = state.solution.plant, state.solution.trace, state.waveforms  # type: ignore[union-attr]
+    charge = -subject.stator.sensed @ trace.states[: plant.modes]  # type: ignore[union-attr]
+    shared = 0.2 * waves.voltage_a_v - 0.1 * waves.voltage_b_v  # type: ignore[union-attr]
+    own = waves.feedback_v - shared  # type: ignore[union-attr]
+    assert np.ptp(own) == pytest.approx(np.ptp(charge) / 3e-10, rel=2e-3)  # by the step of the period: 1e-3
+    run = pr.simulate(subject, DRIVE, 20e-3, speed=8.0, record_from=19e-3, signals=["voltage_a_v", "feedback_v"])
+    for name, value in state.sensed().items():  # from rest, by another time step
+        assert run.sensed()[name] == pytest.approx(value, rel=5e-3)
+
+
+@pytest.mark.parametrize("drive", [DRIVE, pr.Driver("linear", voltage=100.0, frequency=40.7e3, phase_deg=90.0)])
+def test_the_energy_balance_counts_what_the_resistance_takes(drive: Any) -> None:
+    subject = sensed(resistance_ohm=MATCHED, share_a=0.2)
+    state = pr.steady_state(subject, drive, speed=8.0)
+    taken = state.sensed()["feedback_amplitude_v"] ** 2 / (2.0 * MATCHED) / (state.power_a_w + state.power_b_w)
+    assert taken > 0.02
+    assert abs(state.balance_residual) < 0.05 * taken
+    assert state.waveforms.energy_residual < 0.05 * taken  # type: ignore[union-attr]
+    if drive is DRIVE:
+        assert pr.simulate(subject, drive, 1e-3).energy_residual < 0.05 * taken
+        settled = pr.speed_torque(subject, drive, speeds=[8.0], mode="settle", tolerance=0.01)
+        assert abs(float(settled["balance_residual"][0])) < 0.1 * taken
+        assert float(settled["torque_n_m"][0]) == pytest.approx(state.torque_n_m, rel=0.02)
+
+
+def test_a_part_of_group_a_that_is_cut_off_and_connected_to_it_changes_nothing() -> None:
+    part, own = 0.1, FLAGSHIP.piezo.capacitance_a_f
+    changes: dict[str, Any] = {"name": "cut", "piezo.capacitance_a_f": (1.0 - part) * own}
+    for index, one in enumerate(FLAGSHIP.modes):
+        changes[f"modes.{index}.coupling_a_n_per_v"] = (1.0 - part) * one.coupling_a_n_per_v
+    cut, circuit = sensed(capacitance_f=part * own).updated(changes), Circuit("both motors")
+    for number, subject, more in ((1, FLAGSHIP, {}), (2, cut, {"a2": {"amplifier": 1e12}})):
+        circuit.V(f"a{number}", f"a{number}", circuit.gnd, "DC 0 AC 1")
+        pins = (f"a{number}", circuit.gnd, circuit.gnd, f"shaft{number}", *more)
+        own_name = {"instance": f"m{number}", "name": f"motor{number}", "settings": more.get("a2")}
+        add_motor(circuit, subject, pins, law=None, sensed=True, **own_name)
+    simulator = BatchSimulator(circuit)
+    simulator.options(**AC_OPTIONS)
+    simulator.save("i(va1)", "i(va2)", "v(xm1.vy)", "v(xm2.vy)")
+    simulator.ac(start_frequency=30e3, stop_frequency=50e3, number_of_points=41, variation="lin")
+    found = simulator.result.raw.vectors  # type: ignore[union-attr]
+    assert found["v(xm2.vy)"] == pytest.approx(found["v(xm1.vy)"], rel=1e-9)
+    hertz = np.real(found["frequency"])
+    # without the capacitances, of which the electrode's has no loss
+    clamped = [np.array([dielectric_matrix(one, at)[0, 0] for at in hertz.tolist()]) for one in (FLAGSHIP, cut)]
+    clamped[1] += 2j * np.pi * hertz * part * own
+    whole, both = (-found[f"i(va{number})"] - clamped[number - 1] for number in (1, 2))
+    assert both == pytest.approx(whole, abs=1e-9 * np.abs(whole).max())
+
+
+def test_an_exported_library_has_the_pin_and_runs(tmp_path: Path) -> None:
+    deck = (
+        f"an electrode\n{motor_library(sensed(share_a=0.2))}\nVa a 0 SIN(0 100 40.7k)\nVb b 0 SIN(0 100 40.7k 0 0 90)\n"
+        "Xmotor a b 0 shaft f piezomotor\n.tran 100n 300u 0 100n uic\n"
+        ".measure tran sensed MAX v(f) FROM=200u TO=300u\n.measure tran check MAX v(xmotor.check)\n.end\n"
+    )
+    found = measured(deck, tmp_path)
+    run = pr.simulate(sensed(share_a=0.2), DRIVE, 300e-6, step=1e-7, exact_resonance=False)
+    assert found["sensed"] == pytest.approx(run.feedback_v[run.time_s > 200e-6].max(), rel=0.01)
+    assert found["check"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_electrode_that_is_not_possible_is_refused_and_what_has_none_says_so(tmp_path: Path) -> None:
+    for coupling, words in (
+        ("mode-9", "has 'mode-9', which is no mode: they are mode-1"),
+        ("mode-3", "k_eff² above 0.9"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            sensed(couplings_n_per_v={coupling: 10.0})
+    for ending, what in ((".va", "A .va file"), (".fmu", "The averaged motor")):
+        with pytest.raises(ParameterError, match=f"{what} has no feedback electrode"):
+            pr.export_motor(sensed(), tmp_path / f"motor{ending}")

@@ -338,7 +338,7 @@ def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Pa
 
 TOP = (
     "name, description, ceramic, patches, tip, damping, law, drive, piezo, contact, rotor, slider, mount, limits, "
-    "load, beam, solid, modes, arms"
+    "load, feedback, beam, solid, modes, arms"
 )
 LEFT_OUT = {"friction": 0.2, "preload_n": 1.0}
 MISTAKES: list[tuple[Document, str]] = [

@@ -31,8 +31,12 @@ SHAKEN = pr.load_motor(BEAM40).updated({
     "modes.0.recoil_kg": 1e-3, "modes.1.recoil_x_kg": -2e-3, "mount.mass_kg": 0.02,
     "mount.tangential_stiffness_n_per_m": 3e6, "mount.tangential_damping_n_s_per_m": 20.0,
 })  # fmt: skip
+SENSED = FLAGSHIP.updated({
+    "feedback": {"capacitance_f": 3e-10, "resistance_ohm": 2e4, "couplings_n_per_v": {"mode-3": 0.01, "mode-4": 0.003}}
+})  # fmt: skip
 CASES = {
     "free shaft, mount": (PAPER, PAPERS_DRIVE, None, Law()),
+    "feedback electrode": (SENSED, pr.default_drive(FLAGSHIP), None, Law()),
     "flagship, brush": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 8)),
     "recoil along both axes": (SHAKEN, pr.default_drive(SHAKEN), 5.0, Law()),
     "damping on a soft compliance": (
@@ -72,7 +76,7 @@ def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tup
 
 
 @pytest.mark.parametrize(
-    "name", [name if number < 4 else pytest.param(name, marks=pytest.mark.soak) for number, name in enumerate(CASES)]
+    "name", [name if number < 5 else pytest.param(name, marks=pytest.mark.soak) for number, name in enumerate(CASES)]
 )
 def test_the_derivative_along_a_trace_is_that_of_perturbed_copies(name: str) -> None:
     motor, drive, speed, law = CASES[name]

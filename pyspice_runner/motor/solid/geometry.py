@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.solid.elements import Array, Indices, Part, plate_matrix
 from pyspice_runner.motor.solid.materials import materials
-from pyspice_runner.motor.solid.parameters import Box, Electrode, Placed, Solid, Support
+from pyspice_runner.motor.solid.parameters import Box, Placed, Solid, Support
 from pyspice_runner.motor.solid.places import Places, places_of
-
-_GROUPS = ("A", "B", "ground")
 
 
 @dataclass(frozen=True)
@@ -24,12 +22,17 @@ class Geometry:
 
     basis: Any  # quadratic elements of one field
     parts: list[Part]
-    place: Indices  # row of each unknown: displacements, then potentials, then groups A and B; −1 where it is held at 0
+    place: Indices  # row of each unknown: displacements, then potentials, then groups; −1 where it is held at 0
     displacements: int
     size: int
     springs: list[tuple[Indices, Array]]  # unknowns and matrices of sprung faces
     contact: Array
     """Mean motion of the face of contact along normal and tangent, of all displacements of nodes: (2, nodes, axes)."""
+
+    @property
+    def groups(self) -> int:
+        """Number of groups: A, B and the feedback electrode, if there is one."""
+        return len(self.place) - self.fields * int(self.basis.N) - 1
 
     @property
     def dimension(self) -> int:
@@ -119,8 +122,8 @@ def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> 
         side = shape.side(electrode, box)
         if side is not None:
             covered = shape.cells(electrode, f"electrodes.{index}")[cells]
-            faces[side, covered] = _GROUPS.index(electrode.group)
-    found = []
+            faces[side, covered] = solid.groups.index(electrode.group)
+    found, ground = [], base + len(solid.groups) - 1
     for upper, lower in np.unique(faces, axis=1).T:
         shorted = min(upper, lower) >= 0
         found.append(
@@ -129,7 +132,7 @@ def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> 
                 plate_matrix(matrix, shorted=shorted),
                 card.density_kg_m3,
                 box.height_m,
-                (base + int(upper), base + int(lower)) if shorted else (base + 2, base + 2),
+                (base + int(upper), base + int(lower)) if shorted else (ground, ground),
                 ceramic,
             )
         )
@@ -149,32 +152,33 @@ def _places(solid: Solid, shape: Places, basis: Any, parts: list[Part]) -> tuple
     place = np.full((basis.N, fields), -1)
     displacements = int(free.sum())
     place[:, :dimension][free] = np.arange(displacements)
-    unknown = displacements
+    unknown, groups = displacements, len(solid.groups) - 1
     if dimension == 3:
         potential = np.full(basis.N, -1)
         for part in parts:
             if part.matrix[6:, 6:].any():
-                potential[basis.element_dofs[:, part.cells]] = len(_GROUPS)
+                potential[basis.element_dofs[:, part.cells]] = groups + 1
         for index, electrode in enumerate(solid.electrodes):
             covered = shape.nodes(basis, electrode, f"electrodes.{index}") & (potential >= 0)
-            _cover(potential, covered, electrode, index)
-        between = potential == len(_GROUPS)
+            _cover(potential, covered, solid, index)
+        between = potential == groups + 1
         place[between, 3] = displacements + np.arange(between.sum())
         unknown += int(between.sum())
-        for group in (0, 1):
+        for group in range(groups):
             place[potential == group, 3] = unknown + group
-    return np.append(place.ravel(), [unknown, unknown + 1, -1]), displacements, unknown + 2
+    return np.append(place.ravel(), [*range(unknown, unknown + groups), -1]), displacements, unknown + groups
 
 
-def _cover(potential: Indices, covered: NDArray[np.bool_], electrode: Electrode, index: int) -> None:
+def _cover(potential: Indices, covered: NDArray[np.bool_], solid: Solid, index: int) -> None:
     """Give the nodes under an electrode its group. Raise ParameterError if there are none, or another has them."""
     if not covered.any():
         raise ParameterError(f"solid.electrodes.{index} touches no ceramic; correct its place.")
-    group = _GROUPS.index(electrode.group)
-    others = set(potential[covered]) - {group, len(_GROUPS)}
+    groups, own = solid.groups, solid.electrodes[index].group
+    group = groups.index(own)
+    others = set(potential[covered]) - {group, len(groups)}
     if others:
         raise ParameterError(
-            f"solid.electrodes.{index} of group {electrode.group} touches one of group {_GROUPS[min(others)]}; leave a "
+            f"solid.electrodes.{index} of group {own} touches one of group {groups[min(others)]}; leave a "
             "gap between them."
         )
     potential[covered] = group

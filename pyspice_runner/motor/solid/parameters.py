@@ -121,7 +121,7 @@ class Box(Placed):
 class Electrode(Placed):
     """An electrode on a face: all it covers has one potential."""
 
-    group: Literal["A", "B", "ground"] = Field(description="electrical group, or ground")
+    group: Literal["A", "B", "feedback", "ground"] = Field(description="electrical group, or ground")
     side: Literal["+z", "-z"] | None = Field(description="with the mesh of a plate: the face it is on", default=None)
 
 
@@ -163,8 +163,8 @@ class Solid(Parameters):
     element_m: float | None = quantity(
         "maximum edge of an element; left out with a mesh", "m", ge=1e-6, le=0.1, default=None
     )
-    lowest_hz: float = quantity("lowest frequency of the modes that the motor has", "Hz", ge=10.0, le=1e7)
-    highest_hz: float = quantity("highest frequency of the modes that the motor has", "Hz", ge=10.0, le=1e7)
+    lowest_hz: float = quantity("lowest frequency of its modes", "Hz", ge=10.0, le=1e7)
+    highest_hz: float = quantity("highest frequency of its modes", "Hz", ge=10.0, le=1e7)
     quality_factor: float = quantity("quality factor of all modes", "1", gt=0.5, le=1e6)
     contact: Face
     boxes: Annotated[tuple[Box, ...], Field(min_length=1, max_length=100)]
@@ -182,6 +182,12 @@ class Solid(Parameters):
         if self.theory == "plate":
             self._check_plate()
         return self
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the electrodes whose voltages count, and ground."""
+        sensed = ("feedback",) if any(electrode.group == "feedback" for electrode in self.electrodes) else ()
+        return ("A", "B", *sensed, "ground")
 
     @property
     def placed(self) -> dict[str, Placed]:

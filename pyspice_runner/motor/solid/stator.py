@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Modes of a stator by finite elements, and what the modes that are left out contribute.
 
-With the potentials between the electrodes eliminated by the solver, K ψ = ω² M ψ with both groups shorted. A mode has
+With the potentials between the electrodes eliminated by the solver, K ψ = ω² M ψ with all groups shorted. A mode has
 the force factors θ = −(C ψ − Q φ) at the electrodes; the charges there with all displacements held at zero are the
 clamped capacitances. Each mode is scaled so that its largest displacement is 1; its sign makes the larger motion of the
 contact positive.
@@ -61,15 +61,15 @@ class Stator:
 
     frequencies_hz: Array
     masses_kg: Array
-    couplings_n_per_v: Array  # (2, modes): groups A and B
+    couplings_n_per_v: Array  # (groups, modes): groups A and B, then the feedback electrode, if there is one
     tip_x: Array
     tip_y: Array
     recoil_kg: Array  # Γ = ∫ρ ψ·n dV along the normal
     recoil_x_kg: Array  # the same along the tangent
-    clamped_f: Array  # (2, 2): charges on the groups per volt on the groups, all displacements held at zero
-    residual_f: Array  # (2, 2): the same of the modes that are left out
+    clamped_f: Array  # (groups, groups): charges per volt, all displacements held at zero
+    residual_f: Array  # (groups, groups): the same of the modes that are left out
     residual_m_per_n: Array  # (2, 2): compliance of the modes that are left out, normal and tangent
-    residual_m_per_v: Array  # (2, 2): motion of the contact along normal and tangent per volt on the groups, by them
+    residual_m_per_v: Array  # (2, groups): motion of the contact along normal and tangent per volt, by them
     stress_pa_per_m: Array
     """(points, modes): normal stresses of the ceramic, where some combination of modes makes them largest."""
     strain_per_m: Array  # (points, modes): the strains there
@@ -86,7 +86,7 @@ class Stator:
     def tables(self, quality_factor: float) -> list[dict[str, Any]]:
         """Return the modes as tables ``[[modes]]``, named ``mode-1`` and so on."""
         damping = 2.0 * pi * self.frequencies_hz * self.masses_kg / quality_factor
-        coupling = self.couplings_n_per_v.T
+        coupling = self.couplings_n_per_v[:2].T
         ends = (self.tip_x, self.tip_y, self.recoil_kg, self.recoil_x_kg)
         rows = np.column_stack([self.masses_kg, damping, self.stiffnesses_n_per_m, coupling, *ends])
         return [
@@ -101,8 +101,9 @@ def solve_stator(solid: Solid) -> Stator:
     geometry = build_geometry(solid)
     stiffness, mass = assemble(geometry.basis, geometry.parts, geometry.place, geometry.size, geometry.springs)
     count = geometry.displacements
-    inner = slice(0, geometry.size - 2)
-    system, electric = stiffness[inner, inner], stiffness[inner, -2:].toarray()
+    groups = geometry.groups
+    inner = slice(0, geometry.size - groups)
+    system, electric = stiffness[inner, inner], stiffness[inner, -groups:].toarray()
     loads = np.hstack([-electric, _contact_loads(geometry)])
     shift = -((0.5 * pi * solid.highest_hz) ** 2)
     solve = factor(system - shift * mass[inner, inner])
@@ -111,10 +112,10 @@ def solve_stator(solid: Solid) -> Stator:
     )
     generalised = loads.T @ vectors  # forces of the groups and motions of the contact, per modal coordinate
 
-    charged = clamped = -stiffness[-2:, -2:].toarray()
+    charged = clamped = -stiffness[-groups:, -groups:].toarray()
     response = loads.T @ solve(loads)
     if system.shape[0] > count:
-        between = slice(count, geometry.size - 2)
+        between = slice(count, geometry.size - groups)
         clamped = clamped + electric[between].T @ factor(system[between, between])(electric[between])
 
     rigid = squares < _RIGID * -shift
@@ -126,16 +127,17 @@ def solve_stator(solid: Solid) -> Stator:
         )
     shapes = _displacements(geometry, vectors)
     amplitude = np.sqrt((shapes**2).sum(axis=0)).max(axis=0)
-    y, x = generalised[2:]
+    y, x = generalised[groups:]
     amplitude *= np.sign(np.where(np.abs(y) >= np.abs(x), y, x) + np.finfo(float).tiny)
     squares = np.maximum(squares, 0.0)
     frequencies = np.sqrt(squares) / (2.0 * pi)
     capacitance = np.diag(clamped)[:, None] + np.finfo(float).tiny
-    couplings = np.where(generalised[:2] ** 2 <= _ZERO**2 * capacitance * squares, 0.0, generalised[:2])
+    electrical, pushed = generalised[:groups], generalised[groups:]
+    couplings = np.where(electrical**2 <= _ZERO**2 * capacitance * squares, 0.0, electrical)
     couplings = couplings / (VOLTS * amplitude)
-    motion = np.where(np.abs(generalised[2:] / amplitude) <= _ZERO, 0.0, generalised[2:] / amplitude)
-    seen = solid.quality_factor * generalised[:2] ** 2 > _UNSEEN * capacitance * squares
-    takes_part = seen.any(axis=0) | (np.abs(motion) > _SLIGHT).any(axis=0)
+    motion = np.where(np.abs(pushed / amplitude) <= _ZERO, 0.0, pushed / amplitude)
+    seen = solid.quality_factor * electrical**2 > _UNSEEN * capacitance * squares
+    takes_part = seen[:2].any(axis=0) | (np.abs(motion) > _SLIGHT).any(axis=0)
     kept = ~rigid & takes_part & (solid.lowest_hz <= frequencies) & (frequencies <= solid.highest_hz)
     if not kept.any():
         near = ", ".join(f"{frequency:.4g}" for frequency in frequencies[~rigid & takes_part][:8])
@@ -148,7 +150,7 @@ def solve_stator(solid: Solid) -> Stator:
     # at the frequency of the motor's modes those below push against the force, and those above are static
     under = np.where(squares[others] < squares[kept].min(), squares[kept].mean(), 0.0)
     at_shift = _response(generalised, squares - shift)
-    beside = _response(generalised[:, others], squares[others] - under)
+    static = response - at_shift + _response(generalised[:, others], squares[others] - under)
     density = _mass_of_nodes(geometry)
     stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
     recoils = np.einsum("n,anm,da->dm", density, shapes, geometry.contact.sum(axis=1)) / amplitude
@@ -161,9 +163,9 @@ def solve_stator(solid: Solid) -> Stator:
         recoil_kg=recoils[0, kept],
         recoil_x_kg=recoils[1, kept],
         clamped_f=clamped_capacitance(solid, clamped / VOLTS**2),
-        residual_f=(charged + response[:2, :2] - clamped - at_shift[:2, :2] + beside[:2, :2]) / VOLTS**2,
-        residual_m_per_n=response[2:, 2:] - at_shift[2:, 2:] + beside[2:, 2:],
-        residual_m_per_v=(response[2:, :2] - at_shift[2:, :2] + beside[2:, :2]) / VOLTS,
+        residual_f=(charged - clamped + static[:groups, :groups]) / VOLTS**2,
+        residual_m_per_n=static[groups:, groups:],
+        residual_m_per_v=static[groups:, :groups] / VOLTS,
         stress_pa_per_m=stress,
         strain_per_m=strain,
         mass_kg=np.array(density.sum()),
@@ -213,7 +215,7 @@ def _contact_loads(geometry: Geometry) -> Array:
     """Return unit forces on the face of contact along normal and tangent, (rows, 2)."""
     nodes = geometry.contact.shape[1]
     rows = geometry.place[: nodes * geometry.fields].reshape(nodes, -1)[:, : geometry.dimension]
-    loads = np.zeros((geometry.size - 2, 2))
+    loads = np.zeros((geometry.size - geometry.groups, 2))
     loads[rows[rows >= 0]] = geometry.contact[:, rows >= 0].T
     return loads
 
@@ -261,7 +263,7 @@ def _stress(geometry: Geometry, vectors: Array) -> tuple[Array, Array]:
 
 
 def clamped_capacitance(solid: Solid, coarse_f: Array) -> Array:
-    """Return the charges on groups A and B in C per volt on them, all displacements held at 0; shape (2, 2).
+    """Return the charges on the groups in C per volt on them, all displacements held at 0; shape (groups, groups).
 
     They follow from the electric field alone, on a mesh of boxes that is graded for it. At the edge of an electrode the
     field has the singularity r^(-1/2), so that the error of a capacitance is proportional to the length h of the cells
@@ -290,9 +292,10 @@ def _of_field(solid: Solid, finest_m: float) -> Array:
     nodes, size = geometry.basis.N, geometry.size - geometry.displacements
     rows = geometry.place[: geometry.fields * nodes].reshape(nodes, -1)[:, -1] - geometry.displacements
     field = assemble_field(geometry.basis, geometry.parts, np.maximum(rows, -1), size)
-    between = slice(0, size - 2)
-    electric = field[between, -2:].toarray()
-    return np.asarray(field[-2:, -2:].toarray() - electric.T @ factor(field[between, between])(electric))
+    groups = geometry.groups
+    between = slice(0, size - groups)
+    electric = field[between, -groups:].toarray()
+    return np.asarray(field[-groups:, -groups:].toarray() - electric.T @ factor(field[between, between])(electric))
 
 
 # --- computed stators: those of the bundled sets in the package, others in the user's cache ---

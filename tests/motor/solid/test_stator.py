@@ -387,3 +387,24 @@ def test_the_report_lists_boxes_and_electrodes() -> None:
     assert rows["solid.quality_factor"].kind == "assumed"
     assert rows["solid.contact.normal"].value == "+x"
     assert "solid.boxes" not in rows
+
+
+def test_a_feedback_electrode_and_its_group_together_are_the_group_from_which_it_is_cut(tmp_path: Path) -> None:
+    text, corner = PLATE.read_text(encoding="utf-8"), "from_m = [0.0, 0.00575, 0.003]\nto_m = [0.0205, 0.0115, 0.003]"
+    strip = corner.replace("[0.0,", "[0.018,")
+    motors = {}
+    for group, cable in (("feedback", "[feedback]\ncapacitance_f = 1e-10\n"), ("A", "")):
+        parts = f'{corner.replace("0.0205", "0.018")}\n\n[[solid.electrodes]]\ngroup = "{group}"\n{strip}'
+        (tmp_path / "plate.toml").write_text(f"{text.replace(corner, parts)}\n{cable}", encoding="utf-8")
+        motors[group] = pr.load_motor(tmp_path / "plate.toml")
+    cut, whole, electrode = motors["feedback"], motors["A"], motors["feedback"].feedback
+    assert electrode is not None
+    other = 1.0 - electrode.share_a  # V, on the charge of the strip at 1 V on both it and its group
+    for one, both in zip(cut.modes, whole.modes, strict=True):
+        force = electrode.couplings_n_per_v[one.name]
+        assert one.coupling_a_n_per_v + other * force == pytest.approx(both.coupling_a_n_per_v, rel=1e-9)
+        assert one.coupling_b_n_per_v - electrode.share_b * force == pytest.approx(both.coupling_b_n_per_v, rel=1e-9)
+    joined = cut.piezo.capacitance_a_f + electrode.capacitance_f * other**2 - 1e-10  # without its cable
+    assert joined == pytest.approx(whole.piezo.capacitance_a_f, rel=1e-9)
+    between = cut.piezo.capacitance_ab_f + electrode.capacitance_f * other * electrode.share_b
+    assert between == pytest.approx(whole.piezo.capacitance_ab_f, rel=1e-9)
