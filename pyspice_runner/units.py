@@ -10,7 +10,7 @@ from typing import Any
 
 _PREFIXES = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 
-_WITHOUT_PREFIX = ("", "rad/s", "°", "%")
+_WITHOUT_PREFIX = ("", "rad/s", "°", "°C", "%")
 
 # The group of a motor stands before the unit: current_a_a is the current of group A in ampere.
 _UNITS = {

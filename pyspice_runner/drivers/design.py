@@ -25,9 +25,10 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
-from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, PartLoad, exceeded, part_loads
+from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, TRANSISTOR, PartLoad, exceeded, part_loads
 from pyspice_runner.drivers.matching import match_to_source
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
+from pyspice_runner.drivers.ratings import rated
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
@@ -240,7 +241,8 @@ class Design:
         """
         assert self.driver is not None
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
-        both = tuple(part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
+        all_runs = (part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
+        both = tuple(rated(self.driver, part) if part.name.startswith(TRANSISTOR) else part for part in all_runs)
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         notes = [note for note in notes if note not in self.reason]  # of a driver that is not feasible

@@ -39,6 +39,7 @@ NetworkKind = Literal["none", "inductor", "llcc"]
 
 RAILS = ("vp", "vn")  # supply pins
 BRIDGES = {"half-bridge": 2, "full-bridge": 4, "push-pull": 2}  # stages that switch, with their transistors
+RATED = ("drain_a", "drain_pulsed_a", "junction_case_k_per_w", "case_ambient_k_per_w", "junction_c")  # of a MOSFET
 IRF610 = "IRF610"  # the MOSFET of a bridge by default
 START = "start_"  # of the names of parameters for the state at the start, which are no settings
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
@@ -141,6 +142,12 @@ class Driver(Stated, Source):
         default=IRF610,
         description="MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model of the user's own",
     )
+    drain_a: float = quantity("continuous drain current of a MOSFET; 0: of its data sheet", "A", default=0.0, ge=0.0)
+    drain_pulsed_a: float = quantity("pulsed drain current; 0: of data sheet or .model", "A", default=0.0, ge=0.0)
+    junction_case_k_per_w: float = quantity("thermal resistance; 0: the same", "K/W", default=0.0, ge=0.0)
+    case_ambient_k_per_w: float = quantity("thermal resistance; 0: without heat sink", "K/W", default=0.0, ge=0.0)
+    junction_c: float = quantity("highest temperature of a junction; 0: as above", "°C", default=0.0, ge=0.0)
+    ambient_c: float = quantity("temperature of the ambient air", "°C", default=25.0, ge=-60.0, le=150.0)
     settings: dict[str, float] = Field(default_factory=dict, description="parameters of the parts, by PART.PARAMETER")
     _stage: Library | None = PrivateAttr(None)  # the user's own files as read when the driver was created
     _transistor: Library | None = PrivateAttr(None)
@@ -171,9 +178,10 @@ class Driver(Stated, Source):
         for group in self.groups if self._stage else ():  # the control is the voltage over the gain
             gain = self.parts(group)[0].values.get("gain", 1.0)
             require(gain > 0.0, "Driver: driver.gain", gain, "> 0, since the control is the voltage over the gain")
-        if self._transistor and not any(MOSFET in part.library.needs for part in self.parts("a")):
+        idle = [*(["mosfet"] if self._transistor else []), *(name for name in RATED if getattr(self, name))]
+        if idle and not any(MOSFET in part.library.needs for part in self.parts("a")):
             raise ParameterError(
-                f"Driver: mosfet has no effect on a {self.name}. Leave it out, or choose {', '.join(BRIDGES)}."
+                f"Driver: {idle[0]} has no effect on a {self.name}. Leave it out, or choose {', '.join(BRIDGES)}."
             )
         if self.kind in BRIDGES:
             self._check_bridge()

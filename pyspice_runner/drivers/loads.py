@@ -11,12 +11,11 @@ supply, or stays. A frequency that sweeps passes the resonances of the network w
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from math import inf, pi, radians
+from math import pi, radians
 from typing import Any
 
 import numpy as np
@@ -26,13 +25,13 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.source import Pins
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
+from pyspice_runner.drivers.ratings import rated, rating_notes
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.strength import depolarised, electrode_distance
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array, Window
-from pyspice_runner.spice.library import number
 from pyspice_runner.units import engineering
 
 TRANSISTOR = "MOSFET"  # first word of the names of transistors
@@ -43,27 +42,48 @@ NO_COIL = 1.0  # H across a group, which stands for none
 _DRAINS = {  # sources in the libraries of the bridges that carry the currents into the drains
     "half-bridge": ("high", "low"), "full-bridge": ("ph", "pl", "nh", "nl"), "push-pull": ("drain_p", "drain_n"),
 }  # fmt: skip
-_BREAKDOWN = re.compile(r"\bbv\s*=\s*(\d[\d.]*(?:e[-+]?\d+)?k?)", re.I)  # of the models of the user's own MOSFET
+# transistors of a bridge in the losses of its library, as in :data:`_DRAINS`
+_TRANSISTORS = _DRAINS | {"push-pull": ("p", "n")}
 NO_PARALLEL = 1e-12  # F across a group, which stands for none
 
 
 @dataclass(frozen=True)
 class PartLoad:
-    """A part of a driver, with its value and what it must withstand; ``None`` where that does not apply."""
+    """A part of a driver, with its value and what it must withstand; ``None`` where that does not apply.
+
+    RMS values, ripple and loss are those of a settled state: of a design at its operating point, else of the last
+    periods of a run. Of several transistors they are those of the one with the largest.
+    """
 
     name: str  # with its group
     value: float  # in its unit
     unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
     peak_voltage_v: float | None  # largest voltage across it
     peak_current_a: float | None  # largest current through it
+    rms_voltage_v: float | None = None
+    rms_current_a: float | None = None
+    apparent_power_va: float | None = None  # RMS voltage times RMS current
+    ripple_v: float | None = None  # voltage of a capacitor from peak to peak in the last period
+    loss_w: float | None = None  # mean loss, of a transistor that of one
+    junction_c: float | None = None  # of a transistor, if its thermal resistances are known
+    exceeds: tuple[str, ...] = ()  # values of a transistor above its ratings, with these
 
     def words(self) -> str:
-        """Return value and maxima for a summary."""
-        peaks = ((self.value, self.unit), (self.peak_voltage_v, "V"), (self.peak_current_a, "A"))
-        value, *maxima = (
-            engineering(most, unit.removesuffix("1")).rstrip() for most, unit in peaks if most is not None
-        )
-        return f"{value}; peak {', '.join(maxima)}" if maxima else value
+        """Return value, maxima and RMS values for a summary."""
+        rows = {
+            "": ((self.value, self.unit.removesuffix("1")),),
+            "peak ": ((self.peak_voltage_v, "V"), (self.peak_current_a, "A")),
+            "RMS ": ((self.rms_voltage_v, "V"), (self.rms_current_a, "A"), (self.apparent_power_va, "VA")),
+            "ripple ": ((self.ripple_v, "V"),),
+            "loss ": ((self.loss_w, "W"),),
+            "junction ": ((self.junction_c, "°C"),),
+        }
+        found = {
+            name: ", ".join(engineering(value, unit).rstrip() for value, unit in row if value is not None)
+            for name, row in rows.items()
+        }
+        above = [f"EXCEEDED: {', '.join(self.exceeds)}"] if self.exceeds else []
+        return "; ".join([name + words for name, words in found.items() if words] + above)
 
     def largest(self, others: Iterable[PartLoad]) -> PartLoad:
         """Return the part with the largest voltage and current of several runs."""
@@ -73,6 +93,10 @@ class PartLoad:
             peak_voltage_v=max((value for value in volts if value is not None), default=None),
             peak_current_a=max((value for value in amperes if value is not None), default=None),
         )
+
+    def settled(self, at: PartLoad) -> PartLoad:
+        """Return the part with the RMS values, ripple and loss of another state."""
+        return replace(at, peak_voltage_v=self.peak_voltage_v, peak_current_a=self.peak_current_a)
 
 
 def load_vectors(driver: Driver) -> Iterator[str]:
@@ -89,14 +113,58 @@ def load_vectors(driver: Driver) -> Iterator[str]:
             yield from (f"i(v.xnetwork_{group}.v{place})" for place in places)
 
 
-def part_loads(driver: Driver, samples: Mapping[str, Array]) -> tuple[PartLoad, ...]:
-    """Return the parts of both groups, from the supply to the pin, with the maxima over a run."""
-    found: list[PartLoad] = []
+def part_loads(driver: Driver, samples: Mapping[str, Array], window: Window | None = None) -> tuple[PartLoad, ...]:
+    """Return the parts of both groups, from the supply to the pin, with the maxima over a run.
+
+    With a window also RMS values, ripple and losses over it.
+    """
+    found, borne = list[PartLoad](), _Borne(samples, window)
     for group in driver.groups:
-        found += _of_stage(driver, group, samples)
+        found += _of_stage(driver, group, borne)
         for part, before, after in _behind(driver, group):
-            found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples)
+            found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], borne)
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Borne:
+    """What parts bear in a run, and with a window in its last periods."""
+
+    samples: Mapping[str, Array]
+    window: Window | None
+
+    def part(
+        self, name: str, value: float, unit: str, volts: Sequence[Array | float] = (), amperes: Sequence[Array] = (),
+        losses: Iterable[float] = (), turns: float = 1.0,
+    ) -> PartLoad:  # fmt: skip
+        """Return a part with the largest of its voltages and currents, and the sum of its losses.
+
+        The voltage may be that behind a ratio of turns.
+        """
+        peak_v, peak_a = (max(map(_peak, several), default=None) for several in (volts, amperes))
+        if self.window is None:
+            return PartLoad(name, value, unit, peak_v, peak_a)
+        rms_v, rms_a = (max(map(self._rms, several), default=None) for several in (volts, amperes))
+        return PartLoad(
+            name, value, unit, peak_v, peak_a, rms_v, rms_a,
+            apparent_power_va=None if rms_v is None or rms_a is None else rms_v * rms_a / turns,
+            ripple_v=self._ripple(np.asarray(volts[0])) if unit == "F" else None,
+            loss_w=sum(found) if (found := list(losses)) else None,
+        )  # fmt: skip
+
+    def losses(self, part: Part, *names: str) -> list[float]:
+        """Return mean losses of devices of a part."""
+        vectors = [part.power_vector("loss", name) for name in names] if self.window else []
+        return [self.window.mean(self.samples[vector]) for vector in vectors] if self.window else []
+
+    def _ripple(self, volts: Array) -> float:
+        assert self.window is not None
+        time = self.window.time
+        return float(np.ptp(self.window.cut(volts)[time >= time[-1] - self.window.period]))
+
+    def _rms(self, values: Array | float) -> float:
+        assert self.window is not None
+        return self.window.rms(values) if isinstance(values, np.ndarray) else abs(values)
 
 
 def _behind(driver: Driver, group: str) -> list[tuple[Part, str, str]]:
@@ -113,82 +181,92 @@ def _drains(driver: Driver, group: str) -> tuple[list[str], list[str]]:
     return [f"i(v.{stage}.v{leg})" for leg in legs], volts
 
 
-def _peak(values: Array) -> float:
+def _peak(values: Array | float) -> float:
     return float(np.abs(values).max())
 
 
-def _of_part(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> Iterator[PartLoad]:
+def _of_part(part: Part, group: str, before: Array, after: Array, borne: _Borne) -> Iterator[PartLoad]:
     """Yield the values of a part behind the stage of a group, between two voltages."""
     of_group = f"group {group.upper()}"
     if part.label == "transformer":
         name = f"{TRANSFORMER}, {of_group}, turns secondary to primary"
-        yield PartLoad(name, part.values["ratio"], "1", _peak(after), _peak(samples[groups.current("out", group)]))
-        yield from _winding(part, group, _peak(after))
+        through = borne.samples[groups.current("out", group)]
+        losses = borne.losses(part, "primary", "secondary")
+        yield borne.part(name, part.values["ratio"], "1", [after], [through], losses, part.values["ratio"])
+        yield from _winding(part, group, after, borne)
     elif part.label == CABLE:
-        through = _peak(samples[f"i(v.xcable_{group}.vcurrent)"])
-        yield PartLoad(f"cable inductance, {of_group}", part.values["inductance"], "H", _peak(before - after), through)
-        yield PartLoad(f"cable capacitance, {of_group}", part.values["capacitance"], "F", _peak(after), None)
+        through = borne.samples[f"i(v.xcable_{group}.vcurrent)"]
+        name, losses = f"cable inductance, {of_group}", borne.losses(part, "conductors")
+        yield borne.part(name, part.values["inductance"], "H", [before - after], [through], losses)
+        yield borne.part(f"cable capacitance, {of_group}", part.values["capacitance"], "F", [after])
     else:
-        yield from _of_network(part, group, before, after, samples)
+        yield from _of_network(part, group, before, after, borne)
 
 
-def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array]) -> Iterator[PartLoad]:
-    of_group = f"group {group.upper()}"
+def _of_stage(driver: Driver, group: str, borne: _Borne) -> Iterator[PartLoad]:
+    of_group, samples = f"group {group.upper()}", borne.samples
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
         if current in samples and volts:
-            yield PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), _peak(samples[current]))
+            yield borne.part(f"supply {rail}, {of_group}", volts, "V", [abs(volts)], [samples[current]])
     if driver.kind in BRIDGES:
-        borne_v, current_a = driver.swing(group), _peak(samples[groups.current("out", group)])
+        part, through = driver.parts(group)[0], samples[groups.current("out", group)]
         if driver.kind == "push-pull":
             name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
-            line_v = _peak(samples[groups.voltage("line", group)])
-            yield PartLoad(name, driver.ratio(group), "1", line_v, current_a)
-            yield from _winding(driver.parts(group)[0], group, line_v)
-            current_a *= driver.ratio(group)
+            line, losses = samples[groups.voltage("line", group)], borne.losses(part, "primary", "secondary")
+            yield borne.part(name, driver.ratio(group), "1", [line], [through], losses, driver.ratio(group))
+            yield from _winding(part, group, line, borne)
+            through = through * driver.ratio(group)
         # beside the current of the output, a transistor withstands the reverse current of the diode that it commutates
-        currents, voltages = ([_peak(samples[name]) for name in names if name in samples] for names in
-                              _drains(driver, group))  # fmt: skip
+        currents, voltages = ([samples[name] for name in names if name in samples] for names in _drains(driver, group))
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
-        peaks = max([borne_v, *voltages]), max([current_a, *currents])
-        yield PartLoad(name, BRIDGES[driver.kind], "1", *peaks)
+        peaks = borne.part(name, BRIDGES[driver.kind], "1", [driver.swing(group), *voltages], [through, *currents])
+        if borne.window:  # each transistor conducts for a half of the time
+            rms = max(map(borne.window.rms, currents))
+            loss = max(borne.losses(part, *_TRANSISTORS[driver.kind]))
+            peaks = replace(peaks, rms_voltage_v=None, rms_current_a=rms, apparent_power_va=None, loss_w=loss)
+        yield rated(driver, peaks)
         dead_time = driver.setting(f"bridge_{group}.dead_time")
-        yield PartLoad(f"dead time, {of_group}", dead_time, "s", None, None)
+        yield borne.part(f"dead time, {of_group}", dead_time, "s")
 
 
-def _winding(part: Part, group: str, volts: float) -> Iterator[PartLoad]:
+def _winding(part: Part, group: str, volts: Array, borne: _Borne) -> Iterator[PartLoad]:
     """Yield the capacitance of a transformer's winding, if it is stated."""
     if capacitance := part.values["winding_capacitance"]:
-        yield PartLoad(f"{TRANSFORMER}, group {group.upper()}, winding capacitance", capacitance, "F", volts, None)
+        yield borne.part(f"{TRANSFORMER}, group {group.upper()}, winding capacitance", capacitance, "F", [volts])
 
 
-def _of_network(part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array]) -> list[PartLoad]:
-    values, llcc = part.values, part.label == "llcc"
+def _of_network(part: Part, group: str, before: Array, after: Array, borne: _Borne) -> list[PartLoad]:
+    values, llcc, samples = part.values, part.label == "llcc", borne.samples
     prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
     coil, capacitor, bleeder = values[f"{prefix}inductance"], values[f"{prefix}capacitance"], values["bleeder"]
-    # name, value, unit, voltage, current, and whether it is there
+    # name, value, unit, voltage, current, loss, and whether it is there
     rows = [
-        ("series coil", coil, "H", before - inner, samples[f"i(v.{instance}.vcoil)"], coil > LEAST_COIL),
-        ("series capacitor", capacitor, "F", inner - after, through, capacitor != NO_CAPACITOR),
-        ("bleeder", bleeder, "Ω", inner - after, (inner - after) / bleeder, bleeder != NO_BLEEDER),
-    ]
+        ("series coil", coil, "H", before - inner, samples[f"i(v.{instance}.vcoil)"],
+         "series" if llcc else "winding", coil > LEAST_COIL),
+        ("series capacitor", capacitor, "F", inner - after, through, "", capacitor != NO_CAPACITOR),
+        ("bleeder", bleeder, "Ω", inner - after, (inner - after) / bleeder, "bleeder", bleeder != NO_BLEEDER),
+    ]  # fmt: skip
     if llcc:
         across = samples[f"i(v.{instance}.vparallel)"]
         drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
         coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
         rows += [
-            ("parallel coil", coil, "H", after, across, coil != NO_COIL),
-            ("parallel capacitor", capacitor, "F", after, through - drawn - across, capacitor != NO_PARALLEL),
+            ("parallel coil", coil, "H", after, across, "parallel", coil != NO_COIL),
+            ("parallel capacitor", capacitor, "F", after, through - drawn - across, "", capacitor != NO_PARALLEL),
         ]
     return [
-        PartLoad(f"{name}, group {group.upper()}", value, unit, _peak(volts), _peak(amperes))
-        for name, value, unit, volts, amperes, present in rows
+        borne.part(
+            f"{name}, group {group.upper()}", value, unit, [volts], [amperes],
+            borne.losses(part, *([loss] if loss else [])),
+        )
+        for name, value, unit, volts, amperes, loss, present in rows
         if present
-    ]
+    ]  # fmt: skip
 
 
-def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[str, Any]:
+def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array], window: Window | None = None) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
     ``exceeded`` has a sentence for each limit of a part that is exceeded. The field of a group is its largest voltage
@@ -205,16 +283,17 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array]) -> dict[s
             groups.column("field", group, "v_per_m"): None if distance is None else float(voltage.max()) / distance,
             groups.column("stage_current", group, "a"): float(np.abs(samples[groups.current("out", group)]).max()),
         }
-    loads = part_loads(driver, samples)
+    loads = part_loads(driver, samples, window)
     found["parts"] = [load.__dict__ for load in loads]
     found["exceeded"] = exceeded(loads, driver)
     return found
 
 
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
-    """Return one sentence for each limit of a coil, a capacitor or a MOSFET that is exceeded."""
+    """Return one sentence for each limit of a coil or capacitor that is exceeded, and for the MOSFETs."""
     frequency = driver.frequency
-    notes = [
+    notes = rating_notes(parts)
+    notes += [
         f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
         f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."
         for group in driver.groups
@@ -222,10 +301,6 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     ]
     for part in parts:
         volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
-        stated = min(map(number, _BREAKDOWN.findall(driver.own_text)), default=inf)
-        breakdown = ratings(driver.mosfet).breakdown_v if driver.mosfet in MOSFETS else stated
-        if part.name.startswith(TRANSISTOR) and volts > breakdown:
-            notes.append(f"The {part.name} is at {volts:.4g} V; it breaks down at {breakdown:g} V. Lower the rail.")
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
             winding = [driver.winding(part.name[-1].lower())] if part.name.startswith("series") else []
             notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, *winding)

@@ -69,6 +69,11 @@ class Ratings:
     breakdown_v: float  # smallest
     on_resistance_ohm: float  # largest, with 10 V at the gate
     gate_charge_nc: float  # largest, to 10 V
+    drain_a: float  # continuous, at a case of 25 °C
+    drain_pulsed_a: float
+    junction_case_k_per_w: float  # largest
+    case_ambient_k_per_w: float  # largest, without a heat sink
+    junction_c: float  # highest
 
     @property
     def highest_v(self) -> float:

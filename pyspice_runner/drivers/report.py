@@ -96,6 +96,7 @@ class Balance:
         mean_torque_n_m, mean_rotor_speed_rad_s: mean torque of the contact on the rotor, and mean speed.
         settling: relative change of the motor's power from the first to the second half of the window.
         switching: turn-on of each transistor of a bridge.
+        parts: parts with their peaks, RMS values, ripple and losses.
     """
 
     outputs: dict[str, Port]
@@ -112,6 +113,7 @@ class Balance:
     mean_rotor_speed_rad_s: float
     settling: float
     switching: tuple[TurnOn, ...]
+    parts: tuple[PartLoad, ...]
 
     @property
     def power_in_w(self) -> float:
@@ -397,7 +399,7 @@ def drive_report(
         **vars(balance),
         mean_torque_error_n_m=errors.torque_n_m if errors else None,
         to_come=_to_come(setup, measured),
-        maxima=loads.maxima(motor, driver, samples),
+        maxima=loads.maxima(motor, driver, samples, window),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
@@ -418,13 +420,16 @@ def drive_report(
     peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in driver.groups}
     if design:
         reached = None if speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
+        operating = None if speed is not None else _operating(setup, design)
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
+        at = {part.name: part for part in (operating or report).parts}
+        parts[0] = tuple(part.settled(at[part.name]) for part in parts[0])
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in driver.groups}
         design = design.ran(parts, reached, most, motor, _start_time(setup, design) - duration)
         if limits:
             reasons = [*limits, *([] if design.feasible else [design.reason])]
             design = replace(design, feasible=False, reason=" ".join(reasons))
-        report = replace(report, design=design, operating=None if speed is not None else _operating(setup, design))
+        report = replace(report, design=design, operating=operating)
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
@@ -579,6 +584,7 @@ class _Measurement:
             mean_rotor_speed_rad_s=window.mean(speeds),
             settling=window.settling(self.power),
             switching=loads.turn_ons(driver, self.samples, window),
+            parts=loads.part_loads(driver, self.samples, window),
         )
 
     def port(self, place: str, group: str) -> Port:
