@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rich.table import Table
@@ -13,10 +14,10 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVERS, LAW, PHASE, TARGETS, VOLTAGE, Call, command, option
 from pyspice_runner.drivers.design import NoDriverError
+from pyspice_runner.drivers.ratings import bill_of_materials
+from pyspice_runner.files import write_rows
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pyspice_runner.drivers.report import DriveReport
 
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     events=option(
         bool, False, "Also run a load step, a stop and a frequency sweep, for the stress on the parts.", "--events"
     ),
+    bom=option(Path | None, None, "File of the bill of materials of the driver, with peaks, ratings and cores, .csv."),
 )  # fmt: skip
 def drive(call: Call) -> None:
     """Run a motor with its drive electronics: currents, powers, harmonics, losses, and the stress on the parts.
@@ -67,6 +69,7 @@ def drive(call: Call) -> None:
         call.refuse_idle("with --rail, which designs the driver", "against match")
         driver = f"{call.stage or 'full-bridge'}+{call.network}"
     call.check(".json", ".csv", *([".cir"] if against is None else []))
+    common.check_targets(call.values["bom"], (".csv",), None)
     motor = call.loaded
     tone = call.phases(motor)
     specs = [call.spec_of(driver, tone)]
@@ -99,7 +102,9 @@ def drive(call: Call) -> None:
     )
     save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
 
-    call.write(document, _table(motor, reports), save, partial(_draw, reports))
+    bill: common.Writing = (call.values["bom"], lambda path: write_rows(path, bill_of_materials(reports[0].bill)))
+    drawn: common.Writing = (call.values["plot"], partial(_draw, reports))
+    common.deliver(document, _table(motor, reports), call.as_json, (call.output, save), drawn, bill)
     if fault is not None:
         raise fault
 

@@ -25,10 +25,11 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
-from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, TRANSISTOR, PartLoad, exceeded, part_loads
+from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, exceeded, part_loads
+from pyspice_runner.drivers.magnetics import Wound, wound_transformer
 from pyspice_runner.drivers.matching import match_to_source
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
-from pyspice_runner.drivers.ratings import rated
+from pyspice_runner.drivers.ratings import PartLoad, judged
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
@@ -198,6 +199,7 @@ class Design:
         feasible: whether everything was simulated and within its limits.
         reason: why it is not feasible and what can be done, or the explanation of the network.
         starts: whether the motor started from rest behind the driver; ``None`` if no run shows it.
+        cores: group → core of its transformer, for the largest current of the range.
         behind: solution at the operating point behind the driver; ``None`` of a transducer, and without a driver.
     """
 
@@ -211,6 +213,7 @@ class Design:
     reason: str = ""
     starts: bool | None = None
     load_torque_n_m: float = 0.0
+    cores: dict[str, Wound] = field(default_factory=dict)
     behind: Orbit | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -241,8 +244,8 @@ class Design:
         """
         assert self.driver is not None
         known = [{part.name: part for part in parts} for parts in (*runs, self.parts)]
-        all_runs = (part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
-        both = tuple(rated(self.driver, part) if part.name.startswith(TRANSISTOR) else part for part in all_runs)
+        most = (part.largest(parts[part.name] for parts in known if part.name in parts) for part in runs[0])
+        both = tuple(judged(self.driver, part, self.cores) for part in most)
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
         notes = [note for note in notes if note not in self.reason]  # of a driver that is not feasible
@@ -571,6 +574,7 @@ class _Search:
     load_torque: float
     states: Mapping[str, SteadyState]
     choose: bool  # whether the MOSFET is chosen, too
+    cores: dict[str, Wound] = field(default_factory=dict)  # of the transformers of the last driver
 
     def __post_init__(self) -> None:
         self.points = tuple(range_point(name, state, None) for name, state in self.states.items()) or self.linear(None)
@@ -761,12 +765,35 @@ class _Search:
             changes[f"{driver.transformer_label}_{group}.ratio"] = float(f"{ratio:.3g}")
         if needed and driver.kind in ("linear", "feedback", "half-bridge"):
             changes["transformer"] = True
-        return driver.updated(changes)
+        driver = driver.updated(changes)
+        return driver.updated(self._windings(driver)) if needed else driver
+
+    def _windings(self, driver: Driver) -> dict[str, float]:
+        """Return magnetising inductance and resistances of the transformers on their cores, unless they are given."""
+        label, found = driver.transformer_label, dict[str, float]()
+        for group in self.pins:
+            pins = [point.group(group) for point in self.points]
+            through = [at_stage(driver, group, pin.voltage_v, pin.voltage_v / pin.impedance_ohm)[1] for pin in pins]
+            core = wound_transformer(driver, group, driver.ratio(group) * max(map(abs, through)) / sqrt(2.0))
+            if core is None:
+                continue
+            self.cores[group] = core
+            halves = 2.0 if driver.kind == "push-pull" else 1.0
+            values = {
+                "magnetizing": min(core.inductance_h, 1.0),
+                "primary_resistance": max(halves * core.winding_ohm, 1e-2),
+                "secondary_resistance": max(core.winding_ohm * driver.ratio(group) ** 2, 1e-2),
+            }
+            given = {path.partition(".")[2] for path in self.spec.parts if path.startswith(label)}
+            found |= {
+                f"{label}_{group}.{name}": float(f"{value:.3g}") for name, value in values.items() if name not in given
+            }
+        return found
 
     def verified(self, draft: Design, share: float) -> Design:
         """Return the design for a share, with its steady states over the range and whether they are within limits."""
         driver = self.built(share)
-        found = replace(draft, driver=driver, share=share)
+        found = replace(draft, driver=driver, share=share, cores=dict(self.cores))
         if self.ideal.motor.is_transducer:
             return self.within(found, driver, self.linear(driver))
         behind = [

@@ -11,7 +11,8 @@ supply, or stays. A frequency that sweeps passes the resonances of the network w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -25,7 +26,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.source import Pins
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
-from pyspice_runner.drivers.ratings import rated, rating_notes
+from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged, rating_notes
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
@@ -34,69 +35,18 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array, Window
 from pyspice_runner.units import engineering
 
-TRANSISTOR = "MOSFET"  # first word of the names of transistors
-TRANSFORMER = "transformer"  # of the names of values of transformers
 LEAST_COIL = 1e-6  # H in series, which stands for none
 NO_BLEEDER = 1e12  # Ω across it, which stands for none
 NO_COIL = 1.0  # H across a group, which stands for none
 _DRAINS = {  # sources in the libraries of the bridges that carry the currents into the drains
     "half-bridge": ("high", "low"), "full-bridge": ("ph", "pl", "nh", "nl"), "push-pull": ("drain_p", "drain_n"),
 }  # fmt: skip
-# transistors of a bridge in the losses of its library, as in :data:`_DRAINS`
-_TRANSISTORS = _DRAINS | {"push-pull": ("p", "n")}
+_LOSSES = {  # in the libraries → first words of the name of a part
+    "winding": "series coil", "series": "series coil", "parallel": "parallel coil", "bleeder": "bleeder",
+    "primary": TRANSFORMER, "secondary": TRANSFORMER, "conductors": "cable inductance",
+    **dict.fromkeys(("high", "low", "ph", "pl", "nh", "nl", "p", "n"), TRANSISTOR),
+}  # fmt: skip
 NO_PARALLEL = 1e-12  # F across a group, which stands for none
-
-
-@dataclass(frozen=True)
-class PartLoad:
-    """A part of a driver, with its value and what it must withstand; ``None`` where that does not apply.
-
-    RMS values, ripple and loss are those of a settled state: of a design at its operating point, else of the last
-    periods of a run. Of several transistors they are those of the one with the largest.
-    """
-
-    name: str  # with its group
-    value: float  # in its unit
-    unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
-    peak_voltage_v: float | None  # largest voltage across it
-    peak_current_a: float | None  # largest current through it
-    rms_voltage_v: float | None = None
-    rms_current_a: float | None = None
-    apparent_power_va: float | None = None  # RMS voltage times RMS current
-    ripple_v: float | None = None  # voltage of a capacitor from peak to peak in the last period
-    loss_w: float | None = None  # mean loss, of a transistor that of one
-    junction_c: float | None = None  # of a transistor, if its thermal resistances are known
-    exceeds: tuple[str, ...] = ()  # values of a transistor above its ratings, with these
-
-    def words(self) -> str:
-        """Return value, maxima and RMS values for a summary."""
-        rows = {
-            "": ((self.value, self.unit.removesuffix("1")),),
-            "peak ": ((self.peak_voltage_v, "V"), (self.peak_current_a, "A")),
-            "RMS ": ((self.rms_voltage_v, "V"), (self.rms_current_a, "A"), (self.apparent_power_va, "VA")),
-            "ripple ": ((self.ripple_v, "V"),),
-            "loss ": ((self.loss_w, "W"),),
-            "junction ": ((self.junction_c, "°C"),),
-        }
-        found = {
-            name: ", ".join(engineering(value, unit).rstrip() for value, unit in row if value is not None)
-            for name, row in rows.items()
-        }
-        above = [f"EXCEEDED: {', '.join(self.exceeds)}"] if self.exceeds else []
-        return "; ".join([name + words for name, words in found.items() if words] + above)
-
-    def largest(self, others: Iterable[PartLoad]) -> PartLoad:
-        """Return the part with the largest voltage and current of several runs."""
-        volts, amperes = zip(*((one.peak_voltage_v, one.peak_current_a) for one in (self, *others)), strict=True)
-        return replace(
-            self,
-            peak_voltage_v=max((value for value in volts if value is not None), default=None),
-            peak_current_a=max((value for value in amperes if value is not None), default=None),
-        )
-
-    def settled(self, at: PartLoad) -> PartLoad:
-        """Return the part with the RMS values, ripple and loss of another state."""
-        return replace(at, peak_voltage_v=self.peak_voltage_v, peak_current_a=self.peak_current_a)
 
 
 def load_vectors(driver: Driver) -> Iterator[str]:
@@ -113,58 +63,41 @@ def load_vectors(driver: Driver) -> Iterator[str]:
             yield from (f"i(v.xnetwork_{group}.v{place})" for place in places)
 
 
-def part_loads(driver: Driver, samples: Mapping[str, Array], window: Window | None = None) -> tuple[PartLoad, ...]:
-    """Return the parts of both groups, from the supply to the pin, with the maxima over a run.
-
-    With a window also RMS values, ripple and losses over it.
-    """
-    found, borne = list[PartLoad](), _Borne(samples, window)
+def part_loads(driver: Driver, samples: Mapping[str, Array], measure: Measure | None = None) -> tuple[PartLoad, ...]:
+    """Return the parts of both groups, from the supply to the pin, with the maxima over a run, or another measure."""
+    found, measure = list[PartLoad](), measure or _peak
     for group in driver.groups:
-        found += _of_stage(driver, group, borne)
+        found += _of_stage(driver, group, samples, measure)
         for part, before, after in _behind(driver, group):
-            found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], borne)
+            found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples, measure)
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Borne:
-    """What parts bear in a run, and with a window in its last periods."""
+def settled_parts(
+    driver: Driver, samples: Mapping[str, Array], window: Window, losses_w: Mapping[str, float]
+) -> tuple[PartLoad, ...]:
+    """Return the parts with RMS values, ripple and losses in a window; ``losses_w`` are those of a balance."""
 
-    samples: Mapping[str, Array]
-    window: Window | None
+    def ripple(values: Array) -> float:
+        return float(np.ptp(window.cut(values)[window.time >= window.time[-1] - window.period]))
 
-    def part(
-        self, name: str, value: float, unit: str, volts: Sequence[Array | float] = (), amperes: Sequence[Array] = (),
-        losses: Iterable[float] = (), turns: float = 1.0,
-    ) -> PartLoad:  # fmt: skip
-        """Return a part with the largest of its voltages and currents, and the sum of its losses.
-
-        The voltage may be that behind a ratio of turns.
-        """
-        peak_v, peak_a = (max(map(_peak, several), default=None) for several in (volts, amperes))
-        if self.window is None:
-            return PartLoad(name, value, unit, peak_v, peak_a)
-        rms_v, rms_a = (max(map(self._rms, several), default=None) for several in (volts, amperes))
-        return PartLoad(
-            name, value, unit, peak_v, peak_a, rms_v, rms_a,
-            apparent_power_va=None if rms_v is None or rms_a is None else rms_v * rms_a / turns,
-            ripple_v=self._ripple(np.asarray(volts[0])) if unit == "F" else None,
-            loss_w=sum(found) if (found := list(losses)) else None,
-        )  # fmt: skip
-
-    def losses(self, part: Part, *names: str) -> list[float]:
-        """Return mean losses of devices of a part."""
-        vectors = [part.power_vector("loss", name) for name in names] if self.window else []
-        return [self.window.mean(self.samples[vector]) for vector in vectors] if self.window else []
-
-    def _ripple(self, volts: Array) -> float:
-        assert self.window is not None
-        time = self.window.time
-        return float(np.ptp(self.window.cut(volts)[time >= time[-1] - self.window.period]))
-
-    def _rms(self, values: Array | float) -> float:
-        assert self.window is not None
-        return self.window.rms(values) if isinstance(values, np.ndarray) else abs(values)
+    found, several = [], (part_loads(driver, samples, measure) for measure in (_peak, window.rms, ripple))
+    for peak, rms, swing in zip(*several, strict=True):
+        volts, amperes, transistor = rms.peak_voltage_v, rms.peak_current_a, peak.name.startswith(TRANSISTOR)
+        # the transformer of a push-pull stage is in the stage, and has the current of its secondary
+        turns = peak.value if peak.name.startswith(TRANSFORMER) and driver.kind != "push-pull" else 1.0
+        stage = re.compile(rf"[a-z]+_{peak.name.partition('group ')[2][:1].lower()}\.(\w+)")
+        lost = [
+            loss for path, loss in losses_w.items() if not path.startswith("driver")
+            and (device := stage.fullmatch(path)) and peak.name.startswith(_LOSSES.get(device[1], "?"))
+        ]  # fmt: skip
+        found.append(replace(
+            peak, rms_voltage_v=None if transistor else volts, rms_current_a=amperes,
+            apparent_power_va=None if transistor or volts is None or amperes is None else volts * amperes / turns,
+            ripple_v=swing.peak_voltage_v if peak.unit == "F" else None,
+            loss_w=(max(lost) if transistor else sum(lost)) if lost else None,
+        ))  # fmt: skip
+    return tuple(judged(driver, part) for part in found)
 
 
 def _behind(driver: Driver, group: str) -> list[tuple[Part, str, str]]:
@@ -181,96 +114,95 @@ def _drains(driver: Driver, group: str) -> tuple[list[str], list[str]]:
     return [f"i(v.{stage}.v{leg})" for leg in legs], volts
 
 
-def _peak(values: Array | float) -> float:
+Measure = Callable[[Array], float]
+
+
+def _peak(values: Array) -> float:
     return float(np.abs(values).max())
 
 
-def _of_part(part: Part, group: str, before: Array, after: Array, borne: _Borne) -> Iterator[PartLoad]:
+def _of_part(
+    part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array], measure: Measure
+) -> Iterator[PartLoad]:
     """Yield the values of a part behind the stage of a group, between two voltages."""
     of_group = f"group {group.upper()}"
     if part.label == "transformer":
         name = f"{TRANSFORMER}, {of_group}, turns secondary to primary"
-        through = borne.samples[groups.current("out", group)]
-        losses = borne.losses(part, "primary", "secondary")
-        yield borne.part(name, part.values["ratio"], "1", [after], [through], losses, part.values["ratio"])
-        yield from _winding(part, group, after, borne)
+        yield PartLoad(name, part.values["ratio"], "1", measure(after), measure(samples[groups.current("out", group)]))
+        yield from _winding(part, group, measure(after))
     elif part.label == CABLE:
-        through = borne.samples[f"i(v.xcable_{group}.vcurrent)"]
-        name, losses = f"cable inductance, {of_group}", borne.losses(part, "conductors")
-        yield borne.part(name, part.values["inductance"], "H", [before - after], [through], losses)
-        yield borne.part(f"cable capacitance, {of_group}", part.values["capacitance"], "F", [after])
+        through = measure(samples[f"i(v.xcable_{group}.vcurrent)"])
+        yield PartLoad(
+            f"cable inductance, {of_group}", part.values["inductance"], "H", measure(before - after), through
+        )
+        yield PartLoad(f"cable capacitance, {of_group}", part.values["capacitance"], "F", measure(after), None)
     else:
-        yield from _of_network(part, group, before, after, borne)
+        yield from _of_network(part, group, before, after, samples, measure)
 
 
-def _of_stage(driver: Driver, group: str, borne: _Borne) -> Iterator[PartLoad]:
-    of_group, samples = f"group {group.upper()}", borne.samples
+def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array], measure: Measure) -> Iterator[PartLoad]:
+    of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
         if current in samples and volts:
-            yield borne.part(f"supply {rail}, {of_group}", volts, "V", [abs(volts)], [samples[current]])
+            yield PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), measure(samples[current]))
     if driver.kind in BRIDGES:
-        part, through = driver.parts(group)[0], samples[groups.current("out", group)]
+        borne_v, current_a = driver.swing(group), measure(samples[groups.current("out", group)])
         if driver.kind == "push-pull":
             name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
-            line, losses = samples[groups.voltage("line", group)], borne.losses(part, "primary", "secondary")
-            yield borne.part(name, driver.ratio(group), "1", [line], [through], losses, driver.ratio(group))
-            yield from _winding(part, group, line, borne)
-            through = through * driver.ratio(group)
+            line_v = measure(samples[groups.voltage("line", group)])
+            yield PartLoad(name, driver.ratio(group), "1", line_v, current_a)
+            yield from _winding(driver.parts(group)[0], group, line_v)
+            current_a *= driver.ratio(group)
         # beside the current of the output, a transistor withstands the reverse current of the diode that it commutates
-        currents, voltages = ([samples[name] for name in names if name in samples] for names in _drains(driver, group))
+        currents, voltages = ([measure(samples[name]) for name in names if name in samples] for names in
+                              _drains(driver, group))  # fmt: skip
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
-        peaks = borne.part(name, BRIDGES[driver.kind], "1", [driver.swing(group), *voltages], [through, *currents])
-        if borne.window:  # each transistor conducts for a half of the time
-            rms = max(map(borne.window.rms, currents))
-            loss = max(borne.losses(part, *_TRANSISTORS[driver.kind]))
-            peaks = replace(peaks, rms_voltage_v=None, rms_current_a=rms, apparent_power_va=None, loss_w=loss)
-        yield rated(driver, peaks)
+        peaks = max([borne_v, *voltages]), max(currents or [current_a])
+        yield PartLoad(name, BRIDGES[driver.kind], "1", *peaks)
         dead_time = driver.setting(f"bridge_{group}.dead_time")
-        yield borne.part(f"dead time, {of_group}", dead_time, "s")
+        yield PartLoad(f"dead time, {of_group}", dead_time, "s", None, None)
 
 
-def _winding(part: Part, group: str, volts: Array, borne: _Borne) -> Iterator[PartLoad]:
+def _winding(part: Part, group: str, volts: float) -> Iterator[PartLoad]:
     """Yield the capacitance of a transformer's winding, if it is stated."""
     if capacitance := part.values["winding_capacitance"]:
-        yield borne.part(f"{TRANSFORMER}, group {group.upper()}, winding capacitance", capacitance, "F", [volts])
+        yield PartLoad(f"{TRANSFORMER}, group {group.upper()}, winding capacitance", capacitance, "F", volts, None)
 
 
-def _of_network(part: Part, group: str, before: Array, after: Array, borne: _Borne) -> list[PartLoad]:
-    values, llcc, samples = part.values, part.label == "llcc", borne.samples
+def _of_network(
+    part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array], measure: Measure
+) -> list[PartLoad]:
+    values, llcc = part.values, part.label == "llcc"
     prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
     coil, capacitor, bleeder = values[f"{prefix}inductance"], values[f"{prefix}capacitance"], values["bleeder"]
-    # name, value, unit, voltage, current, loss, and whether it is there
+    # name, value, unit, voltage, current, and whether it is there
     rows = [
-        ("series coil", coil, "H", before - inner, samples[f"i(v.{instance}.vcoil)"],
-         "series" if llcc else "winding", coil > LEAST_COIL),
-        ("series capacitor", capacitor, "F", inner - after, through, "", capacitor != NO_CAPACITOR),
-        ("bleeder", bleeder, "Ω", inner - after, (inner - after) / bleeder, "bleeder", bleeder != NO_BLEEDER),
-    ]  # fmt: skip
+        ("series coil", coil, "H", before - inner, samples[f"i(v.{instance}.vcoil)"], coil > LEAST_COIL),
+        ("series capacitor", capacitor, "F", inner - after, through, capacitor != NO_CAPACITOR),
+        ("bleeder", bleeder, "Ω", inner - after, (inner - after) / bleeder, bleeder != NO_BLEEDER),
+    ]
     if llcc:
         across = samples[f"i(v.{instance}.vparallel)"]
         drawn = samples.get(f"i(v.xcable_{group}.vcurrent)", samples[groups.current("pin", group)])
         coil, capacitor = values["parallel_inductance"], values["parallel_capacitance"]
         rows += [
-            ("parallel coil", coil, "H", after, across, "parallel", coil != NO_COIL),
-            ("parallel capacitor", capacitor, "F", after, through - drawn - across, "", capacitor != NO_PARALLEL),
+            ("parallel coil", coil, "H", after, across, coil != NO_COIL),
+            ("parallel capacitor", capacitor, "F", after, through - drawn - across, capacitor != NO_PARALLEL),
         ]
     return [
-        borne.part(
-            f"{name}, group {group.upper()}", value, unit, [volts], [amperes],
-            borne.losses(part, *([loss] if loss else [])),
-        )
-        for name, value, unit, volts, amperes, loss, present in rows
+        PartLoad(f"{name}, group {group.upper()}", value, unit, measure(volts), measure(amperes))
+        for name, value, unit, volts, amperes, present in rows
         if present
-    ]  # fmt: skip
+    ]
 
 
-def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array], window: Window | None = None) -> dict[str, Any]:
+def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array], at: Sequence[PartLoad] = ()) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
-    ``exceeded`` has a sentence for each limit of a part that is exceeded. The field of a group is its largest voltage
-    over the distance of its electrodes; ``None`` where that is not known.
+    ``at`` are the parts in a settled state. ``exceeded`` has a sentence for each limit of a part that is exceeded. The
+    field of a group is its largest voltage over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
     for group in driver.groups:
@@ -283,7 +215,8 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array], window: W
             groups.column("field", group, "v_per_m"): None if distance is None else float(voltage.max()) / distance,
             groups.column("stage_current", group, "a"): float(np.abs(samples[groups.current("out", group)]).max()),
         }
-    loads = part_loads(driver, samples, window)
+    settled, loads = {part.name: part for part in at}, part_loads(driver, samples)
+    loads = tuple(judged(driver, part.settled(settled.get(part.name, part))) for part in loads)
     found["parts"] = [load.__dict__ for load in loads]
     found["exceeded"] = exceeded(loads, driver)
     return found
@@ -292,7 +225,7 @@ def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array], window: W
 def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     """Return one sentence for each limit of a coil or capacitor that is exceeded, and for the MOSFETs."""
     frequency = driver.frequency
-    notes = rating_notes(parts)
+    notes = rating_notes(driver, parts)
     notes += [
         f"Leakage and winding capacitance of the {TRANSFORMER} of group {group.upper()} resonate at "
         f"{engineering(resonance, 'Hz')}; the limit is {engineering(FEWEST_TIMES * frequency, 'Hz')}."

@@ -1,31 +1,81 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ratings of the transistors of a bridge: currents and temperature of the junction.
+"""What a part of a driver bears, the core of a coil or transformer, and the ratings of the transistors of a bridge.
 
-They are those of the data sheet of a built-in MOSFET, in the ``RATING`` lines of its library; of the user's own those
-of its ``.model``, by their names in ngspice. Fields of the driver, as ``drain_a``, take their place.
+Ratings are those of a data sheet, by the ``RATING`` lines of a library, or of the user's ``.model``. Fields of the
+driver, as ``drain_a``, take their place.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import replace
-from math import inf, isfinite
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from dataclasses import astuple, dataclass, fields, replace
+from math import inf, isfinite, sqrt
+from types import MappingProxyType
 
 from pyspice_runner.drivers.driver import RATED, Driver
-from pyspice_runner.drivers.parts import MOSFETS, ratings
+from pyspice_runner.drivers.magnetics import Wound, wound, wound_transformer
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
 from pyspice_runner.spice.library import number
+from pyspice_runner.units import engineering
 
-if TYPE_CHECKING:
-    from pyspice_runner.drivers.loads import PartLoad
-
-# rating → parameters of a VDMOS in ngspice, breakdown and those of its check of the safe operating area
+TRANSISTOR = "MOSFET"  # first word of the names of transistors
+TRANSFORMER = "transformer"  # of the names of values of transformers
+# parameters of a VDMOS in ngspice: breakdown, thermal resistances and its check of the safe operating area
 _OF_MODEL = {
-    "breakdown_v": ("bv", "vds_max"), "drain_pulsed_a": ("id_max",), "junction_c": ("te_max",),
-    "junction_case_k_per_w": ("rthjc",), "case_ambient_k_per_w": ("rth_ext", "rthca"),
+    "bv": "breakdown_v", "id_max": "drain_pulsed_a", "te_max": "junction_c", "rthjc": "junction_case_k_per_w",
+    "rthca": "case_ambient_k_per_w",
 }  # fmt: skip
-_STATED = re.compile(r"\b([a-z_]+)\s*=\s*(\d[\d.]*(?:e[-+]?\d+)?(?:meg|[kmu])?)", re.I)
+_STATED = re.compile(rf"\b({'|'.join(_OF_MODEL)})\s*=\s*(\d[\d.]*(?:e[-+]?\d+)?(?:meg|[kmu])?)", re.I)
+
+
+@dataclass(frozen=True)
+class PartLoad:
+    """A part of a driver, with its value and what it must withstand; ``None`` where that does not apply.
+
+    RMS values, ripple and loss are those of a settled state: of a design at its operating point, else of the last
+    periods of a run. Of several transistors they are those of the one with the largest.
+    """
+
+    name: str  # with its group
+    value: float  # in its unit
+    unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
+    peak_voltage_v: float | None  # largest voltage across it
+    peak_current_a: float | None  # largest current through it
+    rms_voltage_v: float | None = None
+    rms_current_a: float | None = None
+    apparent_power_va: float | None = None  # RMS voltage times RMS current
+    ripple_v: float | None = None  # voltage of a capacitor from peak to peak in the last period
+    loss_w: float | None = None  # mean loss, of a transistor that of one
+    junction_c: float | None = None  # of a transistor, if its thermal resistances are known
+    exceeds: tuple[str, ...] = ()  # values of a transistor above its ratings, with these
+    core: Wound | None = None  # proposal for a coil or a transformer; ``None`` where no core of the list takes it
+
+    def words(self) -> str:
+        """Return value, maxima and RMS values for a summary."""
+        rows = {
+            "peak": {"V": self.peak_voltage_v, "A": self.peak_current_a},
+            "RMS": {"V": self.rms_voltage_v, "A": self.rms_current_a, "VA": self.apparent_power_va},
+            "ripple": {"V": self.ripple_v}, "loss": {"W": self.loss_w}, "junction": {"°C": self.junction_c},
+        }  # fmt: skip
+        words = [engineering(self.value, self.unit.removesuffix("1")).rstrip()]
+        for name, row in rows.items():
+            known = [engineering(value, unit) for unit, value in row.items() if value is not None]
+            words += [f"{name} {', '.join(known)}"] if known else []
+        return "; ".join([*words, *(f"EXCEEDED: {one}" for one in self.exceeds)])
+
+    def largest(self, others: Iterable[PartLoad]) -> PartLoad:
+        """Return the part with the largest voltage and current of several runs."""
+        volts, amperes = zip(*((one.peak_voltage_v, one.peak_current_a) for one in (self, *others)), strict=True)
+        return replace(
+            self,
+            peak_voltage_v=max((value for value in volts if value is not None), default=None),
+            peak_current_a=max((value for value in amperes if value is not None), default=None),
+        )
+
+    def settled(self, at: PartLoad) -> PartLoad:
+        """Return the part with the RMS values, ripple and loss of another state."""
+        return replace(at, peak_voltage_v=self.peak_voltage_v, peak_current_a=self.peak_current_a)
 
 
 def transistor_ratings(driver: Driver) -> dict[str, float]:
@@ -33,14 +83,27 @@ def transistor_ratings(driver: Driver) -> dict[str, float]:
     found = dict.fromkeys(("breakdown_v", *RATED), inf)
     if driver.mosfet in MOSFETS:
         found |= {name: getattr(ratings(driver.mosfet), name) for name in found}
-    stated = [(name.lower(), number(value)) for name, value in _STATED.findall(driver.own_text)]
-    for rating, names in _OF_MODEL.items():
-        known = next((values for name in names if (values := [value for key, value in stated if key == name])), [])
-        found[rating] = min(known, default=found[rating])
+    for name, value in _STATED.findall(driver.own_text):
+        rating = _OF_MODEL[name.lower()]
+        found[rating] = min(found[rating], number(value))
     return found | {name: value for name in RATED if (value := getattr(driver, name))}
 
 
-def rated(driver: Driver, part: PartLoad) -> PartLoad:
+def judged(driver: Driver, part: PartLoad, cores: Mapping[str, Wound] = MappingProxyType({})) -> PartLoad:
+    """Return a transistor with its ratings, a coil or a transformer with a core; ``cores`` has those of a design."""
+    if part.name.startswith(TRANSISTOR):
+        return _rated(driver, part)
+    rms, group = part.rms_current_a, part.name.partition("group ")[2][:1].lower()
+    if part.name.startswith(TRANSFORMER) and rms:
+        rms *= driver.ratio(group) if driver.kind == "push-pull" else 1.0  # of the secondary
+        return replace(part, core=cores.get(group) or wound_transformer(driver, group, rms))
+    if part.unit == "H" and part.peak_current_a and rms and not part.name.startswith(CABLE):
+        peak, settled = part.value * part.peak_current_a, sqrt(2.0) * part.value * rms
+        return replace(part, core=wound(peak, settled, rms, driver.frequency, part.value))
+    return part
+
+
+def _rated(driver: Driver, part: PartLoad) -> PartLoad:
     """Return a transistor with the temperature of its junction, and its values that exceed its ratings."""
     found = transistor_ratings(driver)
     resistance = found["junction_case_k_per_w"] + found["case_ambient_k_per_w"]
@@ -59,22 +122,29 @@ def rated(driver: Driver, part: PartLoad) -> PartLoad:
     return replace(part, junction_c=hot, exceeds=exceeds)
 
 
-def rating_notes(parts: Iterable[PartLoad]) -> list[str]:
+def rating_notes(driver: Driver, parts: Iterable[PartLoad]) -> list[str]:
     """Return one sentence for each type of transistor that exceeds its ratings, with its groups and what to do."""
-    words = {
-        "breakdown": "lower the rail",
-        "pulsed": "raise supply_rise_s against a peak at power-up",
-        "continuous": "lower the voltage",
-        "maximum": "lower case_ambient_k_per_w by a heat sink",
-    }
     found: dict[str, list[str]] = {}
     for part in parts:
         name, _, group = part.name.partition(", ")
-        if part.exceeds:
-            found.setdefault(name, []).append(f"{group}: {', '.join(part.exceeds)}")
+        if name.startswith(TRANSISTOR) and (exceeds := _rated(driver, part).exceeds):
+            found.setdefault(name, []).append(f"{group}: {', '.join(exceeds)}")
     return [
-        f"The {name} exceeds its ratings ({told}): take another MOSFET, or "
-        f"{', or '.join(remedy for word, remedy in words.items() if word in told)}."
+        f"The {name} exceeds its ratings ({'; '.join(groups)}). Take another MOSFET, a lower rail or voltage; against "
+        "a peak at power-up a longer supply_rise_s, against heat a lower case_ambient_k_per_w."
         for name, groups in found.items()
-        if (told := "; ".join(groups))
     ]
+
+
+def bill_of_materials(parts: Iterable[PartLoad]) -> list[list[str]]:
+    """Return the rows of a table of parts to buy or to wind, the names of its columns first; SI units."""
+    own = [one.name for one in fields(PartLoad) if one.name not in ("core", "exceeds")]
+    rows = [["quantity", *own, "exceeds", *(f"core_{one.name}" for one in fields(Wound))]]
+    for part in parts:
+        if part.unit not in ("V", "s"):  # of supplies and dead times
+            quantity = part.value if part.name.startswith(TRANSISTOR) else 1.0
+            core = astuple(part.core) if part.core else ()
+            values = [quantity, *(getattr(part, name) for name in own), "; ".join(part.exceeds), *core]
+            texts = [f"{value:.6g}" if isinstance(value, float | int) else value or "" for value in values]
+            rows.append(texts + [""] * (len(rows[0]) - len(texts)))
+    return rows

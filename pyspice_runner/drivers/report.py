@@ -21,7 +21,8 @@ from pyspice_runner.drivers import loads
 from pyspice_runner.drivers.design import OPERATING, TURNING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
 from pyspice_runner.drivers.feedback import Loop, stability, stability_notes
-from pyspice_runner.drivers.loads import PartLoad, TurnOn
+from pyspice_runner.drivers.loads import TurnOn
+from pyspice_runner.drivers.ratings import PartLoad
 from pyspice_runner.errors import require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
@@ -210,6 +211,11 @@ class DriveReport(Balance, Result):
         return "contact" not in self.motor
 
     @property
+    def bill(self) -> tuple[PartLoad, ...]:
+        """Parts with their maxima: those of the design, else those of the run."""
+        return self.design.parts if self.design else tuple(PartLoad(**load) for load in self.maxima["parts"])
+
+    @property
     def settled(self) -> bool:
         """Whether power, torque and speed would stay within 2 % in a longer run."""
         return all(map(has_settled, self.to_come.values()))
@@ -290,8 +296,9 @@ class DriveReport(Balance, Result):
                 f"{engineering(self.mean_rotor_speed_rad_s, 'rad/s')}, {engineering(self.mean_torque_n_m, 'N·m')} at "
                 f"the end of the run of {engineering(self.run['duration_s'], 's')}"
             )
-        for load in self.design.parts if self.design else [PartLoad(**load) for load in self.maxima["parts"]]:
+        for load in self.bill:
             found[load.name] = load.words()
+            found |= {f"core of {load.name.partition(', turns')[0]}": load.core.words()} if load.core else {}
         for name in ("motional_current_amplitude_a_a", "amplitude_m"):
             if name in self.ceramic:
                 found[name.rpartition("_")[0].replace("_", " ")] = engineering(self.ceramic[name], unit_in(name))
@@ -399,7 +406,7 @@ def drive_report(
         **vars(balance),
         mean_torque_error_n_m=errors.torque_n_m if errors else None,
         to_come=_to_come(setup, measured),
-        maxima=loads.maxima(motor, driver, samples, window),
+        maxima=loads.maxima(motor, driver, samples, balance.parts),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
@@ -568,6 +575,7 @@ class _Measurement:
         ports = {place: {group: self.port(place, group) for group in driver.groups} for place in ("out", "pin")}
         budgets = [self.budget(group, ports["out"][group].real_power_w) for group in driver.groups]
         put_in, losses, feeds, stored = zip(*budgets, strict=True)
+        lost = {name: loss for of_group in losses for name, loss in of_group.items()}
         torque, speeds = self.torque(setup), self.samples.get("v(shaft)", np.zeros_like(self.samples["time"]))
         return Balance(
             outputs=ports["out"],
@@ -576,7 +584,7 @@ class _Measurement:
             gate_power_w=sum(feeds),
             supply_current_mean_a={rail: window.mean(values) for rail, values in currents.items()},
             supply_current_peak_a={rail: float(np.abs(window.cut(values)).max()) for rail, values in currents.items()},
-            losses_w={name: loss for of_group in losses for name, loss in of_group.items()},
+            losses_w=lost,
             stored_power_w=sum(stored),
             motor_power_w=sum(port.real_power_w for port in ports["pin"].values()),
             shaft_power_w=window.mean(torque * speeds),
@@ -584,7 +592,7 @@ class _Measurement:
             mean_rotor_speed_rad_s=window.mean(speeds),
             settling=window.settling(self.power),
             switching=loads.turn_ons(driver, self.samples, window),
-            parts=loads.part_loads(driver, self.samples, window),
+            parts=loads.settled_parts(driver, self.samples, window, lost),
         )
 
     def port(self, place: str, group: str) -> Port:

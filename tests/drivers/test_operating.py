@@ -39,8 +39,8 @@ def test_no_load_is_a_free_shaft_behind_the_network_and_the_verdict_covers_it(na
     worst = max(abs(idle.group(group).voltage_v / design.wanted_v[group] - 1.0) for group in "ab")
     told = float(design.reason.partition("within ")[2].partition(" %")[0])
     assert told >= 99.0 * worst
-    if name == "bimodal40":  # steady_state behind the same bridge with all of its edges: 74.438 rad/s
-        assert idle.speed_rad_s == pytest.approx(74.438, rel=5e-3)
+    if name == "bimodal40":  # steady_state behind the same bridge with all of its edges: 73.402 rad/s
+        assert idle.speed_rad_s == pytest.approx(73.402, rel=5e-3)
 
 
 @pytest.mark.parametrize("name", MOTORS)

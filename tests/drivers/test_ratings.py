@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import csv
+import json
+import tomllib
 from functools import cache
 from math import pi, sqrt
 from pathlib import Path
@@ -10,7 +13,10 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.drivers.loads import PartLoad
+from pyspice_runner.cli import run
+from pyspice_runner.drivers import magnetics
+from pyspice_runner.drivers.magnetics import wound, wound_transformer
+from pyspice_runner.drivers.ratings import PartLoad
 from pyspice_runner.drivers.report import DriveReport
 
 pytestmark = pytest.mark.xdist_group("drivers")
@@ -70,7 +76,7 @@ def test_currents_and_junction_above_the_ratings_of_a_model_are_one_caution_and_
     models = tmp_path / "my.lib"
     models.write_text(
         ".model small VDMOS(Rg=3 Vto=3 Kp=.17 Cgs=125p Cgdmax=171p Cgdmin=10p Cjo=216p Is=1p BV=200 TT=180n\n"
-        "+ id_max=20m Rthjc=3.5 rth_ext=2k te_max=30)\n"
+        "+ id_max=20m Rthjc=3.5 rthca=2k te_max=30)\n"
     )
     driver = pr.Driver(
         kind="half-bridge", voltage=50.0, frequency=FREQUENCY, mosfet=f"{models}:small", drain_a=5e-3, ambient_c=20.0
@@ -81,7 +87,67 @@ def test_currents_and_junction_above_the_ratings_of_a_model_are_one_caution_and_
     (caution,) = (sentence for sentence in found.cautions if "exceeds its ratings" in sentence)
     for words in ("group A: peak ", "; group B: peak ", "pulsed 0.02 A", "continuous 0.005 A", "maximum 30 °C"):
         assert words in caution
-    assert caution.endswith("or lower the voltage, or lower case_ambient_k_per_w by a heat sink.")
+    assert caution.endswith("a lower case_ambient_k_per_w.")
     assert "EXCEEDED: peak " in found.summary()["MOSFET small, group A"]
     with pytest.raises(pr.ParameterError, match="drain_a has no effect on a linear"):
         pr.Driver(kind="linear", voltage=50.0, frequency=FREQUENCY, drain_a=1.0)
+
+
+def test_a_coil_on_its_core_has_inductance_flux_density_and_losses_of_the_equations() -> None:
+    """6.8 mH, 126 mA peak, 69 mA RMS: A_p = L Î I/(k_u J B) = 6.8e-3 · 0.126 · 0.069/(0.4 · 4e6 · 0.3) = 123 mm⁴.
+
+    RM 4 has 13 · 7.7 = 100 mm⁴, RM 5 23.8 · 9.5 = 226 mm⁴.
+    """
+    peak, rms, henries = 0.126, 0.069, 6.8e-3
+    coil = wound(henries * peak, henries * sqrt(2.0) * rms, rms, 40.7e3, henries)
+    assert coil is not None
+    assert coil.name == "RM 5"
+    area, path, permeability = 23.8e-6, 22.1e-3, 2200.0
+    reluctance = (coil.gap_m + path / permeability) / (4e-7 * pi * area)
+    assert coil.turns**2 / reluctance == pytest.approx(henries)
+    assert coil.peak_t == pytest.approx(henries * peak / (coil.turns * area))
+    assert coil.peak_t <= 0.3
+    ohms = 2.0e-8 * coil.turns * 25e-3 / (0.4 * 9.5e-6 / coil.turns)  # ρ N l/(k_u A_w/N)
+    assert coil.winding_w == pytest.approx(ohms * rms**2)
+    density = 375e3 * (40.7e3 / 100e3) ** 1.36 * (henries * sqrt(2.0) * rms / (coil.turns * area) / 0.2) ** 2.58
+    assert coil.ferrite_w == pytest.approx(density * path * area)
+    # of all turns, the loss is smallest: 2 P_w = β P_c, but for the rounding to whole turns
+    assert 2.0 * coil.winding_w == pytest.approx(2.58 * coil.ferrite_w, rel=4.6 / coil.turns)
+    assert coil.rise_k == pytest.approx(53.0 * 0.526**-0.54 * (coil.winding_w + coil.ferrite_w), rel=1e-3)
+    assert wound(henries * peak, henries * peak, rms, 1e6, henries) is None  # above the range of the ferrite
+
+
+def test_a_transformer_has_the_turns_of_its_volt_seconds_and_the_permeance_of_its_core() -> None:
+    """A square wave of 24 V at 40.7 kHz has 24/(4 · 40.7e3) = 147 µV·s, twice that at power-up; 0.5 A on both sides."""
+    driver = pr.Driver(kind="full-bridge", voltage=100.0, frequency=40.7e3, supply_v=24.0, settings={
+        "transformer.ratio": 3.42
+    })  # fmt: skip
+    found = wound_transformer(driver, "a", 0.25)
+    assert found is not None
+    assert found.name == "RM 6"
+    assert found.peak_t == pytest.approx(2.0 * 24.0 / (4.0 * 40.7e3) / (found.turns * 36.6e-6))
+    assert found.peak_t <= 0.3
+    assert found.secondary_turns == round(3.42 * found.turns)
+    assert found.inductance_h == pytest.approx(found.turns**2 * 4e-7 * pi * 36.6e-6 / (28.6e-3 / 2200.0 + 1e-5))
+
+
+@pytest.mark.parametrize(("core", "nanohenries"), [("RM 8", 3300), ("RM 10", 4200), ("ETD 44/22/15", 3500)])
+def test_the_permeance_of_a_core_is_that_of_its_data_sheet(core: str, nanohenries: float) -> None:
+    """A_L of N87 in TDK's data sheets, whose tolerance is −20 to +30 %."""
+    listed = tomllib.loads((Path(magnetics.__file__).parent / "cores.toml").read_text(encoding="utf-8"))["cores"][core]
+    path, area = 1e-3 * listed["path_mm"], 1e-6 * listed["area_mm2"]
+    assert 4e-7 * pi * area / (path / 2200.0 + 1e-5) == pytest.approx(1e-9 * nanohenries, rel=0.15)
+
+
+def test_the_bill_of_materials_has_a_row_for_each_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bom.csv"
+    words = ["drive", "andersen2002", "--driver", "half-bridge+inductor", "--no-match", "--duration", "2e-4", "--json"]
+    assert run([*words, "--bom", str(path)]) == 0
+    parts = {load["name"]: load for load in json.loads(capsys.readouterr().out)["maxima"]["parts"]}
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = {row["name"]: row for row in csv.DictReader(file)}
+    assert rows.keys() == {name for name, load in parts.items() if load["unit"] not in ("V", "s")}
+    assert float(rows["MOSFET IRF610, group B"]["quantity"]) == 2.0
+    coil = rows["series coil, group A"]
+    assert float(coil["rms_current_a"]) == pytest.approx(parts["series coil, group A"]["rms_current_a"], rel=1e-5)
+    assert coil["core_name"] == parts["series coil, group A"]["core"]["name"]

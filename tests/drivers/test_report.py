@@ -16,8 +16,8 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.drivers.design import Design, driver_state
-from pyspice_runner.drivers.loads import PartLoad
 from pyspice_runner.drivers.parts import E12, E24, beyond, largest_inductance, nearest
+from pyspice_runner.drivers.ratings import PartLoad
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.window import Window
 from tests.runs import simulated
@@ -339,7 +339,8 @@ def test_a_rail_beyond_the_transistors_is_a_reason_and_no_driver() -> None:
 def test_a_transformer_that_raises_the_output_resistance_beyond_a_part_is_a_reason_and_no_driver() -> None:
     """Seen from the pins, the resistance of a stage on 16 V is multiplied by the square of the ratio, 100."""
     motor = pr.load_motor("bimodal40")
-    spec = pr.DriverSpec(pr.default_drive(motor), "linear", "inductor", 16.0)  # type: ignore[arg-type]
+    stage = {"amplifier.output_resistance": 1.3}
+    spec = pr.DriverSpec(pr.default_drive(motor), "linear", "inductor", 16.0, stage)  # type: ignore[arg-type]
     found = pr.design(motor, spec, speed=26.0)
     assert found.driver is None
     assert "resistance = 1" in found.reason

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Proposals of cores for coils and transformers: area product, turns, gap, flux density, losses, temperature.
+
+A core takes the flux linkage λ of its peak and the current I of its winding if its area product A_e A_w is at least
+λ I/(k_u J B), with λ = L Î of a coil and, of a transformer, I of the primary plus that of the secondary referred to it
+(C. W. T. McLyman, Transformer and Inductor Design Handbook, 4th ed., chapters 7 and 8; R. W. Erickson, D. Maksimović,
+Fundamentals of Power Electronics, 2nd ed., chapters 14 and 15). The turns are those of the smallest loss, and at least
+those of the flux density and the gap. Cores and ferrite are in ``cores.toml``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from math import ceil, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+from pyspice_runner.drivers.driver import Driver
+from pyspice_runner.units import engineering
+
+_MU_0 = 4e-7 * pi  # H/m
+_COPPER = 2.0e-8  # Ω·m at 60 °C
+_FILL = 0.4  # k_u, copper in the winding area: assumed, round enamelled wire and insulation
+_CURRENT_DENSITY = 4e6  # J, A/m²: assumed, usual without a fan
+_LEAST_GAP = 1e-4  # m, of a coil: below, its inductance hangs on the permeability, which scatters by 25 %
+_LEAST_MAGNETISING = 1e-4  # H, of the library of transformers
+_RESIDUAL = 1e-5  # m, gap between ground faces: assumed; with it A_L of the sheets of RM 8 and ETD 34 within 15 %
+_HOTTEST = 40.0  # K, rise of a proposal
+_THINNEST = 1e-4  # m, wire
+
+
+@dataclass(frozen=True)
+class Wound:
+    """A coil or a transformer on a standard core."""
+
+    name: str  # of the core
+    turns: int  # of the coil, or of the primary
+    secondary_turns: int  # 0 of a coil
+    gap_m: float  # 0 of a transformer
+    inductance_h: float  # of turns and gap; of a transformer the magnetising inductance
+    peak_t: float  # flux density at the peak
+    settled_t: float  # its amplitude in the settled state
+    wire_m: float  # diameter of the copper, of a transformer that of the primary
+    skin_depths: float  # diameter over the skin depth; from 2 on litz wire is needed
+    winding_ohm: float  # resistance of the coil or primary to direct current, at 60 °C
+    winding_w: float  # loss in all windings by that resistance; skin and proximity effect come on top
+    ferrite_w: float  # loss in the core
+    rise_k: float  # above the ambient
+
+    def words(self) -> str:
+        """Return core, turns and losses for a summary."""
+        second = f" and {self.secondary_turns}" if self.secondary_turns else ""
+        wire = "litz wire, copper as of" if self.skin_depths > 2.0 else "wire of"
+        gap = f", gap {engineering(self.gap_m, 'm')}" if self.gap_m else ""
+        return (
+            f"{self.name} {_data()['material']['name']}: {self.turns}{second} turns, {wire} "
+            f"{engineering(self.wire_m, 'm')}{gap}; {engineering(self.peak_t, 'T')} at the peak; winding "
+            f"{engineering(self.winding_w, 'W')}, core {engineering(self.ferrite_w, 'W')}, {self.rise_k:.3g} K warmer"
+        )
+
+
+@cache
+def _data() -> dict[str, Any]:
+    return tomllib.loads((Path(__file__).parent / "cores.toml").read_text(encoding="utf-8"))
+
+
+def wound(
+    peak_v_s: float, settled_v_s: float, rms_a: float, frequency: float, inductance: float = 0.0, ratio: float = 0.0
+) -> Wound | None:
+    """Return the smallest core that takes a coil of an inductance in H, or a transformer of a ratio of turns.
+
+    Args:
+        peak_v_s: largest flux linkage, V·s, of a transformer of its primary.
+        settled_v_s: its amplitude in the settled state.
+        rms_a: current of the coil, or of the primary and of the secondary referred to it, A.
+        frequency: Hz.
+        inductance: of a coil, H; 0 of a transformer.
+        ratio: turns of the secondary to those of the primary; 0 of a coil.
+
+    Returns:
+        ``None`` if no core of the list takes it, and above the frequencies of the ferrite.
+    """
+    iron, skin = _data()["material"], sqrt(_COPPER / (pi * frequency * _MU_0))
+    listed = _data()["cores"].items() if frequency <= iron["highest_hz"] else ()
+    for name, core in listed:
+        path, turn = 1e-3 * core["path_mm"], 1e-3 * core["turn_mm"]
+        area, copper = 1e-6 * core["area_mm2"], 1e-6 * core["window_mm2"] * _FILL
+        if area * copper < peak_v_s * rms_a / (_CURRENT_DENSITY * iron["flux_density_t"]):
+            continue
+        magnetic = path / iron["permeability"]
+        heat = _COPPER * turn / copper * rms_a**2  # of one turn
+        loss = path * area * iron["loss_w_per_m3"] * (frequency / iron["frequency_hz"]) ** iron["alpha"]
+        loss *= (settled_v_s / (area * iron["amplitude_t"])) ** iron["beta"]
+        least = peak_v_s / (iron["flux_density_t"] * area)
+        henries, least_gap = (inductance, _LEAST_GAP) if inductance else (_LEAST_MAGNETISING, _RESIDUAL)
+        gapped = sqrt(henries * (least_gap + magnetic) / (_MU_0 * area))
+        share = 0.5 if ratio else 1.0  # of the copper, in the primary
+        most = 4.0 * share * copper / (pi * _THINNEST**2 * max(1.0, ratio))
+        best = (iron["beta"] * loss / (2.0 * heat)) ** (1.0 / (iron["beta"] + 2.0))
+        turns = ceil(max(least, gapped, min(best, most)))
+        gap = _MU_0 * turns**2 * area / inductance - magnetic if inductance else 0.0
+        winding_w, ferrite_w = heat * turns**2, loss / turns ** iron["beta"]
+        wire = sqrt(4.0 * share * copper / (pi * turns))
+        # S. A. Mulder, Loss formulas for power ferrites, Philips 1994: 53 K/W by the volume in cm³ to the power −0.54
+        rise = 53.0 * (1e6 * path * area) ** -0.54 * (winding_w + ferrite_w)
+        if rise <= _HOTTEST and turns <= most + 1.0:
+            return Wound(
+                name, turns, round(ratio * turns), gap, _MU_0 * turns**2 * area / (magnetic + (gap or _RESIDUAL)),
+                peak_v_s / (turns * area), settled_v_s / (turns * area), wire, wire / skin,
+                _COPPER * turn * turns**2 / (share * copper), winding_w, ferrite_w, rise,
+            )  # fmt: skip
+    return None
+
+
+def wound_transformer(driver: Driver, group: str, rms_a: float) -> Wound | None:
+    """Return a core for the transformer of a group, by the RMS current in A of its primary.
+
+    At power-up the flux starts at zero instead of its negative peak, and reaches up to twice its amplitude.
+    """
+    high, low = driver.rails(group)
+    volts = high - low if driver.kind in ("full-bridge", "push-pull") else high
+    linkage = volts / ((4.0 if driver.switched else 2.0 * pi) * driver.frequency)  # of a square or a sine wave
+    both = 1.0 + sqrt(2.0) if driver.kind == "push-pull" else 2.0  # windings; each half for a half of the time
+    return wound(2.0 * linkage, linkage, both * rms_a, driver.frequency, ratio=driver.ratio(group))
