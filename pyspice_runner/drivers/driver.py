@@ -10,8 +10,9 @@ the MOSFETs of a bridge, may be a subcircuit of the user's own (:mod:`.own_devic
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, pairwise
 from math import asin, inf, pi, sqrt
@@ -32,7 +33,7 @@ from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import quantity
 from pyspice_runner.motor.refusal import Stated, quoted
-from pyspice_runner.spice.library import Library, LibraryParameter, check_parameters, definitions, read_library
+from pyspice_runner.spice.library import Library, LibraryParameter, check_parameters, definitions, number, read_library
 
 DriverKind = Literal["ideal", "linear", "feedback", "half-bridge", "full-bridge", "push-pull"]
 NetworkKind = Literal["none", "inductor", "llcc"]
@@ -450,6 +451,13 @@ class Driver(Stated, Source):
         replaced = {path for name in of_parts for path in of_groups(name)} - of_parts.keys()
         kept = {path: value for path, value in own.get("settings", self.settings).items() if path not in replaced}
         return super().updated({**own, "settings": {**kept, **of_parts}})
+
+    def recovering(self, factor: float) -> Self:
+        """Return the driver with the transit time of its body diodes times a factor; without one as it is."""
+        library, changed = self._transistor or ratings(IRF610).library, self.model_copy()
+        text = re.sub(r"(?i)\bTT=(\w+)", lambda found: f"TT={factor * number(found[1])!r}", library.subcircuit)
+        changed._transistor = replace(library, subcircuit=text)
+        return changed
 
     @property
     def given(self) -> Self:

@@ -42,6 +42,8 @@ class PartLoad:
     unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
     peak_voltage_v: float | None  # largest voltage across it
     peak_current_a: float | None  # largest current through it
+    # smallest and largest peak at power-up, by the recovery of body diodes; of transistors and supplies of a design
+    peak_range_a: tuple[float, float] | None = None
     rms_voltage_v: float | None = None
     rms_current_a: float | None = None
     apparent_power_va: float | None = None  # RMS voltage times RMS current
@@ -58,10 +60,12 @@ class PartLoad:
             "RMS": {"V": self.rms_voltage_v, "A": self.rms_current_a, "VA": self.apparent_power_va},
             "ripple": {"V": self.ripple_v}, "loss": {"W": self.loss_w}, "junction": {"°C": self.junction_c},
         }  # fmt: skip
+        between = " to ".join(engineering(value, "A") for value in self.peak_range_a or ())
         words = [engineering(self.value, self.unit.removesuffix("1")).rstrip()]
         for name, row in rows.items():
             known = [engineering(value, unit) for unit, value in row.items() if value is not None]
             words += [f"{name} {', '.join(known)}"] if known else []
+        words += [f"at power-up {between} by the recovery of the body diodes"] if between else []
         return "; ".join([*words, *(f"EXCEEDED: {one}" for one in self.exceeds)])
 
     def largest(self, others: Iterable[PartLoad]) -> PartLoad:
@@ -108,9 +112,10 @@ def _rated(driver: Driver, part: PartLoad) -> PartLoad:
     found = transistor_ratings(driver)
     resistance = found["junction_case_k_per_w"] + found["case_ambient_k_per_w"]
     hot = None if part.loss_w is None or not isfinite(resistance) else driver.ambient_c + part.loss_w * resistance
+    most = max(part.peak_current_a or 0.0, *(part.peak_range_a or (0.0,)))
     rows = [
         ("peak", part.peak_voltage_v, "V", found["breakdown_v"], "breakdown"),
-        ("peak", part.peak_current_a, "A", found["drain_pulsed_a"], "pulsed"),
+        ("peak", most, "A", found["drain_pulsed_a"], "pulsed"),
         ("RMS", part.rms_current_a, "A", found["drain_a"], "continuous"),
         ("junction", hot, "°C", found["junction_c"], "maximum"),
     ]
@@ -138,7 +143,7 @@ def rating_notes(driver: Driver, parts: Iterable[PartLoad]) -> list[str]:
 
 def bill_of_materials(parts: Iterable[PartLoad]) -> list[list[str]]:
     """Return the rows of a table of parts to buy or to wind, the names of its columns first; SI units."""
-    own = [one.name for one in fields(PartLoad) if one.name not in ("core", "exceeds")]
+    own = [one.name for one in fields(PartLoad) if one.name not in ("core", "exceeds", "peak_range_a")]
     rows = [["quantity", *own, "exceeds", *(f"core_{one.name}" for one in fields(Wound))]]
     for part in parts:
         if part.unit not in ("V", "s"):  # of supplies and dead times

@@ -430,7 +430,8 @@ def drive_report(
         operating = None if speed is not None else _operating(setup, design)
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
         at = {part.name: part for part in (operating or report).parts}
-        parts[0] = tuple(part.settled(at[part.name]) for part in parts[0])
+        between = loads.recovery_peaks(setup, driver, vectors, samples)
+        parts[0] = tuple(replace(part.settled(at[part.name]), peak_range_a=between.get(part.name)) for part in parts[0])
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in driver.groups}
         design = design.ran(parts, reached, most, motor, _start_time(setup, design) - duration)
         if limits:

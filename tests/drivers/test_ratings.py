@@ -151,3 +151,19 @@ def test_the_bill_of_materials_has_a_row_for_each_part(tmp_path: Path, capsys: p
     coil = rows["series coil, group A"]
     assert float(coil["rms_current_a"]) == pytest.approx(parts["series coil, group A"]["rms_current_a"], rel=1e-5)
     assert coil["core_name"] == parts["series coil, group A"]["core"]["name"]
+
+
+def test_peaks_at_power_up_are_stated_with_the_recovery_of_body_diodes() -> None:
+    """Without a transit time there is no recovery; with 2.3 times the typical charge the peak is larger."""
+    design = pr.design(
+        pr.load_motor("andersen2002"),
+        pr.DriverSpec(pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY), "half-bridge", rail=79.0),
+    )
+    found = pr.drive_report(pr.load_motor("andersen2002"), design, 5e-4)
+    mosfet = next(one for one in found.bill if one.name.startswith("MOSFET"))
+    least, most = mosfet.peak_range_a
+    assert least < 0.8 * mosfet.peak_current_a < most
+    assert "by the recovery of the body diodes" in found.summary()[mosfet.name]
+    assert design.driver is not None
+    text = design.driver.recovering(2.0)._transistor.subcircuit
+    assert "TT=3.6e-07" in text  # of 180 ns
