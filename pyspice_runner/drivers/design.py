@@ -777,17 +777,15 @@ class _Search:
             core = wound_transformer(driver, group, driver.ratio(group) * max(map(abs, through)) / sqrt(2.0))
             if core is None:
                 continue
-            self.cores[group] = core
-            halves = 2.0 if driver.kind == "push-pull" else 1.0
+            self.cores[group], halves = core, 2.0 if driver.kind == "push-pull" else 1.0
             values = {
                 "magnetizing": min(core.inductance_h, 1.0),
                 "primary_resistance": max(halves * core.winding_ohm, 1e-2),
                 "secondary_resistance": max(core.winding_ohm * driver.ratio(group) ** 2, 1e-2),
             }
-            given = {path.partition(".")[2] for path in self.spec.parts if path.startswith(label)}
-            found |= {
-                f"{label}_{group}.{name}": float(f"{value:.3g}") for name, value in values.items() if name not in given
-            }
+            for name, value in values.items():
+                if not {f"{label}.{name}", f"{label}_{group}.{name}"} & self.spec.parts.keys():
+                    found[f"{label}_{group}.{name}"] = float(f"{value:.3g}")
         return found
 
     def verified(self, draft: Design, share: float) -> Design:

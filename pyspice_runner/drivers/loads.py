@@ -2,11 +2,7 @@
 """What the parts of a driver and the groups of a motor must withstand, how a bridge switches, and events of a run.
 
 Maxima are over a whole run, from power-up on. The leg of a bridge commutates in the dead time: the current of its
-output charges the output capacitances of both transistors. If the voltage across a transistor has not come to zero when
-it turns on, its channel discharges the rest (hard switching).
-
-A bridge that stops opens all of its transistors: the energy of network and motor goes through their diodes into the
-supply, or stays. A frequency that sweeps passes the resonances of the network with the group.
+output charges the output capacitances of both transistors. The channel of one that turns on discharges the rest.
 """
 
 from __future__ import annotations

@@ -69,18 +69,11 @@ def _data() -> dict[str, Any]:
 def wound(
     peak_v_s: float, settled_v_s: float, rms_a: float, frequency: float, inductance: float = 0.0, ratio: float = 0.0
 ) -> Wound | None:
-    """Return the smallest core that takes a coil of an inductance in H, or a transformer of a ratio of turns.
+    """Return the smallest core for a coil of an inductance in H, or a transformer of a ratio secondary to primary.
 
-    Args:
-        peak_v_s: largest flux linkage, V·s, of a transformer of its primary.
-        settled_v_s: its amplitude in the settled state.
-        rms_a: current of the coil, or of the primary and of the secondary referred to it, A.
-        frequency: Hz.
-        inductance: of a coil, H; 0 of a transformer.
-        ratio: turns of the secondary to those of the primary; 0 of a coil.
-
-    Returns:
-        ``None`` if no core of the list takes it, and above the frequencies of the ferrite.
+    Flux linkages, at the peak and the settled amplitude, are those of the coil or the primary; the current is that of
+    the coil, or of the primary plus that of the secondary referred to it. ``None`` if no core of the list takes it, and
+    above the frequencies of the ferrite.
     """
     iron, skin = _data()["material"], sqrt(_COPPER / (pi * frequency * _MU_0))
     listed = _data()["cores"].items() if frequency <= iron["highest_hz"] else ()

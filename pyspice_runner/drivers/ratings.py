@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a part of a driver bears, the core of a coil or transformer, and the ratings of the transistors of a bridge.
+"""What a part of a driver withstands, the core of a coil or transformer, and the ratings of transistors.
 
 Ratings are those of a data sheet, by the ``RATING`` lines of a library, or of the user's ``.model``. Fields of the
 driver, as ``drain_a``, take their place.

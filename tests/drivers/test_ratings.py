@@ -139,6 +139,17 @@ def test_the_permeance_of_a_core_is_that_of_its_data_sheet(core: str, nanohenrie
     assert 4e-7 * pi * area / (path / 2200.0 + 1e-5) == pytest.approx(1e-9 * nanohenries, rel=0.15)
 
 
+def test_a_design_takes_its_transformers_from_their_cores_unless_they_are_given() -> None:
+    """The magnetising inductance of the other group stays that of its core: N² A_L, not the default of 5 mH."""
+    drive, parts = pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY), {"transformer_a.magnetizing": 4e-3}
+    design = pr.design(pr.load_motor("andersen2002"), pr.DriverSpec(drive, "full-bridge", rail=24.0, parts=parts))
+    assert design.driver is not None
+    assert design.driver.setting("transformer_a.magnetizing") == 4e-3
+    core = design.cores["b"]
+    for name, value in (("magnetizing", core.inductance_h), ("primary_resistance", core.winding_ohm)):
+        assert design.driver.setting(f"transformer_b.{name}") == pytest.approx(value, rel=5e-3)  # three digits
+
+
 def test_the_bill_of_materials_has_a_row_for_each_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "bom.csv"
     words = ["drive", "andersen2002", "--driver", "half-bridge+inductor", "--no-match", "--duration", "2e-4", "--json"]
