@@ -124,8 +124,13 @@ def stated(name: str) -> dict[str, float]:
 def designed(name: str, motor: pr.Motor) -> Design:
     """Return the design of today for the drive of a deck."""
     _, stage, network, rail, speed = DRIVES[name]
-    mosfet = {} if stage == "linear" else {"mosfet": "IRF610"}
-    spec = pr.DriverSpec(pr.default_drive(motor), stage, network, rail, mosfet)
+    parts: dict[str, Any] = {} if stage == "linear" else {"mosfet": "IRF610"}
+    if "5m\n" in (DECKS / f"{name}.cir").read_text(encoding="utf-8"):  # the transformer of the deck
+        label = "bridge" if stage == "push-pull" else "transformer"
+        values = {"magnetizing": 5e-3, "primary_resistance": 0.3, "secondary_resistance": 1.2}
+        parts |= {f"{label}.{parameter}": value for parameter, value in values.items()}
+        parts |= {"transformer": True} if stage == "half-bridge" else {}
+    spec = pr.DriverSpec(pr.default_drive(motor), stage, network, rail, parts)
     design = pr.design(motor, spec, speed=speed)
     assert design.feasible, design.reason
     return design
