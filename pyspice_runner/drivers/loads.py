@@ -7,7 +7,6 @@ output charges the output capacitances of both transistors. The channel of one t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -23,6 +22,7 @@ from pyspice_runner.circuit.source import Pins
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
 from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged, rating_notes
+from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.motor.motor import Motor
@@ -82,10 +82,10 @@ def settled_parts(
         volts, amperes, transistor = rms.peak_voltage_v, rms.peak_current_a, peak.name.startswith(TRANSISTOR)
         # the transformer of a push-pull stage is in the stage, and has the current of its secondary
         turns = peak.value if peak.name.startswith(TRANSFORMER) and driver.kind != "push-pull" else 1.0
-        stage = re.compile(rf"[a-z]+_{peak.name.partition('group ')[2][:1].lower()}\.(\w+)")
+        stage = f"_{peak.name.partition('group ')[2][:1].lower()}."
         lost = [
-            loss for path, loss in losses_w.items() if not path.startswith("driver")
-            and (device := stage.fullmatch(path)) and peak.name.startswith(_LOSSES.get(device[1], "?"))
+            loss for path, loss in losses_w.items() if stage in path and not path.startswith("driver")
+            and peak.name.startswith(_LOSSES.get(path.partition(".")[2], "?"))
         ]  # fmt: skip
         found.append(replace(
             peak, rms_voltage_v=None if transistor else volts, rms_current_a=amperes,
@@ -470,15 +470,18 @@ def recovery_peaks(
 ) -> dict[str, tuple[float, float]]:
     """Return transistor or supply → smallest and largest peak current in A at power-up by the recovery of body diodes.
 
-    Two further runs pass the largest current of the first one. Empty for stages other than bridges.
+    Two further runs pass the largest current of the first one. Empty for other stages, and where ngspice fails.
     """
     drains = [name for group in driver.groups for name in _drains(driver, group)[0]]
     if not drains:
         return {}
     last = max(float(samples["time"][np.abs(samples[name]).argmax()]) for name in drains) + driver.period
     runs = [replace(setup, source=driver.recovering(factor)) for factor in RECOVERY]
-    with ThreadPoolExecutor() as pool:
-        several = [samples, *pool.map(lambda run: run.run(last, vectors).vectors(), runs)]
+    try:
+        with ThreadPoolExecutor() as pool:
+            several = [samples, *pool.map(lambda run: run.run(last, vectors).vectors(), runs)]
+    except SimulationError:  # the first run stays valid, without a range
+        return {}
     found: dict[str, list[float]] = {}
     for part in chain.from_iterable(part_loads(driver, one) for one in several):
         if part.name.startswith((TRANSISTOR, "supply")):

@@ -110,7 +110,8 @@ def wound(
 def wound_transformer(driver: Driver, group: str, rms_a: float) -> Wound | None:
     """Return a core for the transformer of a group, by the RMS current in A of its primary.
 
-    At power-up the flux starts at zero instead of its negative peak, and reaches up to twice its amplitude.
+    At power-up the flux starts at zero instead of its negative peak, and reaches up to twice its amplitude (1.16 times
+    with bimodal40 and a supply that rises in 20 µs).
     """
     high, low = driver.rails(group)
     volts = high - low if driver.kind in ("full-bridge", "push-pull") else high

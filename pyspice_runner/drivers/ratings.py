@@ -128,17 +128,15 @@ def _rated(driver: Driver, part: PartLoad) -> PartLoad:
 
 
 def rating_notes(driver: Driver, parts: Iterable[PartLoad]) -> list[str]:
-    """Return one sentence for each type of transistor that exceeds its ratings, with its groups and what to do."""
-    found: dict[str, list[str]] = {}
-    for part in parts:
-        name, _, group = part.name.partition(", ")
-        if name.startswith(TRANSISTOR) and (exceeds := _rated(driver, part).exceeds):
-            found.setdefault(name, []).append(f"{group}: {', '.join(exceeds)}")
-    return [
-        f"The {name} exceeds its ratings ({'; '.join(groups)}). Take another MOSFET, a lower rail or voltage; against "
-        "a peak at power-up a longer supply_rise_s, against heat a lower case_ambient_k_per_w."
-        for name, groups in found.items()
+    """Return one sentence if transistors exceed their ratings, with their groups and what to do."""
+    told = [
+        f"{part.name.partition(', ')[2]}: {', '.join(exceeds)}"
+        for part in parts
+        if part.name.startswith(TRANSISTOR) and (exceeds := _rated(driver, part).exceeds)
     ]
+    remedy = "Take another MOSFET, a lower rail or voltage, a slower supply_rise_s, or a lower case_ambient_k_per_w."
+    name = driver.mosfet.rpartition(":")[2]
+    return [f"The {TRANSISTOR} {name} exceeds its ratings ({'; '.join(told)}). {remedy}"] if told else []
 
 
 def bill_of_materials(parts: Iterable[PartLoad]) -> list[list[str]]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the parts of a driver bear beside their peaks, against equations that are solved by hand."""
+"""What the parts of a driver withstand beside their peaks, against equations that are solved by hand."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_currents_and_junction_above_the_ratings_of_a_model_are_one_caution_and_
     (caution,) = (sentence for sentence in found.cautions if "exceeds its ratings" in sentence)
     for words in ("group A: peak ", "; group B: peak ", "pulsed 0.02 A", "continuous 0.005 A", "maximum 30 °C"):
         assert words in caution
-    assert caution.endswith("a lower case_ambient_k_per_w.")
+    assert caution.endswith("or a lower case_ambient_k_per_w.")
     assert "EXCEEDED: peak " in found.summary()["MOSFET small, group A"]
     with pytest.raises(pr.ParameterError, match="drain_a has no effect on a linear"):
         pr.Driver(kind="linear", voltage=50.0, frequency=FREQUENCY, drain_a=1.0)
