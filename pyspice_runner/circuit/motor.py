@@ -400,7 +400,7 @@ class TransducerSubCircuit(MotorSubCircuit):
 
     def __init__(
         self, motor: Motor, *, discretisation: Discretisation | None = None, approach: bool = False,
-        check: bool = False, name: str = "", thermal: Thermal | None = None, **_: Any,
+        startable: bool = False, check: bool = False, name: str = "", thermal: Thermal | None = None, **_: Any,
     ) -> None:  # fmt: skip
         if thermal:
             raise ParameterError("The drift with temperature is that of motors. Leave it out for a transducer.")
@@ -408,7 +408,10 @@ class TransducerSubCircuit(MotorSubCircuit):
         self.settable = (LibraryParameter("load", "N.s/m", rounded(motor.load_resistance_n_s_per_m), 0.0, 1e9, what),)
         tool = ["tool"] if approach else []
         pins = (*motor.groups, "com", *tool)
-        Assembly.__init__(self, name or TRANSDUCER, *pins, load=repr(self.settable[0].default))
+        starts = [state for state in (motor_states(motor, None) if startable else ()) if state.part]
+        defaults = {state.parameter: "0" for state in starts}
+        Assembly.__init__(self, name or TRANSDUCER, *pins, load=repr(self.settable[0].default), **defaults)
+        self._starts = starts
         self._motor, self._law, self._discretisation, self._thermal = motor, None, discretisation, None
         self._common, self._mount = "common" if check else "com", None
         self._add_groups(())

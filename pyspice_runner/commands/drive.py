@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @command(
     "motor driver against voltage frequency phase rail stage network source_resistance match part mosfet duration",
-    "events speed load_torque audit", LAW, "timeout", CHANGES, TARGETS,
+    "events power current amplitude at load_range speed load_torque audit", LAW, "timeout", CHANGES, TARGETS,
     driver=option(str, "linear", DRIVERS),
     against=option(str | None, None, "A second driver for comparison."),
     voltage=VOLTAGE,
@@ -36,13 +36,29 @@ if TYPE_CHECKING:
         Literal["linear", "feedback", "half-bridge", "full-bridge", "push-pull"] | None, None,
         "Power stage of the design; default: full-bridge.",
     ),
-    network=option(Literal["none", "inductor", "l", "llcc"], "inductor", "Network of the design."),
+    network=option(
+        Literal["none", "inductor", "l", "llcc"] | None, None, "Default: inductor, with --load-range llcc."
+    ),
     source_resistance=option(
         float | None, None, "Resistance to which a network l (default: 50) or llcc transforms the motor, ohm."
     ),
     duration=option(float | None, None, "Simulated time, s; default: 3e-3, of a design up to 6e-3."),
     events=option(
-        bool, False, "Also run a load step, a stop and a frequency sweep, for the stress on the parts.", "--events"
+        bool, False,
+        "Also run a load step, a stop and a frequency sweep, for the stress on the parts; default with --load-range.",
+        "--events",
+    ),
+    power=option(float | None, None, "Transducer: power into the load, W; without a load into the arms."),
+    current=option(float | None, None, "Transducer: amplitude of the motional current, A."),
+    amplitude=option(float | None, None, "Transducer: amplitude of the face, m, where its motion is known."),
+    at=option(
+        Literal["series", "between", "parallel"] | None, None,
+        "Transducer: series or parallel resonance under load, or between, in place of --frequency.",
+    ),
+    load_range=option(
+        str | None, None,
+        "Transducer: damping idle and under full load, over that of the file, as 1:20. The motional current is kept.",
+        metavar="IDLE:FULL",
     ),
     bom=option(Path | None, None, "File of the bill of materials of the driver, with peaks, ratings and cores, .csv."),
 )  # fmt: skip
@@ -56,23 +72,14 @@ def drive(call: Call) -> None:
 
     Example: piezomotor drive andersen2002 --driver half-bridge+llcc --against linear --plot drivers.png
     """
-    driver, against = call.driver, call.against
-    if call.rail is None:
-        call.refuse_idle("without --rail", "stage network")
-        call.refuse_idle_match(driver, against or "")
-    else:
-        for name in common.stated_options(call.context, "driver"):
-            raise pr.ParameterError(
-                f"{name} has no effect with --rail, which designs the driver. Choose the power stage of the design "
-                f"with --stage {driver.partition('+')[0]}."
-            )
-        call.refuse_idle("with --rail, which designs the driver", "against match")
-        driver = f"{call.stage or 'full-bridge'}+{call.network}"
+    driver, against = _stage(call), call.against
     call.check(".json", ".csv", *([".cir"] if against is None else []))
     common.check_targets(call.values["bom"], (".csv",), None)
     motor = call.loaded
     tone = call.phases(motor)
-    specs = [call.spec_of(driver, tone)]
+    targets = call.pick("power current amplitude at")
+    targets["load_range"] = call.load_range and tuple(map(common.number, call.load_range.split(":")))
+    specs = [replace(call.spec_of(driver, tone), **targets)]
     if against is not None:
         specs.append(call.spec_of(against, tone, strict=False))
     reports: list[DriveReport] = []
@@ -81,8 +88,9 @@ def drive(call: Call) -> None:
         try:
             with common.busy(f"ngspice runs the {spec.name}"):
                 report = pr.drive_report(
-                    motor, spec, contact=call.law, **call.pick("duration speed load_torque audit events timeout")
-                )
+                    motor, spec, contact=call.law, events=call.events or spec.load_range is not None,
+                    **call.pick("duration speed load_torque audit timeout"),
+                )  # fmt: skip
             reports.append(report)
             common.caution(report)
         except NoDriverError as error:
@@ -107,6 +115,25 @@ def drive(call: Call) -> None:
     common.deliver(document, _table(motor, reports), call.as_json, (call.output, save), drawn, bill)
     if fault is not None:
         raise fault
+
+
+def _stage(call: Call) -> str:
+    """Return stage and network; raise ParameterError for options that have no effect together."""
+    if call.rail is None:
+        call.refuse_idle("without --rail", "stage network power current amplitude at load_range")
+        call.refuse_idle_match(call.driver, call.against or "")
+        return str(call.driver)
+    for name in common.stated_options(call.context, "driver"):
+        raise pr.ParameterError(
+            f"{name} has no effect with --rail, which designs the driver. Choose the power stage of the design "
+            f"with --stage {call.driver.partition('+')[0]}."
+        )
+    call.refuse_idle("with --rail, which designs the driver", "against match")
+    if [*common.stated_options(call.context, "power", "current", "amplitude")]:
+        call.refuse_idle("with a target", "voltage")
+    call.refuse_idle("with --at", "frequency" if call.at else "")
+    network = call.network or ("llcc" if call.load_range else "inductor")
+    return f"{call.stage or 'full-bridge'}+{network}"
 
 
 def _draw(reports: list[DriveReport], path: Path) -> None:

@@ -16,16 +16,17 @@ from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import copysign, degrees, pi, sqrt
+from math import ceil, copysign, degrees, pi, sqrt
 from typing import Any, Literal
 
 import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
+from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
-from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, exceeded, part_loads
+from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, SHORT_OF, exceeded, part_loads
 from pyspice_runner.drivers.magnetics import Wound, wound_transformer
 from pyspice_runner.drivers.matching import match_to_source
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
@@ -42,7 +43,8 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.small_signals import cold_admittance
 from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
-from pyspice_runner.units import engineering
+from pyspice_runner.steady.transducer import TARGETS, resonance, target_name, transducer_state, under_load
+from pyspice_runner.units import engineering, unit_in
 
 STALL, OPERATING, IDLE = "stall", "operating point", "no load"  # states of the range
 WARM = "operating point, warm"  # the motor at its temperature, the frequency following its drift
@@ -80,6 +82,8 @@ class RangePoint:
     power_factor: float  # real over apparent power of both stages, of the fundamentals
     a: GroupPoint
     b: GroupPoint | None  # not there for one channel
+    motional_current_a: float | None = None  # amplitude of group A of a transducer
+    detuning: float = 0.0  # of the frequency, of that of the drive
 
     def group(self, name: str) -> GroupPoint:
         """Return group ``"a"`` or ``"b"``."""
@@ -119,9 +123,15 @@ class DriverSpec:
         match: whether the parts of a network are chosen for the motor, if none of them is given.
         source_ohm: resistance in Ω to which ``"l"`` (default 50 Ω) or ``"llcc"`` transforms the group at the operating
             point, behind stage and transformer; by default an LLCC filter keeps the voltages of the pins.
+        power, current, amplitude: of a transducer, a target instead of the drive's voltage: power in W into its load,
+            without one into its arms; motional current of group A in A, or motion of the face in m, amplitudes.
+        at: of a transducer, ``"series"``, ``"parallel"`` or ``"between"``: resonance under its load in place of the
+            drive's frequency.
+        load_range: of a transducer, damping of its main mode idle and at the operating point, over that of the motor.
+            The motional current is kept from one to the other.
 
     Raises:
-        ParameterError: by the constructor, for a drive of two tones, or an invalid source resistance.
+        ParameterError: by the constructor, for a drive of two tones, or an invalid value.
     """
 
     drive: TwoPhaseDrive
@@ -131,14 +141,55 @@ class DriverSpec:
     parts: Mapping[str, Any] = field(default_factory=dict)
     match: bool = True
     source_ohm: float | None = None
+    power: float | None = None
+    current: float | None = None
+    amplitude: float | None = None
+    at: Literal["series", "between", "parallel"] | None = None
+    load_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        for name, value in self.targets.items():
+            require(value > 0.0 and len(self.targets) == 1, name, value, "> 0, and the only target")
+        given: Sequence[float] = self.load_range or (1.0, 1.0)
+        valid = len(given) == 2 and 0.0 < given[0] <= given[1]
+        require(valid, "load_range", self.load_range, "two numbers > 0, idle first, such as 1 and 20")
         if self.network == "l" and self.source_ohm is None:
             object.__setattr__(self, "source_ohm", SOURCE_OHM)
         valid = self.source_ohm is None or (self.source_ohm > 0.0 and self.network in ("l", "llcc"))
         require(valid, "source_ohm", self.source_ohm, "> 0 Ω, and left out without the network l or llcc", unit="Ω")
         if not isinstance(self.drive, TwoPhaseDrive):
             raise ParameterError("A driver makes two phases of one tone: give a TwoPhaseDrive.")
+
+    @property
+    def targets(self) -> dict[str, float]:
+        """The target by its name; empty without one."""
+        return {name: value for name in TARGETS if (value := getattr(self, name)) is not None}
+
+    def aimed(self, motor: Motor) -> tuple[DriverSpec, Motor, Motor | None]:
+        """Return the specification with the drive of its target, the device at its operating point, and idle.
+
+        Raises:
+            ParameterError: for a target of a motor, or of a quantity that is not known.
+        """
+        if not motor.is_transducer:
+            if self.targets or self.at or self.load_range:
+                words = "power, current, amplitude, at and load_range are targets of a transducer"
+                raise ParameterError(f"{words}, and {motor.name} has a rotor: leave them out.")
+            return self, motor, None
+        idle = motor.model_copy(update={"load": None}) if any(motor.tool.model_dump().values()) else None
+        if self.load_range:
+            idle, motor = (under_load(motor, factor) for factor in self.load_range)
+        drive = self.drive
+        if self.at:
+            drive = drive.updated({"frequency": resonance(motor, self.at)})
+        for name, value in self.targets.items():
+            volt = drive.updated({"voltage": 1.0})
+            per_volt = transducer_state(motor, volt).quantities.get(target_name(motor, name))
+            if per_volt is None:
+                words = f"{name} is not known of {motor.name}: give its arms velocity_per_current, or a current"
+                raise ParameterError(f"{words} as the target.")
+            drive = drive.updated({"voltage": (value / per_volt) ** (0.5 if name == "power" else 1.0)})
+        return replace(self, drive=drive), motor, idle
 
     @property
     def name(self) -> str:
@@ -176,7 +227,7 @@ class DriverSpec:
             SimulationError: if ngspice fails or its result cannot be trusted.
         """
         if not self.designed:
-            return self.driver()
+            return self.aimed(motor)[0].driver()
         design = design_driver(motor, self, contact=contact, **settings)
         if design.driver is None or not design.feasible:
             raise ParameterError(
@@ -200,7 +251,9 @@ class Design:
         reason: why it is not feasible and what can be done, or the explanation of the network.
         starts: whether the motor started from rest behind the driver; ``None`` if no run shows it.
         cores: group → core of its transformer, for the largest current of the range.
+        targets: the target by the name of its quantity; empty without one.
         behind: solution at the operating point behind the driver; ``None`` of a transducer, and without a driver.
+        motor, idle: the device at the operating point, and a transducer idle, if it has a load.
     """
 
     driver: Driver | None
@@ -214,11 +267,14 @@ class Design:
     starts: bool | None = None
     load_torque_n_m: float = 0.0
     cores: dict[str, Wound] = field(default_factory=dict)
+    targets: dict[str, float] = field(default_factory=dict)
     behind: Orbit | None = field(default=None, repr=False, compare=False)
+    motor: Motor | None = field(default=None, repr=False, compare=False)
+    idle: Motor | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the design without the driver, which its report has, JSON-ready."""
-        names = ("parts", "feasible", "reason", "starts", "wanted_v", "share", "unmatched", "points")
+        names = ("parts", "feasible", "reason", "starts", "wanted_v", "targets", "share", "unmatched", "points")
         return {name: json_ready(getattr(self, name)) for name in names}
 
     def summary(self) -> dict[str, str]:
@@ -228,6 +284,8 @@ class Design:
             pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in self.wanted_v)
             shaft = f"{point.speed_rad_s:.4g} rad/s, {engineering(point.torque_n_m, 'N·m')}"
             still = point.speed_rad_s == point.torque_n_m == 0.0  # as a transducer, which has no shaft
+            if point.motional_current_a is not None:
+                pins += f"; motional current {engineering(point.motional_current_a, 'A')}"
             found[point.state] = f"{engineering(point.power_w, 'W') if still else shaft}; pins {pins}"
         found["design"] = f"{'feasible' if self.feasible else 'not feasible'}: {self.reason}"
         found["starts from rest"] = {True: "yes", False: "no", None: "not shown"}[self.starts]
@@ -258,6 +316,22 @@ class Design:
         feasible = self.feasible and not notes
         reason = self.reason if feasible else " ".join([*([] if self.feasible else [self.reason]), *notes])
         return replace(self, parts=both, feasible=feasible, reason=reason + short, starts=starts)
+
+    def missed(self, delivered: Mapping[str, Mapping[str, Any]], found: Mapping[str, float]) -> list[str]:
+        """Return a sentence for each pin and each target that the real stage misses at the operating point."""
+        behind = "Behind the real stage, at the operating point,"
+        notes = [
+            f"{behind} group {group.upper()} gets {one['got_v']:.4g} V instead of {one['wanted_v']:.4g} V; the limit "
+            f"is {100.0 * PIN_BAND:.0f} %."
+            for group, one in delivered.items()
+            if abs(one["got_v"] / one["wanted_v"] - 1.0) > PIN_BAND
+        ]
+        for name, wanted in self.targets.items():
+            share = found[name] / wanted
+            if abs((sqrt(share) if name.endswith("_w") else share) - 1.0) > SHORT_OF:
+                got, asked = (engineering(value, unit_in(name)) for value in (found[name], wanted))
+                notes.append(f"{behind} {name} is {got} instead of {asked}.")
+        return notes
 
     def _starts(self, speed_rad_s: float) -> bool:
         """Return whether a motor that has reached a speed comes to its operating point.
@@ -298,14 +372,35 @@ def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePo
 
 def linear_point(name: str, motor: Motor, drive: TwoPhaseDrive, driver: Driver | None) -> RangePoint:
     """Return such a point of a transducer, with a drive at its pins, or behind the fundamental of a driver."""
-    admittance, source = cold_admittance(motor, drive.frequency), driver.equivalent if driver else drive
-    volts = np.array([two_phasors(source)[group] for group in motor.groups])
-    if driver is not None:
-        series, across = np.array([network_of(driver, group) for group in motor.groups]).T
-        volts = np.linalg.solve(np.eye(len(volts)) + np.diag(series) @ (admittance + np.diag(across)), volts)
-    amperes = admittance @ volts
+    phasors, frequency = two_phasors(driver.equivalent if driver else drive), (driver or drive).frequency
+    volts = np.array([phasors[group] for group in motor.groups])
+    if driver:
+        volts = pin_voltages(motor, driver, volts)
+    amperes = cold_admittance(motor, frequency) @ volts
     pins = {group: (complex(volts[at]), complex(amperes[at])) for at, group in enumerate(motor.groups)}
-    return _point_of(name, pins, driver, 0.5 * float((volts.conjugate() @ amperes).real))
+    point = _point_of(name, pins, driver, 0.5 * float((volts.conjugate() @ amperes).real))
+    flow = 2.0 * pi * frequency * abs(motor.stator.coupling[:, 0] @ moved_by(motor, frequency, volts))
+    return replace(point, motional_current_a=float(flow))
+
+
+def moved_by(motor: Motor, frequency: float, volts: Any) -> Any:
+    """Return the phasors in m of the modes of a transducer, for those of its pins in V."""
+    stator = motor.loaded_stator
+    return np.linalg.solve(stator.dynamic_stiffness(2.0 * pi * frequency), stator.coupling @ volts)
+
+
+def pin_voltages(motor: Motor, driver: Driver, sources: Any) -> Any:
+    """Return the phasors in V at the pins of a transducer behind a driver, for those of its stages without load."""
+    series, across = np.array([network_of(driver, group) for group in motor.groups]).T
+    shunt = cold_admittance(motor, driver.frequency) + np.diag(across)
+    return np.linalg.solve(np.eye(len(sources)) + np.diag(series) @ shunt, sources)
+
+
+def moving(motor: Motor, driver: Driver, sources: Any) -> Motion:
+    """Return the motion of a transducer at t = 0 in that steady state."""
+    moved = moved_by(motor, driver.frequency, pin_voltages(motor, driver, sources))
+    velocities = 2j * pi * driver.frequency * moved
+    return Motion(tuple(moved.imag.tolist()), tuple(velocities.imag.tolist()))
 
 
 def _point_of(
@@ -356,11 +451,12 @@ def load_of(driver: Driver, group: str, load: complex) -> complex:
 def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, Any]:
     """Return phasors of the vectors of :func:`.part_loads`, an entry for each point, in a lossless stage's network."""
     found: dict[str, Any] = {}
+    omega = 2.0 * pi * driver.frequency * np.array([1.0 + point.detuning for point in points])
     for group in driver.groups:
         pin = np.array([complex(point.group(group).voltage_v) for point in points])
         amperes = pin / np.array([point.group(group).impedance_ohm for point in points])
         line, through = pin, amperes
-        for part, before in driver.passed(group, pin, amperes, 2.0 * pi * driver.frequency):
+        for part, before in driver.passed(group, pin, amperes, omega):
             stores, instance = before.stores, groups.named("xnetwork", group)
             if part.label == CABLE:
                 found[f"i(v.xcable_{group}.vcurrent)"] = stores["lline"]
@@ -445,14 +541,22 @@ _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the reactance that a series network 
 # reactance of a coil behind switching edges over that of the clamped capacitance, both at the drive: the third harmonic
 # of a square wave, a third of its fundamental, then is 9 % at the pin
 _FILTER = 0.6
+# of a transducer, largest reactance of that coil over the impedance at its pin. The coil and the clamped capacitance
+# resonate at an even multiple of the drive, where a square wave has nothing
+_TUNED = 3.0
+MISTUNED = 0.005  # of the frequency, to both sides, at which the design of a target is computed as well
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
 _PAIR = 2.0  # coil of an LLCC that transforms over that of the match; a capacitor takes the rest, and isolates
 _SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil of a design
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
+_LEAST_SHARE = 1e-3  # of a target, down to which a possible value is searched for
+_SETTLED = 1.01  # of a possible value, to which it is found
+_SLOW = 3.0  # decay times of the mode, in which the supply of a source of current rises
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SECANTS = 4  # speeds at most at which no load is sought; two do where torque over speed is nearly a line
+_SLOWER = 4  # times as many for the low impedance of a transducer, against that of the stage times the ratio squared
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
 _LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
 _RATIOS = (0.1, 100.0)  # of a transformer, as in its library
@@ -474,6 +578,7 @@ def design_driver(
     load_torque: float = 0.0,
     contact: ContactLaw | None = PAPER_LAW,
     timeout: float | None = None,
+    seeks: bool = True,
 ) -> Design:
     """Design a driver whose pins keep their voltages from stall to no load, and check it in steady states.
 
@@ -485,11 +590,13 @@ def design_driver(
         load_torque: torque in N·m of the load at the operating point, and of the motor when it starts.
         contact: law of the contact.
         timeout: wall time in s after which a run is ended.
+        seeks: whether the largest possible value is searched for where a target is not reached.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
+    given, (spec, motor, idle) = motor, spec.aimed(motor)
     ideal = Point.of(
         motor, spec.drive, speed=speed, load_torque=0.0 if speed is not None else load_torque, contact=contact,
         timeout=timeout, audit=False,
@@ -506,19 +613,39 @@ def design_driver(
     # the one of the highest voltage, until the currents are known
     template = spec.driver(voltage=1.0, **({"mosfet": MOSFETS[-1]} if choose else {}))
     states = {} if motor.is_transducer else _range(ideal)
-    draft = Design(None, wanted, load_torque_n_m=load_torque)
+    targets = {target_name(motor, name): value for name, value in spec.targets.items()}
+    draft = Design(None, wanted, targets=targets, load_torque_n_m=load_torque, motor=motor, idle=idle)
     if lost := _lost(states, wanted, "with the wanted voltages at the pins"):
         return replace(draft, reason=lost)
-    search = _Search(ideal, spec, template, load_torque, states, choose)
+    search = _Search(ideal, spec, template, load_torque, states, choose, idle)
     draft = replace(draft, unmatched=search.points, reason=search.unreachable())
     if draft.reason:
         return draft
     try:
         best = search.best_share()
         found = search.verified(draft, best)
-        return found if found.feasible or best == 0.0 else search.verified(draft, 0.0)
+        found = found if found.feasible or best == 0.0 else search.verified(draft, 0.0)
     except _NotFeasibleError as error:
-        return replace(draft, reason=str(error))
+        found = replace(draft, reason=str(error))
+    if not seeks or found.feasible or not spec.targets:
+        return found
+    return replace(found, reason=f"{found.reason} {_possible(given, spec)}")
+
+
+def _possible(motor: Motor, spec: DriverSpec) -> str:
+    """Return in a sentence the largest value of a target that a design reaches, to two digits."""
+    ((name, value),), low, high = spec.targets.items(), _LEAST_SHARE, 1.0
+    while high / low > _SETTLED:
+        middle = sqrt(low * high)
+        scaled: Any = {name: middle * value}
+        try:
+            reached = design_driver(motor, replace(spec, **scaled), seeks=False).feasible
+        except ParameterError:
+            reached = False
+        low, high = (middle, high) if reached else (low, middle)
+    if low == _LEAST_SHARE:
+        return "No smaller value is possible either."
+    return f"{engineering(float(f'{low * value:.2g}'), unit_in(TARGETS[name]))} are possible."
 
 
 class _NotFeasibleError(Exception):
@@ -574,6 +701,7 @@ class _Search:
     load_torque: float
     states: Mapping[str, SteadyState]
     choose: bool  # whether the MOSFET is chosen, too
+    idle: Motor | None = None  # a transducer without its load
     cores: dict[str, Wound] = field(default_factory=dict)  # of the transformers of the last driver
 
     def __post_init__(self) -> None:
@@ -582,13 +710,22 @@ class _Search:
         self.rail, self.pins = self.spec.rail, {group: phasors[group] for group in self.driver.groups}  # wanted
         self.omega = 2.0 * pi * self.driver.frequency
         self.middle = next(point for point in self.points if point.state == OPERATING)
+        flows = [point.motional_current_a or 0.0 for point in self.points if not point.detuning]
+        # a voltage that is kept does not keep the current
+        self.current = self.spec.load_range is not None and max(flows) > (1.0 + PIN_BAND) * min(flows)
 
     def linear(self, driver: Driver | None) -> tuple[RangePoint, ...]:
-        """Return the range of a transducer: under its load and, if it has one, without."""
-        motor, drive = self.ideal.motor, self.spec.drive
-        idle = {IDLE: motor.model_copy(update={"load": None})} if any(motor.tool.model_dump().values()) else {}
-        ends = {OPERATING: motor} | idle
-        return tuple(linear_point(name, one, drive, driver) for name, one in ends.items())
+        """Return the range of a transducer: under its load and, if it has one, without; of a target also mistuned."""
+        ends = {OPERATING: (self.ideal.motor, 0.0)} | ({IDLE: (self.idle, 0.0)} if self.idle else {})
+        for shift in (-MISTUNED, MISTUNED) if self.spec.targets else ():
+            ends[f"{100.0 * shift:+g} % frequency"] = self.ideal.motor, shift
+        found = []
+        for name, (motor, shift) in ends.items():
+            change = {"frequency": (1.0 + shift) * self.spec.drive.frequency}
+            behind = driver.updated(change) if driver else None
+            point = linear_point(name, motor, self.spec.drive.updated(change), behind)
+            found.append(replace(point, detuning=shift))
+        return tuple(found)
 
     def unreachable(self) -> str:
         """Return why the motor does not reach its operating point; an empty text if it does."""
@@ -615,7 +752,7 @@ class _Search:
 
         These change with the voltages, so that half of the band is allowed.
         """
-        if self.driver.network != "inductor":
+        if self.driver.network != "inductor" or self.current:
             return 0.0
         found = []
         for share in _SHARES:
@@ -623,13 +760,13 @@ class _Search:
             changes, factors = [], []
             for point in self.points:
                 real = apparent = 0.0
-                for group in self.pins:
+                for group in () if point.detuning else self.pins:
                     load, source = point.group(group).impedance_ohm, driver.fundamental(group)
                     volts, amperes = at_stage(driver, group, load, 1.0)
                     changes.append(source * abs(load / volts) / abs(self.pins[group]) - 1.0)
                     real += source**2 * (amperes / volts).real
                     apparent += source**2 * abs(amperes / volts)
-                factors.append(real / apparent)
+                factors += [real / apparent] if apparent else []
             found.append((share, max(map(abs, changes)), min(factors)))
         kept = [(factor, share) for share, change, factor in found if change <= 0.5 * PIN_BAND]
         return max(kept)[1] if kept else 0.0
@@ -638,13 +775,14 @@ class _Search:
         """Return the driver whose network cancels a share of the reactance at the operating point."""
         driver = self.driver
         try:
-            for _ in range(_ROUNDS):
+            for _ in range(_ROUNDS * (_SLOWER if self.ideal.motor.is_transducer else 1)):
                 driver = self._supplied(driver.updated(self._values(driver, share)))
                 if self.choose:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
             _ = driver.equivalent  # raises if the resistance of the stage, times the ratio squared, is out of range
         except ParameterError as error:
-            raise _NotFeasibleError(f"{error} Take another stage, rail or MOSFET.") from None
+            way = "the network llcc" if self.current and driver.network != "llcc" else "another stage, rail or MOSFET"
+            raise _NotFeasibleError(f"{error} Take {way}.") from None
         return driver
 
     def _wanted(self, driver: Driver, group: str) -> tuple[complex, complex]:
@@ -663,7 +801,7 @@ class _Search:
             return {}
         if self.spec.source_ohm is not None:
             return self._transforming(driver, self.spec.source_ohm)
-        prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, {}
+        prefix, omega, values = "series_" if driver.network == "llcc" else "", self.omega, dict[str, float]()
         for group in self.pins:
             most = stock.largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
@@ -671,7 +809,10 @@ class _Search:
             filtering = driver.switched or driver.network == "llcc"
             clamped = self.ideal.motor.piezo.capacitance_f(group)
             clamped += driver.values(group, CABLE).get("capacitance", 0.0)
-            total = max(wanted, _FILTER / (omega * clamped) if filtering else 0.0) / omega
+            if self.current:
+                values |= self._current_source(driver, group, clamped)
+                continue
+            total = max(wanted, self._filter_ohm(group, clamped) if filtering else 0.0) / omega
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
                 coil = min(nearest(total - leakage, stock.E12), _largest(most))
@@ -687,6 +828,42 @@ class _Search:
             isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
             bled = nearest(max(BLED / (omega * capacitor), _LEAST_BLEEDER), stock.E12)
             values[f"{label}.bleeder"] = bled if isolated else NO_BLEEDER
+        return values
+
+    def _filter_ohm(self, group: str, clamped_f: float) -> float:
+        """Return the reactance in Ω, at the drive, of a coil behind switching edges."""
+        capacitive = 1.0 / (self.omega * clamped_f)
+        if not self.ideal.motor.is_transducer:
+            return _FILTER * capacitive
+        most = _TUNED * abs(load_of(self.driver, group, self.middle.group(group).impedance_ohm))
+        multiple = 2.0 * max(ceil(0.5 * sqrt(1.0 + capacitive / most)), 1.0)
+        return capacitive / (multiple**2 - 1.0)
+
+    def _current_source(self, driver: Driver, group: str, clamped_f: float) -> dict[str, float]:
+        """Return the settings of a coil that resonates with the capacitance across a group.
+
+        The motional current is then that of the stage's voltage in the reactance of the coil, whatever the resistance
+        of the arm. A parallel capacitor brings this reactance down to the largest resistance, where the coil has the
+        voltage of the pin.
+        """
+        omega, label = self.omega, groups.named(driver.network, group)
+        llcc, most = driver.network == "llcc", stock.largest_inductance(driver.frequency, driver.winding(group))
+        load = load_of(self.driver, group, self.middle.group(group).impedance_ohm)
+        arm = abs(1.0 / (1.0 / load - 1j * omega * clamped_f))
+        reactance = min(arm, 1.0 / (omega * clamped_f)) if llcc else 1.0 / (omega * clamped_f)
+        leakage, prefix = driver.leakage(group), "series_" if llcc else ""
+        coil = nearest(max(reactance / omega - leakage, _SMALLEST[driver.network]), stock.E12)
+        coil = min(coil, _largest(most))
+        values = {
+            f"{label}.{prefix}inductance": coil, f"{label}.{prefix}capacitance": NO_CAPACITOR,
+            f"{label}.{prefix}resistance": max(omega * coil / stock.WINDING_QUALITY, 1e-2),
+            f"{label}.bleeder": NO_BLEEDER,
+        }  # fmt: skip
+        if llcc:
+            capacitor = 1.0 / (omega**2 * (coil + leakage)) - clamped_f
+            present = capacitor >= stock.SMALLEST_CAPACITANCE
+            values[f"{label}.parallel_capacitance"] = nearest(capacitor, stock.E24) if present else NO_PARALLEL
+            values[f"{label}.parallel_inductance"] = NO_COIL
         return values
 
     def _transforming(self, driver: Driver, source_ohm: float) -> dict[str, float]:
@@ -736,6 +913,8 @@ class _Search:
         sources = {group: self._wanted(driver, group)[0] for group in self.pins}
         amplitudes = {group: abs(source) for group, source in sources.items()}
         changes: dict[str, Any] = {"voltage": amplitudes["a"]}
+        if self.current and "supply_rise_s" not in self.spec.parts:  # slower than the mode, or the coil rings up
+            changes["supply_rise_s"] = min(_SLOW * self.ideal.motor.loaded_stator.decay_s, 1e-2)
         if "b" in sources:
             changes["ratio_b"] = amplitudes["b"] / amplitudes["a"]
             changes["phase_deg"] = degrees(phase(sources["b"] / sources["a"]))
@@ -850,7 +1029,15 @@ class _Search:
 
     def _off(self, driver: Driver, points: tuple[RangePoint, ...]) -> Iterator[str]:
         """Yield a sentence for each pin whose voltage leaves the band, a motor that brakes, an amplifier's overload."""
-        kept = [point for point in points if self.spec.source_ohm is None or point.state == OPERATING]
+        wanted_a = (self.middle.motional_current_a or 0.0) if self.spec.load_range else 0.0
+        for point in [point for point in points if not point.detuning] if wanted_a else ():
+            if abs((flow := point.motional_current_a or 0.0) / wanted_a - 1.0) > PIN_BAND:
+                yield (
+                    f"At {point.state} the motional current is {engineering(flow, 'A')} instead of "
+                    f"{engineering(wanted_a, 'A')}; the limit is {100.0 * PIN_BAND:.0f} %."
+                )
+        one = self.spec.source_ohm or self.spec.targets  # at the operating point alone
+        kept = [] if wanted_a else [point for point in points if point.state == OPERATING or not one]
         for point, group in product(kept, self.pins):
             volts, wanted = point.group(group).voltage_v, abs(self.pins[group])
             if abs(volts / wanted - 1.0) > PIN_BAND:
@@ -870,10 +1057,15 @@ class _Search:
                 yield f"The amplifier of group {group.upper()} delivers {most:.3g} A; its limit is {limit:g} A."
 
     def _explanation(self, driver: Driver, points: tuple[RangePoint, ...], share: float) -> str:
+        kept = [point for point in points if not point.detuning]
+        if self.spec.load_range and (flow := self.middle.motional_current_a):
+            worst = max(abs((point.motional_current_a or 0.0) / flow - 1.0) for point in kept)
+            how = "The coil resonates with the capacitance across the pins: a" if self.current else "A"
+            return f"{how}t any load of the range the motional current is within {100.0 * worst:.2g} % of the target."
         worst = max(
-            abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in points for group in self.pins
+            abs(point.group(group).voltage_v / abs(self.pins[group]) - 1.0) for point in kept for group in self.pins
         )
-        ends = ["At the operating point", "Under load and idle", "From stall to no load"][min(len(points), 3) - 1]
+        ends = ["At the operating point", "Under load and idle", "From stall to no load"][min(len(kept), 3) - 1]
         notes = f"{ends} the pins keep their voltages within {100.0 * worst:.2g} %"
         notes += f", and with the motor {self.rise:.3g} K warmer at a frequency that follows." if self.rise else "."
         if self.spec.source_ohm is not None:

@@ -19,6 +19,7 @@ from pydantic import PrivateAttr
 from PySpice.Spice.Netlist import Circuit
 
 from pyspice_runner.circuit.source import Pins
+from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
 from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
 from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged, rating_notes
@@ -372,6 +373,7 @@ def _crossings(time: Array, values: Array, level: float) -> Array:
     return np.asarray(time[before] + share * (time[before + 1] - time[before]))
 
 
+AT_ONCE = 20e-6  # s, in which the supply rises where the motor moves from the beginning
 _EDGE = 1e-6  # s, in which a load steps and a control stops
 
 
@@ -386,6 +388,7 @@ class Events:
     rate: float = 0.0  # Hz/s, of the sweep
     control_at: float | None = None  # s, when the controls, which are no sines then, step to their voltages
     controls: Mapping[str, float] = field(default_factory=dict)  # group → V
+    tool: Sequence[tuple[float, float]] = ()  # times in s and resistances in N·s/m of the load of a transducer
 
 
 class EventfulDriver(Driver):
@@ -402,6 +405,11 @@ class EventfulDriver(Driver):
         """Whether a run has uniform steps; the events shorten them."""
         return False
 
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """The pin of the load of a transducer, if it steps."""
+        return ("tool",) if self._events.tool else ()
+
     def add(self, circuit: Circuit, motor: Motor, pins: Pins, *, begun: float) -> None:  # noqa: ARG002
         """Add driver, controls and the step of the load."""
         events = self._events
@@ -411,6 +419,8 @@ class EventfulDriver(Driver):
         if events.stop_at is not None:
             on = "V(on)"
             circuit.V("on", "on", circuit.gnd, f"PWL(0 1 {events.stop_at!r} 1 {events.stop_at + _EDGE!r} 0)")
+        if events.tool:
+            circuit.V("tool", "tool", circuit.gnd, f"PWL({' '.join(f'{at!r} {ohms!r}' for at, ohms in events.tool)})")
         for group in self.groups:
             turned = radians(self.phase_deg) if group == "b" else 0.0
             angle = f"{2.0 * pi!r}*({begins!r}+{0.5 * events.rate!r}*time)*time+{turned!r}"
@@ -423,16 +433,23 @@ class EventfulDriver(Driver):
             circuit.I("step", "shaft", circuit.gnd, step)
 
 
-LOAD_STEP, STOP, SWEEP = "load step", "stop", "frequency sweep"
+LOAD_STEP, LOAD_OFF, STOP, SWEEP = "load step", "load off", "stop", "frequency sweep"
 SWEPT = 0.05  # of the frequency to both sides, that a sweep covers: about that in which a tracker searches
+_IDLE_PERIODS = 40  # of a transducer, whose network settles, before its load steps; twice as many after it is gone
+_BUILT_UP = 3.0  # decay times of a mode under its load, after which its amplitude is within 5 %
 _BEGIN, _LASTS, _SWEEPS = 1e-3, 0.5e-3, 2e-3  # s: power-up, each event, a sweep
 
 
-def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[str, dict[str, Any]]:
+def driver_events(
+    setup: Point, driver: Driver, vectors: Sequence[str], idle: tuple[Motor, Motion] | None = None,
+    share: float = SWEPT, motion: Motion | None = None,
+) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Return the maxima of a run, as :func:`.maxima`, for each event, from the vectors that it takes.
 
     The load steps from nothing to its torque, or to that of friction under the preload, which stalls the motor. A shaft
-    that is held has no step. Raise SimulationError if ngspice fails or its result cannot be trusted.
+    that is held has no step. That of a transducer steps from that of ``idle``, with its motion in the steady state
+    there, and back. The sweep covers a ``share`` of the frequency to both sides, from a ``motion``, by default rest.
+    Raise SimulationError if ngspice fails or its result cannot be trusted.
     """
     motor = setup.motor
     steps = setup.load.speed is None and not motor.is_transducer
@@ -440,14 +457,25 @@ def driver_events(setup: Point, driver: Driver, vectors: Sequence[str]) -> dict[
     if steps and not torque:
         torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     stops = _BEGIN + (_LASTS if steps else 0.0)
-    stopped = EventfulDriver(driver, Events(_BEGIN if steps else None, torque, stops))
-    first = (1.0 - SWEPT) * driver.frequency
-    swept = EventfulDriver(driver, Events(first=first, rate=2.0 * SWEPT * driver.frequency / _SWEEPS))
+    tool, start = list[tuple[float, float]](), None
+    if idle:  # on until the mode has settled under the load, then off
+        begin, (light, start) = _IDLE_PERIODS * driver.period, idle
+        off = begin + max(_BUILT_UP * motor.loaded_stator.decay_s, _IDLE_PERIODS * driver.period)
+        stops = off + 2.0 * _IDLE_PERIODS * driver.period
+        ohms = light.load_resistance_n_s_per_m, motor.load_resistance_n_s_per_m
+        tool = [(0.0, ohms[0]), (begin, ohms[0]), (begin + _EDGE, ohms[1]), (off, ohms[1]), (off + _EDGE, ohms[0])]
+    if motion:
+        driver = driver.updated({"supply_rise_s": AT_ONCE})
+    stopped = EventfulDriver(driver, Events(_BEGIN if steps else None, torque, stops, tool=tool))
+    first = (1.0 - share) * driver.frequency
+    swept = EventfulDriver(driver, Events(first=first, rate=2.0 * share * driver.frequency / _SWEEPS))
     load = Load() if steps else setup.load
     runs = [(replace(setup, source=stopped, load=load), stops + _LASTS), (replace(setup, source=swept), _SWEEPS)]
     with ThreadPoolExecutor() as pool:
-        one, other = pool.map(lambda run: run[0].run(run[1], vectors).vectors(), runs)
+        starts = (start, motion)
+        one, other = pool.map(lambda run, at: run[0].run(run[1], vectors, start=at).vectors(), runs, starts)
     windows = [(LOAD_STEP, one, _BEGIN, stops)] if steps else []
+    windows += [(LOAD_STEP, one, begin, off), (LOAD_OFF, one, off, stops)] if idle else []
     windows += [(STOP, one, stops, np.inf), (SWEEP, other, 0.0, np.inf)]
     found = {}
     for name, samples, begin, end in windows:

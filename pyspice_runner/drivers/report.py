@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
+from pyspice_runner.drivers import design as linear
 from pyspice_runner.drivers import loads
 from pyspice_runner.drivers.design import OPERATING, TURNING, Design, DriverSpec, NoDriverError, design_driver
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
@@ -25,7 +26,7 @@ from pyspice_runner.drivers.loads import TurnOn
 from pyspice_runner.drivers.ratings import PartLoad
 from pyspice_runner.errors import require
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Load
+from pyspice_runner.motor.drive import Load, two_phasors
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
@@ -43,6 +44,10 @@ _OF_SHAFT = ("shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _SETTLING = 20  # periods in which the network settles before those at the operating point that are averaged
+_REACHED = 80  # periods of the run of a transducer from near its steady state; the last 20 are averaged
+_CORRECTIONS = 4  # of the sources from which it starts, at most
+_STEADY = 2e-3  # of the sources, by which they change: a fifth of a percent of the motional current
+_START_PERIODS = 250, 2000  # at most, of the start of a transducer behind a bridge, and another stage: 4 s of CPU
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
 
 
@@ -267,7 +272,7 @@ class DriveReport(Balance, Result):
             (device := "transducer" if self.of_transducer else "motor"): str(self.motor["name"]),
             "driver": str(self.driver["label"]),
             **contact_row(self.run),
-            **({"state": "operating point, the shaft held"} if self.operating else {}),
+            **({"state": "operating point"} if self.operating else {}),
             "power put in": engineering(best.power_in_w, "W"),
             f"power into the {device}": f"{engineering(best.motor_power_w, 'W')}, {share}"
             + remark(to_come.get("motor_power_w", 0.0)),
@@ -291,20 +296,32 @@ class DriveReport(Balance, Result):
             how = "without voltage" if edge.zero_voltage else f"at {edge.voltage_left_v:.3g} V"
             found[f"turn-on of {edge.transistor}"] = how
         if self.operating:
+            shaft = f", {engineering(self.mean_rotor_speed_rad_s, 'rad/s')}, {engineering(self.mean_torque_n_m, 'N·m')}"
             found["start-up"] = (
-                f"{engineering(self.power_in_w, 'W')} put in, {engineering(self.motor_power_w, 'W')} into the motor, "
-                f"{engineering(self.mean_rotor_speed_rad_s, 'rad/s')}, {engineering(self.mean_torque_n_m, 'N·m')} at "
-                f"the end of the run of {engineering(self.run['duration_s'], 's')}"
+                f"{engineering(self.power_in_w, 'W')} put in, {engineering(self.motor_power_w, 'W')} into the {device}"
+                f"{'' if self.of_transducer else shaft} at the end of the run of "
+                f"{engineering(self.run['duration_s'], 's')}"
             )
         for load in self.bill:
             found[load.name] = load.words()
             found |= {f"core of {load.name.partition(', turns')[0]}": load.core.words()} if load.core else {}
-        for name in ("motional_current_amplitude_a_a", "amplitude_m"):
-            if name in self.ceramic:
-                found[name.rpartition("_")[0].replace("_", " ")] = engineering(self.ceramic[name], unit_in(name))
-        if self.design:
-            found |= self.design.summary()
+        found |= self._reached()
         return self._localised(found)
+
+    def _reached(self) -> dict[str, str]:
+        """Return the rows of what a transducer does, of a target, and of a design."""
+        names = ("motional_current_amplitude_a_a", "load_power_w", "damping_loss_w", "amplitude_m")
+        found = {
+            name.rpartition("_")[0].replace("_", " "): engineering(self.ceramic[name], unit_in(name))
+            for name in names
+            if self.ceramic.get(name)
+        }
+        if self.design is None:
+            return found
+        for name, wanted in self.design.targets.items():
+            words, got = (engineering(value, unit_in(name)) for value in (wanted, self.ceramic[name]))
+            found["target"] = f"{words} of {name.rpartition('_')[0].replace('_', ' ')}; {got} behind the real stage"
+        return found | self.design.summary()
 
     def _of_group(self, group: str, port: Port) -> dict[str, str]:
         """Return the rows of a group: what it gets, what was wanted, the loop of its amplifier, and its maxima."""
@@ -370,19 +387,19 @@ def drive_report(
         driver = (
             design_driver(motor, driver, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout)
             if driver.designed
-            else driver.driver()
+            else driver.aimed(motor)[0].driver()
         )
         speed = held
     design = driver if isinstance(driver, Design) else None
     if isinstance(driver, Design):
         if driver.driver is None:
             raise NoDriverError(driver)
-        driver = driver.driver
+        motor, driver = driver.motor or motor, driver.driver
     setup = Point.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
     if duration is None:
-        duration = _DURATION if design is None else _start_time(setup, design)
+        duration = _DURATION if design is None and not motor.is_transducer else _start_time(setup, design)
     _check_duration(setup, duration)
     recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
@@ -393,6 +410,8 @@ def drive_report(
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     measured = _Measurement(window, samples, driver)
     balance = measured.balance(setup)
+    settled, sources = _operating(setup, design if speed is None else None, vectors)
+    operating = settled.balance(setup) if settled else None
     report = DriveReport(
         motor=motor.to_dict(),
         driver=driver.to_dict(),
@@ -406,28 +425,29 @@ def drive_report(
         **vars(balance),
         mean_torque_error_n_m=errors.torque_n_m if errors else None,
         to_come=_to_come(setup, measured),
-        maxima=loads.maxima(motor, driver, samples, balance.parts),
+        maxima=loads.maxima(motor, driver, samples, (operating or balance).parts),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
         ngspice_version=outcome.ngspice_version,
         deck=outcome.deck,
-        ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window) | _motional(motor, measured),
+        ceramic=ceramic(motor, setup.law, setup.discretisation, samples, driver, window)
+        | _motional(motor, settled or measured),
     )
-    delivered = measured.delivered(balance, design.wanted_v if design else {})
+    delivered = (settled or measured).delivered(operating or balance, design.wanted_v if design else {})
     loops, steps = stability(motor, driver)
     limits = [*stability_notes(loops), *loads.stage_notes(driver, delivered, pins=design is None)]
+    limits += design.missed(delivered if operating else {}, report.ceramic) if design else []
     report.maxima["exceeded"] += limits
-    report = replace(report, delivered=delivered, stability=loops, steps=steps)
+    report = replace(report, delivered=delivered, stability=loops, steps=steps, operating=operating)
     runs = [report.maxima]
     if events:
-        found = loads.driver_events(setup, driver, vectors)
+        found = loads.driver_events(setup, driver, vectors, *_starts(setup, design, sources))
         report = replace(report, events=found, event_faults=loads.event_cautions(setup, found))
         runs += found.values()
     peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in driver.groups}
     if design:
         reached = None if speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
-        operating = None if speed is not None else _operating(setup, design)
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
         at = {part.name: part for part in (operating or report).parts}
         between = loads.recovery_peaks(setup, driver, vectors, samples)
@@ -437,7 +457,7 @@ def drive_report(
         if limits:
             reasons = [*limits, *([] if design.feasible else [design.reason])]
             design = replace(design, feasible=False, reason=" ".join(reasons))
-        report = replace(report, design=design, operating=operating)
+        report = replace(report, design=design)
     report.ceramic["cautions"] = [*report.ceramic.get("cautions", ()), *depolarised(motor, peaks)]
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
@@ -449,14 +469,44 @@ def drive_report(
     return replace(report, audit=audited)
 
 
-def _operating(setup: Point, design: Design) -> Balance | None:
-    """Return the balance at the operating point of a design behind its real stage; ``None`` where it is not known."""
-    driver, orbit = setup.drive, design.behind
-    if orbit is None or driver.own:
-        return None
-    held = replace(setup, load=Load(speed=orbit.plant.load.speed))
-    samples = running(held, orbit, _SETTLING + AVERAGED_PERIODS, _vectors(held, driver))
-    return _Measurement(Window(samples["time"], driver.period, uniform=driver.uniform), samples, driver).balance(held)
+def _starts(setup: Point, design: Design | None, sources: Array) -> tuple[Any, ...]:
+    """Return how the events of a target begin: idle device and its motion, share of the sweep and the motion there."""
+    if design is None or not design.targets:
+        return ()
+    low = setup.drive.updated({"frequency": (1.0 - linear.MISTUNED) * setup.drive.frequency})
+    idle = (design.idle, linear.moving(design.idle, setup.drive, sources)) if design.idle else None
+    return idle, linear.MISTUNED, linear.moving(setup.motor, low, sources)
+
+
+def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple[_Measurement | None, Array]:
+    """Return what is measured at the operating point behind the real stage; ``None`` where it is not known.
+
+    A motor needs a design, and its shaft is held. The run of a transducer starts with its motion behind the fundamental
+    of the stages, and again with that behind what these were in the run, amplitudes in V that are returned, too; an
+    amplifier at its limit of current may not come to an end.
+    """
+    driver, setup = setup.drive, replace(setup, source=setup.drive.updated({"supply_rise_s": loads.AT_ONCE}))
+    sources, orbit = np.zeros(0, complex), design.behind if design else None
+
+    def measured(samples: dict[str, Array]) -> _Measurement:
+        return _Measurement(Window(samples["time"], driver.period, uniform=driver.uniform), samples, driver)
+
+    if driver.own or not (orbit or setup.motor.is_transducer):
+        return None, sources
+    if orbit:
+        held = replace(setup, load=Load(speed=orbit.plant.load.speed))
+        return measured(running(held, orbit, _SETTLING + AVERAGED_PERIODS, _vectors(held, driver))), sources
+    phasors = two_phasors(driver.equivalent)
+    sources = np.array([phasors[group] for group in driver.groups])
+    series, across = np.array([linear.network_of(driver, group) for group in driver.groups]).T
+    for _ in range(_CORRECTIONS):
+        start, before = linear.moving(setup.motor, driver, sources), sources
+        found = measured(setup.run(_REACHED * driver.period, vectors, start=start).vectors())
+        volts, amperes = np.array([found.pin(group) for group in driver.groups]).T
+        sources = volts + series * (amperes + across * volts)
+        if np.abs(sources - before).max() < _STEADY * np.abs(before).max():
+            return found, sources
+    return None, sources
 
 
 def _motional(motor: Motor, measured: _Measurement) -> dict[str, float]:
@@ -469,6 +519,8 @@ def _motional(motor: Motor, measured: _Measurement) -> dict[str, float]:
         groups.column("motional_current_amplitude", group, "a"): float(abs(coupling @ flows))
         for group, coupling in zip(motor.groups, motor.stator.coupling.T, strict=True)
     }
+    found["load_power_w"] = 0.5 * motor.load_resistance_n_s_per_m * float(abs(np.array(motor.load_motion) @ flows)) ** 2
+    found["damping_loss_w"] = 0.5 * float(motor.stator.damping @ np.abs(flows) ** 2)
     moved = float(abs(motor.stator.contact[1] @ flows)) * measured.window.period / (2.0 * np.pi)
     return found | ({"amplitude_m": moved} if motor.stator.contact[1].any() else {})
 
@@ -497,21 +549,21 @@ def _judged(setup: Point) -> tuple[str, ...]:
     return (*JUDGED, "normal_force_n") if setup.law and setup.source.uniform else ()
 
 
-def _start_time(setup: Point, design: Design) -> float:
+def _start_time(setup: Point, design: Design | None) -> float:
     """Return the time in s of the run of a design.
 
     A motor from rest reaches its operating point in it, or in :data:`_LONGEST` s begins to; with a bridge, whose runs
     take long, it begins to.
     """
     motor, uniform = setup.motor, setup.source.uniform
-    if motor.is_transducer:
-        time = 3.0 * motor.loaded_stator.decay_s if uniform else _SHORTEST
-    else:
-        points = design.points or design.unmatched
-        target = next(point for point in points if point.state == OPERATING)
-        torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
-        whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
-        time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole
+    if motor.is_transducer:  # until it has settled, as far as that is affordable
+        return max(min(motor.settled_s, _START_PERIODS[uniform] * setup.source.period), _SHORTEST)
+    assert design is not None
+    points = design.points or design.unmatched
+    target = next(point for point in points if point.state == OPERATING)
+    torque = min(abs(point.torque_n_m) for point in points[:2]) - abs(setup.load.torque)
+    whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
+    time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole
     return min(max(_SHORTEST, time), _LONGEST)
 
 
@@ -557,6 +609,12 @@ class _Measurement:
             return self.samples[f"v({group})"]
         back = self.samples[groups.voltage("return", group)] if self.driver.kind == "full-bridge" else 0.0
         return self.samples[groups.voltage("line", group)] - back
+
+    def pin(self, group: str) -> tuple[complex, complex]:
+        """Return the phasors of voltage and current of a pin."""
+        signals = self.voltage("pin", group), self.samples[groups.current("pin", group)]
+        volts, amperes = (self.window.harmonics(signal)[0] for signal in signals)
+        return complex(volts), complex(amperes)
 
     @property
     def power(self) -> Array:

@@ -225,11 +225,11 @@ class Point:
         """Return the same with a time step in s."""
         return replace(self, solver=replace(self.solver, step=step))
 
-    def bench(self) -> Bench:
-        """Return the bench, from rest."""
+    def bench(self, start: Motion | None = None) -> Bench:
+        """Return the bench, from a motion or from rest."""
         return motor_bench(
             self.motor, self.source, load=self.load, law=self.law, discretisation=self.discretisation,
-            thermal=self.thermal,
+            thermal=self.thermal, start=start,
         )  # fmt: skip
 
     def run(
@@ -240,10 +240,11 @@ class Point:
         record_from: float = 0.0,
         progress: Callable[[float], object] | None = None,
         keep_partial: bool = False,
+        start: Motion | None = None,
     ) -> Outcome:
-        """Run it from rest; the arguments are those of :func:`~pyspice_runner.run.kernel.transient`."""
+        """Run it from rest or a motion; the arguments are those of :func:`~pyspice_runner.run.kernel.transient`."""
         return transient(
-            self.bench(), vectors, step=self.step, duration=duration, record_from=record_from,
+            self.bench(start), vectors, step=self.step, duration=duration, record_from=record_from,
             timeout=self.solver.timeout, progress=progress, keep_partial=keep_partial, uniform=self.source.uniform,
         )  # fmt: skip
 

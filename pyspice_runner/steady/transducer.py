@@ -9,12 +9,14 @@ from math import pi, sqrt
 from typing import Any, Unpack
 
 import numpy as np
+from scipy.linalg import eigh
 
 from pyspice_runner.circuit.motor import dielectric_matrix
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
+from pyspice_runner.motor.stator import square
 from pyspice_runner.motor.strength import exceeded, peak_of_amplitudes, temperature_rise
 from pyspice_runner.result import Result
 from pyspice_runner.run.point import Point, Settings
@@ -88,3 +90,48 @@ def transducer_state(motor: Motor, drive: Drive, **settings: Unpack[Settings]) -
     if not motor.stator.contact[1].any():
         del known["amplitude_m"]
     return TransducerState(motor, drive, {name: value if np.isfinite(value) else None for name, value in known.items()})
+
+
+def resonance(motor: Motor, at: str) -> float:
+    """Return the ``"series"`` or ``"parallel"`` resonance in Hz of the main mode under its load, or their mean.
+
+    The pins are shorted at one and open at the other; ``"between"`` is the geometric mean. Losses are left out.
+    """
+    stator = motor.loaded_stator
+    shorted, mass = square(stator.stiffness), square(stator.mass)
+    opened = shorted + stator.coupling @ np.linalg.solve(stator.capacitance, stator.coupling.T)
+    both = {"series": (shorted,), "parallel": (opened,)}.get(at, (shorted, opened))
+    squares = [float(eigh(stiffness, mass, eigvals_only=True)[motor.main_mode]) for stiffness in both]
+    return sqrt(np.prod(squares) ** (1.0 / len(squares))) / (2.0 * pi)
+
+
+def heavier(motor: Motor, mode: int, factor: float) -> float:
+    """Return the resistance in N·s/m of a load by which the damping of a mode is multiplied.
+
+    Raises:
+        ParameterError: for a factor that is not valid, or a load that does not act on the mode.
+    """
+    along = motor.load_motion[mode] ** 2
+    require(0.1 <= factor <= 1e3, "load_factor", factor, "from 0.1 to 1000")
+    if not along:
+        raise ParameterError(
+            f"The load does not act on mode {motor.modes[mode].name}: specify load.mode, or the motion of the face."
+        )
+    return float((factor - 1.0) * square(motor.loaded_stator.damping)[mode, mode] / along)
+
+
+def under_load(motor: Motor, factor: float) -> Motor:
+    """Return a transducer whose load multiplies the damping of its main mode."""
+    if factor == 1.0:
+        return motor
+    ohms = motor.tool.resistance_n_s_per_m + heavier(motor, motor.main_mode, factor)
+    return motor.updated({"load.resistance_n_s_per_m": ohms})
+
+
+# of a driver, by the quantity of the steady state
+TARGETS = {"power": "load_power_w", "current": "motional_current_amplitude_a_a", "amplitude": "amplitude_m"}
+
+
+def target_name(motor: Motor, target: str) -> str:
+    """Return the name of the quantity of a target: of the power that into the load, and without one into the arms."""
+    return "damping_loss_w" if target == "power" and not motor.load_resistance_n_s_per_m else TARGETS[target]

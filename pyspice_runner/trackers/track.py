@@ -26,7 +26,6 @@ from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.motor.stator import square
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import audit_contact, ceramic, modal_vectors
@@ -35,6 +34,7 @@ from pyspice_runner.run.point import MOST_POINTS, Point, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, Array, has_settled
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
+from pyspice_runner.steady.transducer import heavier
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, replayed, run_averaged
 from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
 from pyspice_runner.trackers.tracker import (
@@ -542,7 +542,7 @@ def track(
         kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
         supply_change=supply_change, drift_time_s=drift_time, target_step_deg=target_step,
         thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
-        load_change_n_s_per_m=_heavier(motor, mode, load_factor) if disturb == "load" and motor.is_transducer else None,
+        load_change_n_s_per_m=heavier(motor, mode, load_factor) if disturb == "load" and motor.is_transducer else None,
     )  # fmt: skip
     sequence = Disturbances(tuple(sorted(disturbances, key=lambda one: one.begin_s)) or (one,))
     _check_together(motor, tracker, mode, sequence, contact, speed)
@@ -579,17 +579,6 @@ def track(
     setup = replace(setup, source=source)
     run = TrackedRun(setup, source, duration, lag, stall, margin and tracker.kind == "pll")
     return _track_averaged(run, engine) if averaged else _track_full(run)
-
-
-def _heavier(motor: Motor, mode: int, factor: float) -> float:
-    """Return the resistance of a load by which the damping of a mode is multiplied; an error if it does not act."""
-    along = motor.load_motion[mode] ** 2
-    require(0.1 <= factor <= 1e3, "load_factor", factor, "from 0.1 to 1000")
-    if not along:
-        raise ParameterError(
-            f"The load does not act on mode {motor.modes[mode].name}: specify load.mode, or the motion of the face."
-        )
-    return float((factor - 1.0) * square(motor.loaded_stator.damping)[mode, mode] / along)
 
 
 def _check_together(

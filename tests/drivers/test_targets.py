@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drivers for a power, an amplitude or a kept motional current of a transducer, against hand-written decks."""
+
+from __future__ import annotations
+
+from math import hypot, pi, sqrt
+from pathlib import Path
+
+import pytest
+
+import pyspice_runner as pr
+from pyspice_runner.drivers.design import PIN_BAND, Design, design_driver
+from pyspice_runner.steady.transducer import resonance
+from tests.circuit.batch import measured
+from tests.run.test_transducer import REAL, fitted
+
+POWERS = {"SMBLTD45F28H": 50.0, "Skymen-60W": 50.0, "MA40S4S": 0.5}
+AIR = "MA40S4S"  # settles in 1 ms
+SLOW = [pytest.param(name, marks=[pytest.mark.soak] if name != AIR else []) for name in POWERS]
+
+
+def spec_of(device: pr.Motor, network: str = "inductor", **target: object) -> pr.DriverSpec:
+    drive = pr.OnePhaseDrive(voltage=1.0, frequency=device.modes[0].frequency_hz)
+    return pr.DriverSpec(drive, "full-bridge", network, rail=48.0, **target)  # type: ignore[arg-type]
+
+
+def by_hand(design: Design, name: str, folder: Path, more_ohm: float = 0.0) -> float:
+    """Return the amplitude of the motional current behind the fundamental of a bridge on 48 V."""
+    ohm, henry, farad, clamped = REAL[name]
+    driver = design.driver
+    assert driver is not None
+    network, turns = driver.values("a", driver.network), driver.values("a", "transformer")
+    prefix = "series_" if driver.network == "llcc" else ""
+    primary, on = turns["magnetizing"], {"IRF530": 0.32, "IRF610": 3.0}[driver.mosfet]
+    deck = [
+        f"{name} by hand", f"V1 s 0 DC 0 AC {4.0 / pi * 48.0!r}", f"R1 s p {on + turns['primary_resistance']!r}",
+        f"Lp p 0 {primary!r}", f"Ls q 0 {primary * turns['ratio'] ** 2!r}", f"K1 Lp Ls {turns['coupling']!r}",
+        f"R2 q k {turns['secondary_resistance'] + network[f'{prefix}resistance']!r}",
+        f"L0 k j {network[f'{prefix}inductance']!r}", f"Cs j pin {network[f'{prefix}capacitance']!r}",
+        f"Rs j pin {network['bleeder']!r}", f"Cp pin 0 {network.get('parallel_capacitance', 1e-15)!r}",
+        f"C0 pin 0 {clamped!r}", f"L1 pin m {henry!r}", f"C1 m r {farad!r}", f"R3 r i {ohm + more_ohm!r}", "Vi i 0 0",
+        f".ac lin 3 {driver.frequency - 1.0!r} {driver.frequency + 1.0!r}",
+        f".measure ac current FIND i(Vi) AT={driver.frequency!r}", ".end",
+    ]  # fmt: skip
+    (own := folder / f"deck{more_ohm:g}").mkdir()
+    real = measured("\n".join(deck), own)["current"]  # .measure gives real parts
+    deck[1] += " 90"
+    return hypot(real, measured("\n".join(deck), own)["current"])
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_power_is_reached_and_that_of_a_hand_written_deck(tmp_path: Path, name: str) -> None:
+    device = fitted(tmp_path, name)
+    design = design_driver(device, spec_of(device, power=POWERS[name]))
+    report = pr.drive_report(device, design)
+    assert report.design is not None
+    assert report.design.feasible, report.design.reason
+    found = report.to_dict()["damping_loss_w"]
+    assert found == pytest.approx(0.5 * REAL[name][0] * by_hand(design, name, tmp_path) ** 2, rel=0.01)
+    assert found == pytest.approx(POWERS[name], rel=0.05)
+    assert report.operating is not None
+    assert report.operating.settling < 2e-3
+    assert {point.state for point in design.points} >= {"-0.5 % frequency", "+0.5 % frequency"}
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_motional_current_is_kept_from_idle_to_full_load(tmp_path: Path, name: str) -> None:
+    device, full = fitted(tmp_path, name), 19.0 * REAL[name][0]
+    design = design_driver(device, spec_of(device, "llcc", power=POWERS[name], load_range=(1.0, 20.0)))
+    report = pr.drive_report(device, design, events=True)
+    assert report.design is not None
+    assert report.design.feasible, report.design.reason
+    wanted = sqrt(2.0 * POWERS[name] / full)
+    loaded, idle = (by_hand(design, name, tmp_path, more) for more in (full, 0.0))
+    assert report.ceramic["motional_current_amplitude_a_a"] == pytest.approx(loaded, rel=0.01)
+    assert loaded == pytest.approx(wanted, rel=0.05)
+    assert idle == pytest.approx(wanted, rel=PIN_BAND)
+    assert {*report.events} == {"load step", "load off", "stop", "frequency sweep"}
+
+
+def test_what_is_possible_is_said_and_is_possible(tmp_path: Path) -> None:
+    device = fitted(tmp_path, "SMBLTD45F28H")
+    asked = spec_of(device, current=1.0, load_range=(1.0, 20.0))
+    found = design_driver(device, asked)
+    assert not found.feasible
+    assert found.reason.endswith("490\N{NO-BREAK SPACE}mA are possible.")
+    assert design_driver(device, spec_of(device, current=0.49, load_range=(1.0, 20.0))).feasible
+
+
+def test_at_the_antiresonance_a_voltage_keeps_the_current(tmp_path: Path) -> None:
+    name = "Skymen-60W"
+    device, (ohm, henry, farad, clamped) = fitted(tmp_path, name), REAL[name]
+    both = farad * clamped / (farad + clamped)
+    assert resonance(device, "parallel") == pytest.approx(1.0 / (2.0 * pi * sqrt(henry * both)), rel=1e-9)
+    design = design_driver(device, spec_of(device, current=0.1, at="parallel", load_range=(1.0, 20.0)))
+    assert design.feasible
+    assert by_hand(design, name, tmp_path) == pytest.approx(0.1, rel=0.02)
+    assert by_hand(design, name, tmp_path, 19.0 * ohm) == pytest.approx(0.1, rel=0.02)
