@@ -51,6 +51,8 @@ def show(call: Call) -> None:
     call.check(".json", ".csv")
     loaded = call.loaded
     document = loaded.to_dict()
+    if loaded.is_transducer:
+        document["arms"] = {mode.name: mode.arm for mode in loaded.modes if mode.coupling_a_n_per_v}
     rows = [["parameter", "value"], *([path, f"{value}"] for path, value in common.leaves(document))]
     table = Table("parameter", "value", "from", title=loaded.name)
     for path, value in common.leaves(document):

@@ -11,7 +11,8 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
-from pyspice_runner.errors import Interrupted
+from pyspice_runner.errors import Interrupted, did_you_mean
+from pyspice_runner.result import json_ready
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.steady.working_points import ACCURACY, Objective
@@ -96,6 +97,9 @@ def map_points(call: Call) -> int:
     call.refuse_idle(NO_START, "soft_start")
     call.check(".nc", ".csv", ".json")
     limits, axes = common.limits_of(call.limit, bare=True), common.axes_of(call.over)
+    if call.loaded.is_transducer:
+        _linear_map(call, axes, limits)
+        return 0
     bounds = {name: high if low == -inf else (low, high) for name, (low, high) in limits.items()}
     free = call.speed is None and not call.load_torque and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
@@ -113,6 +117,33 @@ def map_points(call: Call) -> int:
     result = dataset.piezomotor
     call.deliver(result, dataset.attrs["title"])
     return status
+
+
+def _linear_map(call: Call, axes: dict[str, list[float]], limits: dict[str, tuple[float, float]]) -> None:
+    """Deliver the steady states of a transducer on a grid, and the point of most power into its load within limits."""
+    from pyspice_runner.steady.transducer import transducer_state
+
+    call.refuse_idle(
+        "on a transducer, whose map is of the power into its load", f"objective speed load_torque {PERIOD}"
+    )
+    common.refuse_covered(call.context, axes)
+    motor = call.loaded
+    known = [name for name, value in transducer_state(motor, call.stated).quantities.items() if value is not None]
+    for name in limits:
+        if name not in known:
+            raise pr.ParameterError(f"--limit {name} is not known of {motor.name}. {did_you_mean(name, known)}")
+    dataset = pr.sweep(motor, call.stated, over=axes, quantities=known, analysis=transducer_state, workers=1)
+    goal = "load_power_w" if float(dataset["load_power_w"].max()) else "damping_loss_w"
+    allowed = dataset[goal].where(dataset[goal].notnull(), -inf)
+    for name, (low, high) in limits.items():
+        allowed = allowed.where((dataset[name] >= low) & (dataset[name] <= high), -inf)
+    point, result, best = dataset.isel(allowed.argmax(...)), dataset.piezomotor, None
+    if float(allowed.max()) > -inf:
+        best = {str(name): float(point[name]) for name in (*dataset.sizes, *known)}
+    common.caution(result)
+    shown = {f"best {name}": f"{value:.6g}" for name, value in best.items()} if best else {"best": "none within limits"}
+    table = common.summary_table(shown, f"{motor.name}: {goal} over {' and '.join(axes)}")
+    call.write(result.to_dict() | json_ready({"best": best, "limits": limits}), table, result.save, result.plot)
 
 
 @command(

@@ -201,6 +201,13 @@ class Mode(Parameters):
         return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
 
     @property
+    def arm(self) -> dict[str, float]:
+        """Resistance, inductance and capacitance of the motional arm that group A sees, without a load."""
+        square = self.coupling_a_n_per_v**2
+        values = self.damping_n_s_per_m / square, self.mass_kg / square, square / self.stiffness_n_per_m
+        return dict(zip(("resistance_ohm", "inductance_h", "capacitance_f"), values, strict=True))
+
+    @property
     def quality_factor(self) -> float:
         """Mechanical quality factor √(k m)/c."""
         return sqrt(self.stiffness_n_per_m * self.mass_kg) / self.damping_n_s_per_m

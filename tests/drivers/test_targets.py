@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import json
 from math import hypot, pi, sqrt
 from pathlib import Path
 
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.cli import run
 from pyspice_runner.drivers.design import PIN_BAND, Design, design_driver
 from pyspice_runner.steady.transducer import resonance
 from tests.circuit.batch import measured
@@ -96,3 +98,22 @@ def test_at_the_antiresonance_a_voltage_keeps_the_current(tmp_path: Path) -> Non
     assert design.feasible
     assert by_hand(design, name, tmp_path) == pytest.approx(0.1, rel=0.02)
     assert by_hand(design, name, tmp_path, 19.0 * ohm) == pytest.approx(0.1, rel=0.02)
+
+
+def test_show_and_map_of_a_transducer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fitted(tmp_path, AIR)
+    path = str(tmp_path / f"{AIR}.toml")
+    assert run(["show", path, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["arms"]["arm1"]["inductance_h"] == pytest.approx(REAL[AIR][1])
+    asked = [
+        "--over",
+        "drive.voltage=10,20",
+        "--over",
+        "load.resistance_ohm=0,643.186339335",
+        "--set",
+        "load.mode=arm1",
+    ]
+    assert run(["map", path, *asked, "--limit", "motional_current_amplitude_a_a=0.02", "--json"]) == 0
+    best = json.loads(capsys.readouterr().out)["best"]
+    assert best["drive.voltage"] == 20.0
+    assert best["load_power_w"] == pytest.approx(0.125 * 20.0**2 / (2.0 * 643.186339335) * 2.0, rel=1e-3)
