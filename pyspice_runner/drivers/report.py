@@ -44,6 +44,7 @@ _OF_SHAFT = ("shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_
 _DURATION = 3e-3  # s, of a run by default
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _SETTLING = 20  # periods in which the network settles before those at the operating point that are averaged
+_LONGEST_BEAT = 80  # most of those, which are a beat; each takes 50 ms of CPU
 _REACHED = 80  # periods of the run of a transducer from near its steady state; the last 20 are averaged
 _CORRECTIONS = 4  # of the sources from which it starts, at most
 _STEADY = 2e-3  # of the sources, by which they change: a fifth of a percent of the motional current
@@ -469,6 +470,13 @@ def drive_report(
     return replace(report, audit=audited)
 
 
+def _beat(setup: Point) -> int:
+    """Return the number of periods of the beat of a driver with the nearest resonance of the running motor."""
+    frequency = setup.source.frequencies[0]
+    away = float(np.abs(setup.motor.pressed_stator.damped()[0] - frequency).min())
+    return min(max(round(frequency / max(away, 1.0)), AVERAGED_PERIODS), _LONGEST_BEAT)
+
+
 def _starts(setup: Point, design: Design | None, sources: Array) -> tuple[Any, ...]:
     """Return how the events of a target begin: idle device and its motion, share of the sweep and the motion there."""
     if design is None or not design.targets:
@@ -488,14 +496,16 @@ def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple
     driver, setup = setup.drive, replace(setup, source=setup.drive.updated({"supply_rise_s": loads.AT_ONCE}))
     sources, orbit = np.zeros(0, complex), design.behind if design else None
 
-    def measured(samples: dict[str, Array]) -> _Measurement:
-        return _Measurement(Window(samples["time"], driver.period, uniform=driver.uniform), samples, driver)
+    def measured(samples: dict[str, Array], periods: int = AVERAGED_PERIODS) -> _Measurement:
+        window = Window(samples["time"], driver.period, uniform=driver.uniform, periods=periods)
+        return _Measurement(window, samples, driver)
 
     if driver.own or not (orbit or setup.motor.is_transducer):
         return None, sources
     if orbit:
         held = replace(setup, load=Load(speed=orbit.plant.load.speed))
-        return measured(running(held, orbit, _SETTLING + AVERAGED_PERIODS, _vectors(held, driver))), sources
+        beat = _beat(held)
+        return measured(running(held, orbit, _SETTLING + beat, _vectors(held, driver)), beat), sources
     phasors = two_phasors(driver.equivalent)
     sources = np.array([phasors[group] for group in driver.groups])
     series, across = np.array([linear.network_of(driver, group) for group in driver.groups]).T

@@ -25,12 +25,14 @@ _SLOWEST = 0.99  # largest ratio of two successive changes for an extrapolation
 class Window:
     """The last whole periods of a run: 20 of them, or as many as there are; all of it if there is none."""
 
-    def __init__(self, time: Array, period: float, *, uniform: bool = True) -> None:
-        """Take the time in s of a run's points, the period in s, and whether the steps are uniform."""
+    def __init__(
+        self, time: Array, period: float, *, uniform: bool = True, periods: int = AVERAGED_PERIODS
+    ) -> None:  # fmt: skip
+        """Take the time of points and the period in s, whether steps are uniform, and the largest number of periods."""
         self.period = period  # in s
         self.uniform = uniform  # whether the steps are uniform
         # number of whole periods
-        self.periods = min(AVERAGED_PERIODS, int((time[-1] - time[0]) / period * (1.0 + 1e-9)))
+        self.periods = min(periods, int((time[-1] - time[0]) / period * (1.0 + 1e-9)))
         # time in s at which the window begins, and its length in s
         self.start = float(time[-1]) - self.periods * period if self.periods else float(time[0])
         self.length = float(time[-1]) - self.start
