@@ -781,7 +781,8 @@ class _Search:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
             _ = driver.equivalent  # raises if the resistance of the stage, times the ratio squared, is out of range
         except ParameterError as error:
-            way = "the network llcc" if self.current and driver.network != "llcc" else "another stage, rail or MOSFET"
+            way = "less, or " * bool(self.spec.targets) + "another stage, rail or MOSFET"
+            way = "the network llcc" if self.current and driver.network != "llcc" else way
             raise _NotFeasibleError(f"{error} Take {way}.") from None
         return driver
 

@@ -65,6 +65,13 @@ def test_the_tutorial_leads_to_a_deck_parts_and_a_margin(
     assert f"({arm['resistance_ohm']:.4g} Ω, {1e3 * arm['inductance_h']:.4g} mH, " in TEXT
     assert f"{state['power_w']:.4g} W and {1e3 * state['motional_current_amplitude_a_a']:.4g} mA" in TEXT
     assert answers["track transducer"]["locked"]
+    generator = answers["drive transducer"]
+    loaded, idle = (1e3 * point["motional_current_a"] for point in generator["design"]["points"][:2])
+    volts = [generator["events"][name]["voltage_a_v"] for name in ("load step", "load off")]
+    assert f"{generator['load_power_w']:.3g} W of load power" in TEXT.replace("50.0", "50")
+    assert f"{loaded:.0f} mA under load and {idle:.0f} mA idle" in TEXT
+    stated = re.findall(r"([\d.]+) V at the pins in the load step, ([\d.]+) V in load off", TEXT)
+    assert [float(value) for value in stated[0]] == pytest.approx(volts, rel=0.02)  # of a few edges
     design, margin = answers["drive"]["design"], answers["sweep"]
     assert design["feasible"]
     assert design["starts"]

@@ -56,6 +56,8 @@ def test_the_head_of_the_table_is_the_operating_point_and_a_short_run_is_no_verd
     assert held.motor_power_w == pytest.approx(point.power_w, rel=0.02)
     assert held.supply_power_w == pytest.approx(point.stage_power_w, rel=0.02)
     assert abs(held.balance_residual) < 0.01
+    for group, given in report.delivered.items():
+        assert given["got_v"] == pytest.approx(held.groups[group].harmonics[0].voltage_v)
     assert all(held.losses_w[f"bridge_{group}.{leg}"] > 0.0 for group in "ab" for leg in ("ph", "pl", "nh", "nl"))
     rows = report.summary()
     assert list(rows.values())[3].startswith("operating point")
