@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from threading import Lock
@@ -130,7 +131,18 @@ def library_function(library: Library) -> LibraryFunction:
             (name, compile(translated(text, "python", str), f"<{library.name}>", "eval"), times)
             for name, text, times in texts
         )
+    given = {*library.defaults, *library.pin_names, *known.capacitances, *(name for name, *_ in program), *_FUNCTIONS}
+    if missing := {name for _, code, _ in program for name in code.co_names} - given:
+        raise ValueError(f"{library.name} reads {', '.join(sorted(missing))}, which cannot be translated.")
     return LibraryFunction(tuple(known.capacitances), tuple(name for name, *_ in program), program)
+
+
+@cache
+def evaluable(library: Library) -> bool:
+    """Return whether numpy can evaluate the equations of a library, such as that of a user's own law."""
+    with suppress(ValueError):
+        return bool(library_function(library))
+    return False
 
 
 def parameter_columns(

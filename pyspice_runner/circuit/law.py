@@ -127,12 +127,8 @@ class Law:
 
     @property
     def forms(self) -> frozenset[str]:
-        """The forms in which the law exists: ``spice``, ``verilog-a``, and of built-in laws ``averaged`` and ``c``.
-
-        The equations of a law with ``verilog-a`` are read from its library for other languages, numpy among them.
-        """
-        found = self._library.forms
-        return found & {"spice", "verilog-a"} if is_own(self.name) else found
+        """The forms in which the law exists: ``spice``, and of built-in laws ``verilog-a``, ``averaged`` and ``c``."""
+        return frozenset({"spice"}) if is_own(self.name) else self._library.forms
 
     @property
     def spring(self) -> bool:

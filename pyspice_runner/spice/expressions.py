@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -50,9 +51,14 @@ def translated(text: str, language: Language, name: Callable[[str], str]) -> str
 
     Braces are parentheses.
 
-    ``name`` returns the name of a node or parameter in that language.
+    ``name`` returns the name of a node or parameter in that language. Raise ValueError for what is not known here.
     """
-    return _Parser(text, language, name).total()
+    parser = _Parser(text, language, name)
+    with suppress(KeyError, IndexError):  # of a function that is not known, and of an incomplete expression
+        found = parser.total()
+        if not parser._tokens:
+            return found
+    raise ValueError(f"The expression {text} cannot be translated.")
 
 
 class _Parser:
@@ -107,9 +113,16 @@ class _Parser:
         while self._tokens.pop() == ",":
             arguments.append(self.total())
         if function in ("v", "i"):  # of a node, or of a source that senses a current
-            return arguments[0]
+            return arguments[0 if len(arguments) == 1 else 2]  # a difference of two nodes is an IndexError
         called = "ramp_down" if falling else _FUNCTIONS[function][_LANGUAGES.index(self._language)]
         return f"{called}({', '.join(arguments)})"
+
+
+# elements that are translated: what follows the first node. X passes parameters of the same names.
+_ELEMENTS = {
+    "B": r"\S+ [VI]=.*", "C": r"0 \S+( ic=\S+)?", "R": r"\S+ \S+", "V": r"\S+ (DC )?\S+",
+    **dict.fromkeys("EG", r"\S+ \S+ \S+ \S+"), "X": r"[^=]*( (\w+)=\{\2\})*",
+}  # fmt: skip
 
 
 @dataclass
@@ -151,6 +164,8 @@ class Equations:
 
     def _add_element(self, kind: str, words: list[str], library: Library) -> None:
         _, plus, minus, rest = words
+        if not re.fullmatch(_ELEMENTS.get(kind, "(?!)"), f"{minus} {rest}", re.I):
+            raise ValueError(f"The element {' '.join(words)} cannot be translated.")
         last = rest.rpartition(" ")[2]
         if kind == "X":
             nodes = [plus, minus, *rest.split()]

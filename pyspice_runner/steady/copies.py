@@ -221,7 +221,6 @@ class Plant:
         state: Array,
         discretisation: Discretisation,
         begun: float = 0.0,
-        probes: Sequence[Probe] = (),
         *,
         plates: bool,
     ) -> tuple[dict[str, float], dict[str, float]]:
@@ -235,18 +234,13 @@ class Plant:
         compressed = state[self.places["stem"]]  # the first is that along y, of a motor that has it
         stem_m = float(compressed[0]) if len(compressed) else 0.0
         nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
-        for group in "ab" if plates else "":
-            tones = self.tones(group, probes)
+        for group, tones in zip("ab", self.drive.tones, strict=True) if plates else ():
             for node, (ohm, farad) in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
                 nodes[node] = 0.0
                 for tone in tones:
                     gain = 1.0 / (1.0 + 2j * pi * tone.frequency * ohm * farad)  # of the capacitance in its branch
                     nodes[node] += float(phasor_at(tone, gain, begun)[0])
         return values, nodes
-
-    def tones(self, group: str, probes: Sequence[Probe] = ()) -> tuple[Tone, ...]:
-        """Return the sines at the pin of a group, with those of the probes."""
-        return (*self.drive.tones[GROUPS.index(group)], *(probe.tone for probe in probes if probe.place == group))
 
     def inside(self, copy: str) -> str:
         """Return the instance of the motor of a copy."""
@@ -435,22 +429,12 @@ def phasor_at(
 
 
 @dataclass(frozen=True)
-class Probe:
-    """A small sine in addition to the drive or the load."""
-
-    # ``"a"`` or ``"b"``, in series with the source of that group, V; ``"shaft"``, a torque on the rotor, N·m.
-    place: str
-    tone: Tone  # the sine
-
-
-@dataclass(frozen=True)
 class Copy:
     """One copy of a plant."""
 
     plant: Plant  # motor, drive, load and law
     state: Array  # at the start
     begun: float = 0.0  # time in s since the drive's phase was that of t = 0
-    probes: tuple[Probe, ...] = ()  # small sines in addition to drive and load
     reach: int | None = None  # number of sliders of a brush that probably touch something; ``None`` if it is not known
 
     def with_sliders(self, sliders: int) -> Copy:
@@ -496,20 +480,16 @@ def copies_bench(
             for name in ("vntol", "abstol"):
                 options[name] = min(options[name], tolerances[name], key=float)
         signals |= plotted_nodes(plant.motor, plant.law, instance)
-        at_pins = tuple(probe for probe in copy.probes if probe.place != "shaft")
-        key = (plant.drive, copy.begun, at_pins)
+        key = (plant.drive, copy.begun)
         if key not in sources:
             sources[key] = len(sources)
-            lines += _drive_lines(plant, at_pins, copy.begun, sources[key])
+            lines += _drive_lines(plant, copy.begun, sources[key])
         shaft = f"{instance}_shaft"
         if plant.load.speed is not None:
             lines.append(f"V{shaft} {shaft} 0 DC {float(plant.load.speed)!r}")
         elif plant.load.torque:
             lines.append(f"I{shaft} {shaft} 0 DC {float(plant.load.torque)!r}")
-        for place, probe in enumerate(copy.probes):
-            if probe.place == "shaft":
-                lines.append(f"I{shaft}_{place} 0 {shaft} {sine(probe.tone, copy.begun)}")
-        starts, inside = plant.start(copy.state, discretisation, copy.begun, copy.probes, plates=plates)
+        starts, inside = plant.start(copy.state, discretisation, copy.begun, plates=plates)
         values = " ".join(f"{name}={value:.17g}" for name, value in starts.items())
         pins = f"a{sources[key]} b{sources[key]} 0 {shaft}"
         lines.append(f"{instance} {pins} {plant.motor_name} {values}")
@@ -521,10 +501,9 @@ def copies_bench(
     return Bench(circuit, options, start, signals)
 
 
-def _drive_lines(plant: Plant, probes: Sequence[Probe], begun: float, number: int) -> list[str]:
+def _drive_lines(plant: Plant, begun: float, number: int) -> list[str]:
     lines = []
-    for group in "ab":
-        tones = plant.tones(group, probes)
+    for group, tones in zip("ab", plant.drive.tones, strict=True):
         node = f"{group}{number}"
         for index, tone in enumerate(tones):
             after = f"{group}{number}_{index + 1}" if index + 1 < len(tones) else "0"

@@ -47,7 +47,6 @@ from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.library import Library
 from pyspice_runner.steady.copies import Plant
-from pyspice_runner.steady.monodromy import differentiable
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -584,8 +583,8 @@ def balances(setup: Point) -> bool:
     """Return whether harmonic balance describes a point: paper's contact, linear modes, few harmonics of the drive."""
     if setup.source.ideal is None or not setup.law or "averaged" not in setup.law.forms:
         return False
-    plant = Plant.of(setup)
-    return differentiable(plant) and tones(plant) > 0
+    soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in setup.motor.modes)
+    return not soft and tones(Plant.of(setup)) > 0
 
 
 def balanced_states(setups: Sequence[Point], starts: Sequence[Balance | None]) -> list[BalancedState | None]:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
+from pyspice_runner.circuit.evaluated import DIFFERENCE, evaluable, library_function, parameter_columns
 from pyspice_runner.circuit.law import contact_library, unplotted
 from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
 from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_sway, stems, written_stator
@@ -37,7 +37,7 @@ from pyspice_runner.steady.copies import Plant, drive_voltage
 
 Complex = NDArray[np.complex128]
 FORCES = ("fx", "fy", "friction", "normal")  # of the contact, in N
-PLACES = ("a", "b", "shaft")  # of a small input: the voltage of a group, V, a torque on the rotor, N·m
+PLACES = ("a", "b", "shaft", "time")  # of a small input: voltage of a group, torque on the rotor, the drive's frequency
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,8 @@ class Course:
 
 
 def differentiable(plant: Plant) -> bool:
-    """Return whether the equations of a plant are known here: no law of the user's own, no mode that softens."""
-    soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in plant.motor.modes)
-    return plant.law is not None and "verilog-a" in plant.law.forms and not soft
+    """Return whether the equations of a plant are known: those of a user's own law if numpy can evaluate them."""
+    return plant.law is not None and evaluable(contact_library(plant.law, plant.motor.contact))
 
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
@@ -279,11 +278,27 @@ class Linearised:
         inputs[:, self.inner, 4:] = np.eye(len(self.inner))
         return rates[self.which], inputs[self.which], driven[self.which]
 
+    def _softening(self) -> Array:
+        """Return what modes add to A that soften and lose more at large amplitudes, by run and point."""
+        n, speeds = self.plant.modes, self.plant.moving[1]
+        found = np.zeros((*self.states.shape, self.plant.order))
+        for run, course in enumerate(self.courses):
+            motor = course.plant.motor
+            soft, growth = np.array([(mode.softening_per_m2, mode.damping_growth_per_m2) for mode in motor.modes]).T
+            stator = written_stator(motor, self.discretisation, course.plant.mount)
+            moved, moving = self.states[run, :, :n], self.states[run, :, n : 2 * n]
+            stiffness, damping = (np.diag(square(one))[:n] for one in (stator.stiffness, stator.damping))
+            inverse = np.linalg.inv(square(stator.mass))[:, :n]
+            by_place = (3.0 * soft * stiffness * moved - 2.0 * growth * damping * moving) * moved
+            found[run][:, speeds, :n] = inverse * by_place[:, np.newaxis]
+            found[run][:, speeds, n : 2 * n] = -inverse * (growth * damping * moved**2)[:, np.newaxis]
+        return found
+
     def derivatives(self) -> list[Derivative]:
         """Return the derivatives of the runs."""
         contact, _ = self._contact()
         rates, inputs, _ = self._structure()
-        slopes = rates[:, np.newaxis] + inputs[:, np.newaxis] @ contact
+        slopes = rates[:, np.newaxis] + inputs[:, np.newaxis] @ contact + self._softening()
         time, first, unit = self.courses[0].time, self.courses[0].first, np.eye(self.plant.order)
         half = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis]
         forward = np.linalg.solve(unit - half * slopes[:, 1:], unit + half * slopes[:, :-1])
@@ -302,22 +317,27 @@ class Linearised:
         """Return the responses of states, normal and friction force of the first run to small inputs e^{jωt}.
 
         They are those of which a period later each is ``turns`` times itself, shape (probes, order + 2, points of the
-        period). A probe is one of :data:`PLACES` and its frequency in Hz, below 0 too.
+        period). A probe is one of :data:`PLACES` and its frequency in Hz, below 0 too. A frequency of the drive, in Hz,
+        adds minus the rates of the states over the drive's: the response is that beside the motion with its phase.
         """
         (contact, *_), (pushed, *_) = self._contact()
         rates, inputs, driven = (one[0] for one in self._structure())
         course, order, unit = self.courses[0], self.plant.order, np.eye(self.plant.order)
         contact, pushed, time = contact[course.first :], pushed[course.first :], course.time[course.first :]
-        pushing = np.zeros((2, len(PLACES)))  # force on what is in series along x and y per input
+        pushing = np.zeros((2, 3))  # force on what is in series along x and y per input
         for name, per_volt in pushes(course.plant.motor, self.law).items():
             pushing[("stem_x", "stem").index(name), :2] = per_volt
         waves = np.zeros((len(time), len(PLACES), len(probes)), complex)
         for number, (place, frequency) in enumerate(probes):
             waves[:, PLACES.index(place), number] = np.exp(2j * np.pi * frequency * (course.begun + time))
-        half, slopes = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis], rates + inputs @ contact
+        waves, shifts = waves[:, :3], waves[:, 3:]
+        rising = np.diff(course.states[:, course.first :]).T[..., np.newaxis] / course.plant.drive.frequencies[0]
+        slopes = rates + inputs @ contact + self._softening()[0, course.first :]
+        half = 0.5 * np.diff(time)[:, np.newaxis, np.newaxis]
         added = (driven + inputs @ pushed @ pushing) @ waves
         implicit = np.linalg.inv(unit - half * slopes[1:])
-        forward, added = implicit @ (unit + half * slopes[:-1]), implicit @ (half * (added[1:] + added[:-1]))
+        added = half * (added[1:] + added[:-1]) - 0.5 * rising * (shifts[1:] + shifts[:-1])
+        forward, added = implicit @ (unit + half * slopes[:-1]), implicit @ added
         states = np.zeros((len(time), order, order + len(probes)), complex)  # by each state at the start, by each input
         states[0, :, :order] = unit
         for now, after, step, more in zip(states[:-1], states[1:], forward, added, strict=True):

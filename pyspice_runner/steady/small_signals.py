@@ -4,10 +4,10 @@
 A small input e^{jωt} times a periodic function makes every quantity deviate by e^{jωt} times a periodic function. The
 deviation x of the state therefore satisfies x(t + T) = e^{jωT} x(t). Over one period it is the sum of what the
 deviation at its beginning makes of it, which is the derivative of the map, and of what the input adds. Both follow from
-the equations along the steady state (:mod:`.monodromy`), of a contact whose equations are not known from copies.
-R. Telichevesky, K. Kundert, J. White, "Efficient AC and noise analysis of two-tone RF circuits", DAC 1996. As in the
-steady state, the mean over points whose steps lie between each other's removes most of the effect of late events; the
-difference between two halves of them gives the error, with the change by smaller deviations of copies.
+the equations along the steady state (:mod:`.monodromy`). R. Telichevesky, K. Kundert, J. White, "Efficient AC and noise
+analysis of two-tone RF circuits", DAC 1996. As in the steady state, the mean over points whose steps lie between each
+other's removes most of the effect of late events. Where an event passes from one step to the next the derivatives have
+narrow peaks; points are added there. Between two points the values are taken as linear; their change gives the error.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from numpy.typing import NDArray
 from pydantic import SkipValidation
 
 from pyspice_runner.circuit.motor import dielectric_matrix
+from pyspice_runner.circuit.state import pushes
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.drive import Drive, Tone, TwoPhaseDrive, two_phasors
+from pyspice_runner.motor.drive import Drive, TwoPhaseDrive, two_phasors
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result, contact_row, json_ready
 from pyspice_runner.run.point import Point, Settings
-from pyspice_runner.steady.copies import Copy, Plant, Probe
+from pyspice_runner.steady.copies import Plant
 from pyspice_runner.steady.monodromy import Linearised, differentiable
 from pyspice_runner.steady.period_map import PeriodMap, Trace, current, modal, speed
 from pyspice_runner.steady.shooting import Orbit, Shooting
@@ -47,12 +48,9 @@ OUTPUTS = {
     "current_phase_a_deg": "deg", "current_phase_b_deg": "deg", "motional_phase_a_deg": "deg",
     "motional_phase_b_deg": "deg",
 }  # fmt: skip
-# Both are those of copies, large enough that a change of contact moves over whole steps.
-SWING = 3e-3  # of the scale of a state
-PROBE = 0.1  # of the drive's amplitude, and of the friction torque; within one period it moves the state by about 1e-3
-SMALLER = 0.5  # of both: the change by it is one part of the error
 FINER = 2  # steps in one of the steady state
-OFFSETS, OFFSETS_OF_COPIES = 64, 4  # points whose steps lie between each other's; their difference is the other part
+FEWEST, OFFSETS = 16, 96  # points whose steps lie between each other's, evenly and at most
+UNEVEN, JUMP, NARROWEST = 5e-3, 0.1, 1e-3  # shares of a mean by an interval of steps and by its ends; of a step
 ACCURATE = 0.05  # error of a transfer function, relative to its magnitude, above which there is a caution
 HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
@@ -218,29 +216,46 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int 
     state = settled(point)
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
+    if not differentiable(state.solution.plant):
+        raise ParameterError(
+            f"The derivatives of the law {point.law and point.law.name!r} are not known. For small signals it may have "
+            "the elements B, C to node 0, E, G, R, V (DC) and X, with **, abs, exp, max, min, sqrt, tanh, u and uramp."
+        )
     step = state.step_s / FINER
     period_map = PeriodMap(drive.period, round(drive.period / step), point.solver.timeout)
-    count = offsets if differentiable(state.solution.plant) else OFFSETS_OF_COPIES
-    points = [state.solution.moved(number / count * step, step) for number in range(count)]
-    Shooting(points, period_map).solve()
-    if not all(one.done and one.trace for one in points):
-        raise SimulationError("The steady state is not found at the step of the result. Give another step.")
-
-    def found_by(share: float) -> dict[Any, Complex]:
-        every = [_Linear(one, period_map, drive, share).transfers(modulation) for one in points]
-        return {name: np.array([one[name] for one in every]) for name in every[0]}
-
-    copies = found_by(1.0)
-    errors = {name: 0.5 * np.abs(np.mean(values[::2] - values[1::2], axis=0)) for name, values in copies.items()}
-    if not differentiable(state.solution.plant):
-        for name, smaller in found_by(SMALLER).items():
-            errors[name] = np.hypot(errors[name], np.abs(np.mean(copies[name] - smaller, axis=0)))
-    found = {name: values.mean(axis=0) for name, values in copies.items()}
+    known: dict[float, dict[Any, Complex]] = {}
+    wanted = (np.arange(min(FEWEST, offsets)) / min(FEWEST, offsets)).tolist()
+    while wanted:
+        points = [state.solution.moved(at * step, step) for at in wanted]
+        Shooting(points, period_map).solve()
+        if not all(one.done and one.trace for one in points):
+            if known:  # the error shows what is missing
+                break
+            raise SimulationError("The steady state is not found at the step of the result. Give another step.")
+        linear = [_Linear(one, period_map, drive).transfers(modulation) for one in points]
+        known = dict(sorted({**known, **dict(zip(wanted, linear, strict=True))}.items()))
+        places = np.array([*known])
+        gaps = np.diff(places, append=places[0] + 1.0)
+        every = {name: np.array([one[name] for one in known.values()]) for name in linear[0]}
+        changes = {name: np.abs(np.roll(values, -1, axis=0) - values) for name, values in every.items()}
+        found = {name: np.tensordot(0.5 * (gaps + np.roll(gaps, 1)), values, axes=1) for name, values in every.items()}
+        wanted = _between(places, gaps, changes, found)[: offsets - len(known)]
+    errors = {name: 0.5 * np.sqrt(np.tensordot(gaps**2, change**2, axes=1)) for name, change in changes.items()}
     probed = np.concatenate([drive.frequency - modulation[::-1], drive.frequency + modulation])
     cold = np.array([cold_admittance(point.motor, at) for at in probed.tolist()])
-    hot, image, hot_error = found.pop("hot"), found.pop("image"), errors.pop("hot")
-    del errors["image"]
+    hot, image = found.pop("hot"), found.pop("image")
+    hot_error, _ = errors.pop("hot"), errors.pop("image")
     return SmallSignals(state, modulation, found, probed, hot, cold, image, errors, hot_error)
+
+
+def _between(places: Array, gaps: Array, changes: Mapping[Any, Array], means: Mapping[Any, Complex]) -> list[float]:
+    """Return the middles of those intervals that the means over a step depend on, the most uneven first."""
+    jumps = np.zeros(len(places))
+    for name in means.keys() - {"hot", "image"}:
+        share = changes[name] / np.maximum(np.abs(means[name]), np.finfo(float).tiny)
+        jumps = np.maximum(jumps, share.max(axis=1))
+    wanted = (gaps * jumps > UNEVEN) | ((jumps > JUMP) & (gaps > NARROWEST))
+    return [float(places[at] + 0.5 * gaps[at]) for at in np.argsort(-gaps * jumps) if wanted[at]]
 
 
 @dataclass(frozen=True)
@@ -250,30 +265,25 @@ class _Linear:
     point: Orbit  # the point, solved on the map
     period_map: PeriodMap  # the map
     drive: TwoPhaseDrive  # of the point
-    share: float  # of the usual deviations of copies
 
     def transfers(self, modulation: Array) -> dict[Any, Complex]:
         """Return the transfer functions by output and input, and ``hot`` admittances and their ``image``."""
         plant, trace, drive = self.point.plant, self.point.trace, self.drive
         assert trace is not None
-        sides = [("a", 1), ("a", -1), ("b", 1), ("b", -1), ("shaft", 0)][: 4 + plant.turns]
-        turning = np.concatenate([[0.0], modulation])
-        probes = [(place, shift * drive.frequency + at) for at in turning.tolist() for place, shift in sides]
-        every = np.array(self._responses(probes, turning.repeat(len(sides)))).reshape(-1, len(sides), len(_SIGNALS), 3)
+        sides = [("a", 1), ("a", -1), ("b", 1), ("b", -1), ("time", 0), ("shaft", 0)][: 5 + plant.turns]
+        probes = [(place, shift * drive.frequency + at) for at in modulation.tolist() for place, shift in sides]
+        every = np.array(self._responses(probes, modulation.repeat(len(sides))))
+        every = every.reshape(-1, len(sides), len(_SIGNALS), 3)
         wave = np.exp(-2j * pi * drive.frequency * trace.time[1:])
         # phasors of currents and motional currents: the real part of phasor · e^{jΩt} is the current
         base = zip(_SIGNALS[2:], _signals(plant, trace)[2:, 1:], strict=True)
         carriers = {name: complex(2.0 * np.mean(signal * wave)) for name, signal in base}
-        # A constant phase of both groups changes no output. What it seems to change is an error of the derivatives,
-        # which the integral from frequency to phase would amplify.
-        resting = _outputs(_modulated(drive, every[0])["frequency"], carriers, "frequency", plant)
         found: dict[Any, list[complex]] = {}
-        for at, one in zip(modulation.tolist(), every[1:], strict=True):
+        for one in every:
             for of, response in _modulated(drive, one).items():
                 for output, value in _outputs(response, carriers, of, plant).items():
-                    turned = (value - resting[output]) / (1j * at)  # phase = 2π ∫ frequency
-                    found.setdefault((output, of), []).append(turned if of == "frequency" else value)
-        above, below = (every[1:, first:4:2, _CURRENTS].swapaxes(1, 2) for first in (0, 1))
+                    found.setdefault((output, of), []).append(value)
+        above, below = (every[:, first:4:2, _CURRENTS].swapaxes(1, 2) for first in (0, 1))
         hot = np.concatenate([below[::-1, ..., -1].conj(), above[..., 1]])
         image = np.concatenate([below[::-1, ..., 1], above[..., -1].conj()])
         return {name: np.array(values) for name, values in found.items()} | {"hot": hot, "image": image}
@@ -281,76 +291,56 @@ class _Linear:
     def _responses(self, probes: Sequence[tuple[str, float]], modulation: Array) -> list[Complex]:
         """Return the response to e^{jωt} at each place, where ω may be negative.
 
-        A response has the components of each signal at the modulation plus 0, 1 and −1 times the drive's frequency.
+        A response has the components of each signal at the modulation plus 0, 1 and −1 times the drive's frequency. At
+        ``time`` it is that to a frequency, in addition to the motion with the phase that this adds.
         """
         plant, trace, turns = self.point.plant, self.point.trace, np.exp(2j * pi * modulation * self.period_map.period)
-        assert trace is not None
-        if trace.course:
-            deviations = Linearised([trace.course], self.period_map.discretisation).responses(probes, turns)
-            deviations = plant.widened(deviations, trace.course.plant, 1)
-        else:
-            deviations = self._by_copies(probes, turns)
+        assert trace
+        assert trace.course
+        deviations = Linearised([trace.course], self.period_map.discretisation).responses(probes, turns)
+        deviations = plant.widened(deviations, trace.course.plant, 1)
         found, base = [], _signals(plant, trace)
         for (place, frequency), at, rows in zip(probes, modulation.tolist(), deviations, strict=True):
             moved: Any = {"states": trace.states + rows[:-2], "normal": trace.normal + rows[-2]}
             signals = _signals(plant, replace(trace, friction=trace.friction + rows[-1], **moved)) - base
-            if place in "ab":  # the clamped capacitance takes its current from the source alone
-                wave = np.exp(2j * pi * frequency * trace.time)
-                taken = dielectric_matrix(plant.motor, frequency)[:, "ab".index(place)]
-                signals[_CURRENTS] += np.outer(taken, wave)
+            signals[_CURRENTS] += self._by_source(place, frequency, trace)
             waves = np.exp(-2j * pi * np.outer(trace.time, at + self.drive.frequency * np.array([0, 1, -1])))
             found.append(np.asarray(signals[:, 1:] @ waves[1:] / len(waves[1:]), dtype=complex))
         return found
 
-    def _by_copies(self, probes: Sequence[tuple[str, float]], turns: Complex) -> Complex:
-        """Return what :meth:`.Linearised.responses` does, of a contact whose equations are not known here.
-
-        A copy whose state or input has the opposite sign removes the curvature.
-        """
-        plant, point, drive = self.point.plant, self.point, self.drive
-        sizes = dict.fromkeys("ab", self.share * PROBE * max(drive.voltage, drive.voltage_b))
-        sizes["shaft"] = self.share * PROBE * plant.friction_n * plant.motor.rotor.radius_m
-        copies = [
-            Copy(plant, point.state + sign * self.share * SWING * row, point.begun)
-            for row in np.diag(point.scale) for sign in (1.0, -1.0)
-        ]  # fmt: skip
-        for place, frequency in probes:  # cosine and sine, where sin(−|ω|t) = sin(|ω|t + π)
-            for phase in (0.5 * pi, 0.0 if frequency >= 0.0 else pi):
-                for sign in (1.0, -1.0):
-                    probe = Probe(place, Tone(sign * sizes[place], abs(frequency), phase))
-                    copies.append(Copy(plant, point.state, point.begun, (probe,)))
-        traces = self.period_map.traces(copies)
-        rows = np.array([[*trace.states, trace.normal, trace.friction] for trace in traces if trace])
-        if len(rows) < len(copies):
-            raise SimulationError("ngspice does not find the period of a motor with a small additional sine.")
-        halves, order = 0.5 * (rows[::2] - rows[1::2]), plant.order
-        slopes, inputs = halves[:order] / (self.share * SWING), halves[order:]
-        added: Complex = (inputs[::2] + 1j * inputs[1::2]) / np.array([sizes[place] for place, _ in probes])[
-            :, None, None
-        ]
-        free = point.slip.influential  # not a slider that slips, and the lags of the stem, which forget their start
-        sloped, moved = ((one[:, :order, [0, -1]] / point.scale[:, np.newaxis])[:, free] for one in (slopes, added))
-        for turn, (start, end), response in zip(turns.tolist(), np.moveaxis(moved, 2, 1), added, strict=True):
-            matrix = (sloped[free, :, 1] - turn * sloped[free, :, 0]).T
-            response += np.tensordot(np.linalg.lstsq(matrix, turn * start - end, rcond=1e-10)[0], slopes[free], axes=1)
-        return added
+    def _by_source(self, place: str, frequency: float, trace: Trace) -> Any:
+        """Return the currents of both groups that do not follow from the deviation of the motion."""
+        motor, carrier, wave = self.point.plant.motor, self.drive.frequency, np.exp(2j * pi * frequency * trace.time)
+        if place in "ab":  # the clamped capacitance takes its current from the source alone
+            return np.outer(dielectric_matrix(motor, frequency)[:, "ab".index(place)], wave)
+        if place == "shaft":
+            return 0.0
+        volts = np.array(list(two_phasors(self.drive).values()))
+        change = dielectric_matrix(motor, carrier + frequency) - dielectric_matrix(motor, carrier)
+        other = dielectric_matrix(motor, frequency - carrier) - dielectric_matrix(motor, -carrier)
+        turn = np.exp(2j * pi * carrier * trace.time)
+        found = (np.outer(change @ volts, turn) + np.outer(other @ volts.conj(), turn.conj())) / (2j * frequency)
+        moved, forces = motor.stator.residual_per_volt, np.array([trace.friction, trace.normal])
+        moved = moved * [[name in pushes(motor, self.point.plant.law)] for name in ("stem_x", "stem")]
+        found -= moved.T @ np.gradient(forces, trace.time, axis=1, edge_order=2) / carrier
+        return found * wave
 
 
 def _modulated(drive: TwoPhaseDrive, response: Complex) -> dict[str, Complex]:
-    """Return the responses to modulations e^{jωt}, made of side bands; ``frequency`` is that to the phase of both.
+    """Return the responses to modulations e^{jωt}, made of side bands.
 
     With u = Im(U e^{jΩt}), modulating U by a factor 1 + m e^{jωt} adds m e^{jωt}(U e^{jΩt} − U* e^{−jΩt})/2j, and
     modulating its phase by ψ e^{jωt} adds ψ e^{jωt}(U e^{jΩt} + U* e^{−jΩt})/2.
     """
     volts = np.array(list(two_phasors(drive).values()))[:, np.newaxis, np.newaxis]
     above, below = response[0:4:2] * volts, response[1:4:2] * volts.conj()
-    turned, grown = 0.5 * (above + below), -0.5j * (above - below).sum(axis=0) / drive.voltage
-    found = {"amplitude": grown, "phase_deg": radians(1.0) * turned[1], "frequency": turned.sum(axis=0)}
-    return found | ({"load_torque": -response[4]} if len(response) > 4 else {})
+    turned, grown = 0.5 * radians(1.0) * (above + below)[1], -0.5j * (above - below).sum(axis=0) / drive.voltage
+    found = {"amplitude": grown, "phase_deg": turned, "frequency": response[4]}
+    return found | ({"load_torque": -response[5]} if len(response) > 5 else {})
 
 
 def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant: Plant) -> dict[str, complex]:
-    """Return the outputs of a response to an input; ``frequency`` stands for the phase of both groups."""
+    """Return the outputs of a response to an input."""
     at = dict(zip(_SIGNALS, response.tolist(), strict=True))
     found = {"speed": at["speed"][0], "torque": plant.motor.rotor.radius_m * at["friction"][0]}
     for kind in ("current", "motional"):
@@ -363,7 +353,7 @@ def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant:
                 found[groups.named("current_amplitude", group)] = (above * carrier.conjugate() + below * carrier) / abs(
                     carrier
                 )
-            own = {"phase_deg": radians(group == "b"), "frequency": 1.0}.get(of, 0.0)
+            own = radians(group == "b") if of == "phase_deg" else 0.0
             turned = -1j * above / carrier + 1j * below / carrier.conjugate() - own
             found[groups.column(f"{kind}_phase", group, "deg")] = turned / radians(1.0)
     return {name: found[name] for name in OUTPUTS if name in found}

@@ -594,9 +594,9 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
     for state in motor_states(setup.motor, plant.law, ("bearing",)):
         samples[state.within("xmotor")] = np.full(len(trace.time), np.sign(setup.load.speed or 0.0))
     samples |= trace.pins
-    for group in "ab" if not trace.pins else ():
+    for group, tones in zip("ab", plant.drive.tones, strict=True) if not trace.pins else ():
         name, sign = setup.source.current(group)
-        samples[f"v({group})"] = drive_voltage(plant.tones(group), trace.time)
+        samples[f"v({group})"] = drive_voltage(tones, trace.time)
         samples[name] = sign * current(plant, group, trace)
     if electrode := plant.motor.feedback:
         shared = sum(share * samples[f"v({group})"] for group, share in zip("ab", electrode.shares, strict=True))

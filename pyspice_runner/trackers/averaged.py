@@ -40,7 +40,8 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice import Engine
 from pyspice_runner.spice.library import read_library
-from pyspice_runner.trackers.loop import POINTS_PER_DECADE, Complex, LoopDesign, crossing, swept_hz, volts
+from pyspice_runner.steady.small_signals import loop_margins
+from pyspice_runner.trackers.loop import POINTS_PER_DECADE, Complex, LoopDesign, swept_hz, volts
 from pyspice_runner.trackers.tracker import RAIL, SMOOTHED_PERIODS, StatorLag, TrackedSource, add_filter, sensing
 
 _AMPLITUDES = ("a_re", "a_im", "b_re", "b_im")
@@ -274,7 +275,7 @@ def _compiled_loop(run: TrackedRun, running: AveragedMotor) -> LoopDesign:
     s = 2j * pi * frequency[:, np.newaxis, np.newaxis]
     by_frequency = np.linalg.solve(s * np.eye(len(free)) - opened, by_tuning[:, np.newaxis])
     gain = np.asarray(-by_frequency[:, row, 0], dtype=np.complex128)
-    return crossing(own, frequency, gain)
+    return LoopDesign(own, *loop_margins(frequency, gain)[:2], frequency, gain)
 
 
 def _spice(run: TrackedRun, outcome: Outcome) -> AveragedTrack:
@@ -318,4 +319,4 @@ def _spice_loop(run: TrackedRun, outcome: Outcome) -> LoopDesign:
     frequency = vectors["frequency"].real
     pump = tracker.polarity * tracker.pump_current_a / (2.0 * pi)
     gain = -pump * source.loop_filter.impedance(2j * pi * frequency) * vectors["v(phase)"]
-    return crossing(source.loop_filter, frequency, gain)
+    return LoopDesign(source.loop_filter, *loop_margins(frequency, gain)[:2], frequency, gain)

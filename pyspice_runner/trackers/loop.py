@@ -38,8 +38,6 @@ from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
-from pyspice_runner.steady.copies import Plant
-from pyspice_runner.steady.monodromy import differentiable
 from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised, loop_margins
 from pyspice_runner.trackers.tracker import (
     LoopFilter,
@@ -58,7 +56,7 @@ SWEPT_DECADES = 2  # swept to either side of the bandwidth
 
 @dataclass(frozen=True)
 class LoopDesign(Result):
-    """Loop gain and stability margin of a tracker."""
+    """Loop gain and stability margin of a tracker: crossover and margin are the worst of several."""
 
     loop_filter: LoopFilter  # the filter
     crossover_hz: float  # frequency at which the loop gain is 1
@@ -111,7 +109,7 @@ def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, cont
     loop_filter = propose_filter(tracker, lag)
     frequency = swept_hz(tracker)
     gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
-    return crossing(loop_filter, frequency, gain)
+    return LoopDesign(loop_filter, *loop_margins(frequency, gain)[:2], frequency, gain)
 
 
 def swept_hz(tracker: Tracker) -> Array:
@@ -120,20 +118,10 @@ def swept_hz(tracker: Tracker) -> Array:
     return np.asarray(tracker.bandwidth_hz * np.logspace(-SWEPT_DECADES, SWEPT_DECADES, steps))
 
 
-def crossing(loop_filter: LoopFilter, frequency: Array, gain: NDArray[np.complex128], **more: float) -> LoopDesign:
-    """Return the design of a loop by its gain over frequency in Hz; ``more`` are further fields.
-
-    Where the gain crosses 1 several times, crossover and margin are those with the worst margin.
-    """
-    crossover, margin, _ = loop_margins(frequency, gain)
-    return LoopDesign(loop_filter, crossover, margin, frequency, gain, **more)
-
-
 Complex = NDArray[np.complex128]
 Answers = tuple[Complex, Complex, Array]  # as of :func:`_running`
 
-# modulations by equations and by copies; with 33 a crossover is within 0.1 % of that by 81
-POINTS = {True: 33, False: 9}
+POINTS = 33  # modulations; a crossover is within 0.1 % of that by 81
 OFFSETS = 16  # of the points about which the motor is linearised
 REACH = 4.0  # from the bandwidth to the lowest and to the highest frequency
 EDGE_STEPS = 20  # of Newton's method
@@ -161,8 +149,8 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
     gain = -pump * source.loop_filter.impedance(2j * pi * frequency) * tracker.gain_hz_per_v * turns
     # within the dead time the current sets when a bridge turns; edges of voltage and current may move by its angle
     dead_deg = 2.0 * 360.0 * drive.frequency * source.driver.dead_time("a") if source.driver else 0.0
-    return crossing(
-        source.loop_filter, frequency, gain,
+    return LoopDesign(
+        source.loop_filter, *loop_margins(frequency, gain)[:2], frequency, gain,
         margin_error_deg=degrees(float(np.max(errors / np.abs(turns)))) + dead_deg, sensed_phase_deg=sensed,
     )  # fmt: skip
 
@@ -188,16 +176,15 @@ def _running(point: Point, modulation: Array) -> Answers:
     the conjugate ones below to such currents, shape (modulations, 4, 4); and their estimated error in S.
     """
     places = np.log(modulation / modulation[0]) / np.log(modulation[-1] / modulation[0]) * 2.0 - 1.0
-    count = POINTS[differentiable(Plant.of(point))]
-    nodes = chebyshev.chebpts1(count)
-    between = chebyshev.chebvander(places, count - 1) @ np.linalg.inv(chebyshev.chebvander(nodes, count - 1))
+    nodes = chebyshev.chebpts1(POINTS)
+    between = chebyshev.chebvander(places, POINTS - 1) @ np.linalg.inv(chebyshev.chebvander(nodes, POINTS - 1))
     found = linearised(point, np.exp(np.interp(nodes, places, np.log(modulation))), OFFSETS)
     waves, frequency = found.state.waveforms, point.drive.frequency
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
     columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
     currents = np.array([2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns])
-    above, below = slice(count, None), slice(count - 1, None, -1)  # of the frequencies of the side bands
+    above, below = slice(POINTS, None), slice(POINTS - 1, None, -1)  # of the frequencies of the side bands
     hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s.max(axis=(1, 2))
     inner = np.block([[hot[above], image[below]], [image[above].conj(), hot[below].conj()]])
     return currents, np.tensordot(between, inner, axes=1), np.interp(places, nodes, error[above] + error[below])

@@ -673,7 +673,7 @@ def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) 
     )  # fmt: skip
     try:
         return replace(found, loop=running_loop(setup.motor, source, point, force * begins))
-    except SimulationError as error:
+    except (ParameterError, SimulationError) as error:  # the former for a law whose derivatives are not known
         return replace(found, no_loop=str(error))
 
 

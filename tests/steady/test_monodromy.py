@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.evaluated import evaluable
+from pyspice_runner.circuit.law import Law, contact_library
 from pyspice_runner.motor.drive import Load
 from pyspice_runner.steady import shooting
 from pyspice_runner.steady.copies import Copy, Plant
@@ -48,6 +49,10 @@ CASES = {
     ),
     "worn tip": (PAPER.updated({"contact.worn_flat_radius_m": 5e-5}), PAPERS_DRIVE, 1.0, Law()),
     "falling friction": (PAPER.updated({"contact.sliding_ratio": 0.7}), PAPERS_DRIVE, 1.0, Law()),
+    "modes that soften": (
+        PAPER.updated({"modes.0.softening_per_m2": 1e9, "modes.1.damping_growth_per_m2": 1e10}), PAPERS_DRIVE, 2.0,
+        Law(),
+    ),
     "fixed distance": (PAPER.updated({"mount": None}), PAPERS_DRIVE, 2.0, Law()),
     "brush of 32": (PAPER, PAPERS_DRIVE, 2.0, Law("brush", 32)),
     "flagship, brush of 32": (FLAGSHIP, pr.default_drive(FLAGSHIP), 10.0, Law("brush", 32)),
@@ -161,8 +166,13 @@ def test_a_point_that_starts_again_takes_a_derivative_whatever_its_last_residual
     assert point.done
 
 
-def test_a_mode_that_softens_and_a_law_of_the_users_own_are_differentiated_by_copies() -> None:
-    soft = PAPER.updated({"modes.0.softening_per_m2": 1e7})
-    assert not differentiable(Plant(soft, PAPERS_DRIVE, Load(1.0), Law()))
+@pytest.mark.parametrize(
+    "line",
+    ["D1 slip 0 open", "C1 slip friction 1u", "B1 a 0 V=V(slip,mu)", "B1 a 0 V=sgn(V(slip))", "B1 a 0 V=V(slip)>0?1:2",
+     "B1 a 0 V=time", "V1 a 0 SIN(0 1 1k)", "Xa x y vx vy a b 0 c d e f g piezomotor_normal radius={2*radius}"],
+)  # fmt: skip
+def test_a_statement_that_is_not_translated_makes_a_law_one_of_copies(line: str) -> None:
+    known = contact_library(Law(), PAPER.contact)
+    assert evaluable(known)
+    assert not evaluable(replace(known, subcircuit=known.subcircuit.replace(".ends", f"{line}\n.ends")))
     assert not differentiable(Plant(PAPER, PAPERS_DRIVE, Load(1.0), None))
-    assert differentiable(Plant(PAPER, PAPERS_DRIVE, Load(1.0), Law()))
