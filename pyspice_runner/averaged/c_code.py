@@ -289,13 +289,18 @@ def phase_source(terms: Terms = ALL_TERMS) -> str:
     texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
     implicit = [name for name, text in found.values.items() if f"V({name})" in text]
     lines = texts | {name: f"phase_{name}(p)" for name in implicit}
+    parameters, values = (
+        {name: lines[name] for name in lines if name in of} for of in (found.parameters, found.values)
+    )
+    until = list(values).index("normal") + 1  # the other forces are not needed where only the normal one is remembered
     return _source(
         [f"{library.title}; displacements in um.", f"Written from {library.name}.lib."],
         "phase",
         fields,
-        *_function("static void phase_parameters", "phase", {n: lines[n] for n in lines if n in found.parameters}),
+        *_function("static void phase_parameters", "phase", parameters),
         *(_IMPLICIT.format(name, texts[name]) for name in implicit),
-        *_function("static void phase_forces", "phase", {n: lines[n] for n in lines if n in found.values}),
+        *_function("static void phase_normal_force", "phase", dict(list(values.items())[:until])),
+        *_function("static void phase_forces", "phase", dict(list(values.items())[until:])),
     )
 
 

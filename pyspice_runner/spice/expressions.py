@@ -20,7 +20,7 @@ _LANGUAGES = ("c", "verilog-a", "python")
 TOKEN = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?[a-z]*|[a-z_]\w*|\*\*|\S", re.I)
 # function of a library → in each language; some are defined by HELPERS
 _FUNCTIONS = {
-    "abs": ("fabs", "abs", "absolute"), "max": ("fmax", "max", "maximum"), "min": ("fmin", "min", "minimum"),
+    "abs": ("fabs", "abs", "absolute"), "max": ("larger", "max", "maximum"), "min": ("smaller", "min", "minimum"),
     **{name: (other,) * 3 for name, other in (("uramp", "ramp_up"), ("u", "unit_step"))},
     **{name: (name,) * 3 for name in ("cos", "exp", "sin", "sqrt", "tanh")}, "atan": ("atan", "atan", "arctan"),
 }  # fmt: skip
@@ -35,6 +35,9 @@ HELPERS: dict[Literal["c", "verilog-a"], str] = {
             "#ifndef EXPRESSION_HELPERS",
             "#define EXPRESSION_HELPERS",
             *(f"static inline double {name}(double x) {{ return {body}; }}" for name, body in _BODIES.items()),
+            # fmax and fmin of the library are calls
+            "static inline double larger(double a, double b) { return a > b ? a : b; }",
+            "static inline double smaller(double a, double b) { return a < b ? a : b; }",
             "#endif",
         )
     ),

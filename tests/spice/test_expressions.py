@@ -16,7 +16,7 @@ from pyspice_runner.spice.expressions import Equations, equations, translated
 from pyspice_runner.spice.library import data_path, read_library
 
 FUNCTIONS = {
-    "fabs": abs, "fmax": max, "fmin": min, "pow": pow, "exp": exp, "sqrt": sqrt, "tanh": tanh,
+    "fabs": abs, "larger": max, "smaller": min, "pow": pow, "exp": exp, "sqrt": sqrt, "tanh": tanh,
     "ramp_up": lambda x: max(x, 0.0), "ramp_down": lambda x: max(-x, 0.0), "unit_step": lambda x: float(x > 0.0),
     "power32": lambda x: max(x, 0.0) ** 1.5,
 }  # fmt: skip
@@ -25,7 +25,7 @@ FUNCTIONS = {
 @pytest.mark.parametrize(
     ("text", "c", "verilog_a"),
     [
-        ("max(-V(limit),min(V(limit),V(u)))", "fmax(-limit, fmin(limit, u))", "max(-limit, min(limit, u))"),
+        ("max(-V(limit),min(V(limit),V(u)))", "larger(-limit, smaller(limit, u))", "max(-limit, min(limit, u))"),
         ("{2*a}*abs(V(x))**1.5", "(2.0 * a) * power32(fabs(x))", "(2.0 * a) * power32(abs(x))"),
         ("(V(x)-V(y))**2/50n", "pow(x - y, 2.0) / 5e-08", "pow(x - y, 2.0) / 5e-08"),
         ("uramp(-V(x))+u(1n-V(x))", "ramp_down(x) + unit_step(1e-09 - x)", "ramp_down(x) + unit_step(1e-09 - x)"),
