@@ -98,7 +98,7 @@ def track(call: Call) -> None:
                     step_hz="step_size", restart_after_s="restart_after"),
     )  # fmt: skip
     if call.voltage is None and motor.drive is not None:
-        usual = _usual_voltage(motor, tracker, mode, contact=call.law is not None)
+        usual = _usual_voltage(motor, tracker, mode, motor.drive["frequency"], contact=call.law is not None)
         tracker = tracker.updated({"voltage": usual})
     if call.frequency is None:
         tracker = centred(motor, tracker, mode=mode, contact=call.law is not None)
@@ -129,21 +129,20 @@ def _event(text: str, call: Call) -> pr.Disturbance:
     return pr.Disturbance(**{"kind": kind, **values})
 
 
-def _usual_voltage(motor: pr.Motor, tracker: pr.Tracker, mode: int | None, *, contact: bool) -> float:
-    """Return the voltage at which a mode has at the target phase the amplitude that the recommended drive gives it.
+def _usual_voltage(
+    motor: pr.Motor, tracker: pr.Tracker, mode: int | None, frequency: float, *, contact: bool
+) -> float:  # fmt: skip
+    """Return the voltage at which a mode has at the target the amplitude of a recommended drive.
 
     That drive holds beside the resonance, where the same voltage gives less. Where a mode has a phase beyond all
     targets there, the drive is meant for another one, and its voltage is returned.
     """
     from pyspice_runner.trackers.tracker import running_resonance
 
-    drive = pr.default_drive(motor)
-    if not isinstance(drive, pr.TwoPhaseDrive):
-        return tracker.voltage
     lag = running_resonance(motor, tracker, mode=mode, contact=contact)
-    phase = atan(2.0 * pi * lag.time_constant_s * (drive.frequency - lag.resonance_hz))
-    beyond = abs(phase) > radians(FARTHEST_DEG)
-    return tracker.voltage if beyond else round(tracker.voltage * cos(phase) / cos(radians(tracker.wanted_deg)), 1)
+    phase = atan(2.0 * pi * lag.time_constant_s * (frequency - lag.resonance_hz))
+    factor = 1.0 if abs(phase) > radians(FARTHEST_DEG) else cos(phase) / cos(radians(tracker.wanted_deg))
+    return round(factor * tracker.voltage, 1)
 
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, contact: bool = True) -> pr.Tracker:
