@@ -23,7 +23,7 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError, require
-from pyspice_runner.motor.drive import Load, TwoPhaseDrive, ideal_drive
+from pyspice_runner.motor.drive import Load, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
@@ -87,12 +87,14 @@ class LostLock:
         lost_hz: drive frequency then, the pull-out frequency.
         regained_s: time from which on it is regained; ``None`` if it is not in the run.
         regained_hz: drive frequency then.
+        pull_out: what the disturbances have changed when it is lost: the load in N·m, others as :class:`.Disturbance`.
     """
 
     lost_s: float
     lost_hz: float
     regained_s: float | None = None
     regained_hz: float | None = None
+    pull_out: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, repr=False)
@@ -258,6 +260,7 @@ class Tracking(Estimated, Result):
         """When and where lock was lost and regained, of the first loss."""
         first, *others = self.losses
         words = f"at {engineering(first.lost_s, 's')} and {1e-3 * first.lost_hz:.5g} kHz"
+        words += "".join(f", {kind} {value:.3g}" for kind, value in first.pull_out.items())
         if first.regained_s is None or first.regained_hz is None:
             return f"{words}, not regained"
         words += f", regained at {engineering(first.regained_s, 's')} and {1e-3 * first.regained_hz:.5g} kHz"
@@ -364,7 +367,7 @@ class Periods:
         summed = np.concatenate(([0.0], np.cumsum(values)))
         return np.asarray((summed[last] - summed[first]) / (last - first))
 
-    def losses(self, error: Array, first: int) -> tuple[LostLock, ...]:
+    def losses(self, error: Array, first: int, disturbances: Disturbances) -> tuple[LostLock, ...]:
         """Return the losses of lock from a point on, by the smoothed phase error in degrees."""
         time, frequency, found = self.time, self.smoothed(self.frequency), list[LostLock]()
         outside = np.where(np.abs(error) >= LOCKED_DEG, time, time[-1])
@@ -373,8 +376,9 @@ class Periods:
         while far[first:].any():
             first += int(np.argmax(far[first:]))
             back = first + int(np.argmax(held[first:]))
-            ends = (first, back) if held[back] else (first,)
-            found.append(LostLock(*(float(of[at]) for at in ends for of in (time, frequency))))
+            lost_s, lost_hz, ends_s, ends_hz = (float(of[at]) for at in (first, back) for of in (time, frequency))
+            back_s, back_hz = (ends_s, ends_hz) if held[back] else (None, None)
+            found.append(LostLock(lost_s, lost_hz, back_s, back_hz, pull_out=disturbances.at(lost_s)))
             first = back if held[back] else error.size
         return tuple(found)
 
@@ -421,7 +425,7 @@ def judged(
     last = time >= time[-1] - max(
         0.1 * (time[-1] - (begin if disturbed else 0.0)), SMOOTHED_PERIODS / run.lag.resonance_hz
     )
-    losses = periods.losses(error, first) if acquired else ()
+    losses = periods.losses(error, first, disturbances) if acquired else ()
     end_phase = min(max(periods.mean(periods.phase, last), -89.9), 89.9)
     speed_before = float(speed[before[-1]])
     since_begin = speed[before[-1] :] if disturbed else speed[-1:]
@@ -667,20 +671,16 @@ def _with_loop(run: TrackedRun, found: Tracking, pins: Complex, force: Complex) 
     target = tracker.target_deg + disturbances.last("target")
     source = replace(run.source, tracker=tracker.model_copy(update={"target_deg": target}))
     begins = np.exp(-1j * phase(pins[0]) * np.arange(1, len(force) + 1))  # group A has the phase 0
+    a, b = pins.tolist()
+    drive = ideal_drive(abs(a), abs(b), degrees(phase(b) - phase(a)), found.end_frequency_hz)
     point = Point.of(
-        motor, _at_pins(pins, found.end_frequency_hz), speed=speed, contact=setup.law, timeout=setup.solver.timeout,
+        motor, drive, speed=speed, contact=setup.law, timeout=setup.solver.timeout,
         load_torque=disturbances.last("load") if speed is None and not motor.is_transducer else 0.0,
     )  # fmt: skip
     try:
         return replace(found, loop=running_loop(setup.motor, source, point, force * begins))
     except (ParameterError, SimulationError) as error:  # the former for a law whose derivatives are not known
         return replace(found, no_loop=str(error))
-
-
-def _at_pins(pins: Complex, frequency: float) -> TwoPhaseDrive:
-    """Return the drive with these phasors of both groups, V."""
-    a, b = pins.tolist()
-    return ideal_drive(abs(a), abs(b), degrees(phase(b) - phase(a)), frequency)
 
 
 def _track_averaged(run: TrackedRun, engine: Engine) -> Tracking:

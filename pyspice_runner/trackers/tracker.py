@@ -339,6 +339,10 @@ class Disturbances:
         """Return what a kind changes at the end."""
         return next((one.value for one in reversed(self.of(kind))), 0.0)
 
+    def at(self, time: float) -> dict[str, float]:
+        """Return what each kind has changed at a time in s."""
+        return {kind: float(np.interp(time, *np.transpose(self.course(kind)))) for kind in CHANGED if self.of(kind)}
+
     @property
     def on_tool(self) -> bool:
         """Whether they change the resistance of a transducer's load."""

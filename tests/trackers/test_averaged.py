@@ -189,6 +189,8 @@ def test_a_loop_that_an_overload_has_pulled_out_returns_by_a_restart() -> None:
     (lost,) = found.losses
     assert 30e-3 < lost.lost_s < found.restarts_s[0] < (lost.regained_s or 0.0) < 80e-3
     assert found.to_dict()["losses"][0]["lost_hz"] == lost.lost_hz
+    assert lost.pull_out == {"load": 0.1}
+    assert "kHz, load 0.1, regained at" in found.summary()["lock lost"]
     assert found.speed_after_rad_s > found.speed_before_rad_s > 50.0
 
 
@@ -203,6 +205,26 @@ def test_a_restart_returns_to_the_starting_frequency(how: dict[str, Any]) -> Non
     early, late = np.interp([0.75e-3, 2e-3], found.time_s, found.frequency_hz) - 1.04 * 40.73e3
     assert early < -50.0
     assert abs(late) < 10.0
+
+
+def test_an_overload_of_a_loop_with_right_copies_loses_lock_and_regains_it() -> None:
+    """1.26 of the friction times the preload, at −58.5°; lock is regained under the load, 30 Hz lower."""
+    load = [pr.Disturbance(kind="load", begin_s=at, load_torque_n_m=to) for at, to in ((30e-3, 0.104), (60e-3, 0.0))]
+    found = started({"duration": 120e-3, "disturbances": load}, voltage=78.6, target_deg=-58.5)
+    (lost,) = found.losses
+    assert (found.locked, lost.pull_out["load"]) == (True, 0.104)
+    assert lost.regained_s is not None
+    assert lost.regained_s < 60e-3
+
+
+def test_the_load_of_a_loop_has_no_hysteresis() -> None:
+    """From both sides of 40.0 to 40.6 kHz, where a drive of constant frequency has two states at 70 V."""
+    load = [pr.Disturbance(kind="load", begin_s=2e-3, load_torque_n_m=0.0825)]
+    ends = [
+        started({"duration": 40e-3, "disturbances": load}, target_deg=0.0, offset=offset).end_frequency_hz
+        for offset in (-0.0375, -0.01, 0.0385)
+    ]
+    assert np.ptp(ends) < 5.0
 
 
 def test_without_a_compiler_a_loop_starts_at_the_middle_of_its_range() -> None:
