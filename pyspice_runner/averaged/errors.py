@@ -1,51 +1,53 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 r"""Errors of an averaged run against the full motor at the same commands, estimated from a few of its steady states.
 
-At some operating points of the run both motors are held at the speed, drive, preload and temperature there, and differ
-by :math:`\Delta T` in torque. The free shaft of the full motor, which swings within a period, has another speed under
-the same load, by :math:`\Delta\omega`. Over time the error :math:`\delta` of the speed follows
+The parts of the error of a curve may have one sign, so that their magnitudes are added:
 
-.. math::
-    J\,\dot\delta = D\,(\Delta\omega - \delta), \qquad \delta(0) = 0, \qquad
-    D = b - \frac{\partial T}{\partial\omega},
+- The difference from the same run with more phases and harmonics. The errors of the contact fall at least with the
+  number of phases, so that N times as many leave at most :math:`1/(N - 1)` of the difference, which is added.
+- What is then left of the difference from the full motor at operating points of the run, both held at the speed, drive,
+  preload and temperature there. The free shaft of the full motor, which swings within a period, has another speed under
+  the same load, by :math:`\Delta\omega`; :math:`(b - \partial T/\partial\omega)\,\Delta\omega` is then that in
+  torque. The same run with this load in addition, which counts as torque of the motor, has the errors that follow.
+- The change in half a period, which no average resolves: that of the torque is a load in addition, too; of currents the
+  part of that of their phasors in one of two directions counts, of the power that of their product with the voltages.
 
-with :math:`\Delta T` in place of :math:`D\,\Delta\omega` where there is no such speed. It changes currents and power by
-their slopes versus the speed. Two parts are added, in quadrature: the difference from the same run with more phases of
-the contact, which are too few where it opens or slips briefly; and the change in half a period, which no average
-resolves.
+Over swings of the shaft that the motor excites itself these errors add up; they are not known then.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import exp, expm1, inf, nan, sqrt
-from typing import NamedTuple
+from itertools import pairwise
+from math import inf, nan, sqrt
 
 import numpy as np
 
-from pyspice_runner.averaged.library import MOST_PHASES
-from pyspice_runner.averaged.point import AveragedPoint
+from pyspice_runner.averaged.driver import AveragedDrive
+from pyspice_runner.averaged.library import MOST_HARMONICS, MOST_PHASES
+from pyspice_runner.averaged.point import SETTINGS, SPECIAL, AveragedPoint
 from pyspice_runner.averaged.run import Array, ErrorEstimate
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.motor.drive import Load, ideal_drive
+from pyspice_runner.motor.drive import UNCOUPLED, Load, ideal_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.point import Point
-from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
+from pyspice_runner.steady.steady import check_runs, steady_states
 from pyspice_runner.units import linear_name
 
-POINTS = 7  # operating points along a run
+POINTS = 11  # operating points along a run
 DECAYS = 8.0  # decay times of the slowest mode, after which a held motor is settled
-# Factor on the estimate. It was chosen by 37 transients of two motors, in which the estimate without it is at least
-# 0.56 of the true error; validation/trust.py has these and others.
-MARGIN = 2.0
+# Factor on the first two parts, which are interpolated between the points. Without it the estimate is at least 0.82 of
+# the true error in 57 transients of two motors; validation/trust.py has these and others.
+MARGIN = 1.5
 # Share of the period in slip or open. Below it the contact sticks nearly throughout: the shaft of the full motor then
 # swings on the stiffness of the contact for seconds, and a held shaft has any torque up to the friction torque.
 HARDLY = 0.1
 ASIDE = 0.02  # of the maximum speed: between the two speeds of a slope
-FINER = 4  # times as many phases, in the run for comparison
-MEANS = 20.0  # periods over which a mean is taken that is compared
 NEAR = 5.0  # times :data:`ASIDE`, beyond which the speed of the full motor is that of another motion
+FINER, FURTHER = 4, 2  # times as many phases, and so many more harmonics, in the motor for comparison
+STIFF = 1e3  # torque per deviation of a shaft that follows a speed, over friction torque per maximum speed
+MEANS = 20.0  # periods over which a mean is taken that is compared
 COLUMN = {  # of a record → name of its error
     "torque": "torque_n_m", "speed": "rotor_speed_rad_s", "current_amplitude_a": "current_amplitude_a_a",
     "current_amplitude_b": "current_amplitude_b_a", "electrical_power": "electrical_power_w",
@@ -54,88 +56,97 @@ COMPARED = ("torque", "current_amplitude_a", "current_amplitude_b", "electrical_
 CHANGES = ("speed", "frequency", "amplitude_a", "amplitude_b", "phase")
 
 
-class Comparison(NamedTuple):
-    """Both motors at operating points of a run, one column a point, :data:`COMPARED` in the rows."""
-
-    time: list[float]  # s
-    difference: Array  # averaged less full motor
-    slope: Array  # of the averaged motor versus the speed, 0 of a held shaft
-    torque_error: list[float]  # of the steady states of the full motor, N·m
-    forcing: Array  # torque that makes the error of the speed, N·m
-
-    def over(self, time: Array) -> list[Array]:
-        """Return difference, slope, torque_error and forcing at times in s."""
-        return [
-            np.apply_along_axis(lambda row: np.interp(time, self.time, row), -1, np.asarray(one)) for one in self[1:]
-        ]
-
-
-def estimate(run: AveragedPoint, duration: float, *, steady: bool = False) -> ErrorEstimate:
+def estimate(run: AveragedPoint, duration: float, *, steady: bool = False, controlled: bool = False) -> ErrorEstimate:
     """Estimate the errors of a run of a duration in s, from rest or from the steady state at its start.
 
-    It takes about 1.5 s of CPU time plus five times the CPU time of the run.
+    A ``controlled`` shaft has the speed of the run in both motors. It takes about 1 s of CPU time plus eight times the
+    CPU time of the run.
     """
-    motor, contact = run.point.motor, run.point.motor.contact
+    motor = run.point.motor
+    phases, harmonics = min(FINER * run.phases, MOST_PHASES), min(run.harmonics + FURTHER, MOST_HARMONICS)
+    finer, free = replace(run, phases=phases, harmonics=harmonics), run.point.load.speed is None and not controlled
+
+    def loaded(torque: Array) -> dict[str, Array]:
+        load = np.interp(rows["time"], *np.transpose(run.settings["load_torque"])) + torque
+        course = {"load_torque": [*zip(rows["time"], load, strict=True)]}
+        other = replace(run, settings={**run.settings, **course}).recorded(duration, steady=steady)
+        return other | {"torque": other["torque"] - np.interp(other["time"], rows["time"], torque)}
+
     try:
         rows = run.recorded(duration, steady=steady)
-        at = compare(run, rows)
-        more = min(FINER * run.phases, MOST_PHASES)
-        finer = replace(run, phases=more).recorded(duration, steady=steady)
+        rest, found, forcing = compare(finer, rows, free=free)
+        if free:
+            if _swings(rows):
+                raise SimulationError(
+                    "The motor makes its shaft swing to and fro; over the swings small errors add up."
+                )
+            loads = [forcing + np.copysign(found, forcing), _shift(rows, rows["torque"])]
+            others = [finer.recorded(duration, steady=steady), *map(loaded, loads)]
+        else:
+            others = [followed(finer, rows["time"], rows["speed"], duration, steady=steady), rows, rows]
+            rest[0] = np.abs(rest[0]) + found
     except (ParameterError, SimulationError) as error:
         return ErrorEstimate({}, {}, str(error))
-    parts = _parts(rows, finer, at, motor, free=run.point.load.speed is None)
-    errors = {name: MARGIN * sqrt(sum(_mean_square(rows["time"], part) for part in parts[name])) for name in parts}
-    most = {name: float(np.abs(_means(rows, name)).max()) or inf for name in parts}
-    most["torque"] = contact.friction * contact.preload_n * motor.rotor.radius_m
-    names = {name: (motor.slider and linear_name(COLUMN[name])) or COLUMN[name] for name in parts}
-    shares = {names[name]: error / most[name] for name, error in errors.items()}
-    return ErrorEstimate({names[name]: error for name, error in errors.items()}, shares)
+    left = run.phases / (phases - run.phases) if phases > run.phases else 0.0
+    errors, shares = {}, {}
+    for name in COLUMN if free else COMPARED:
+        means = _means(rows, name)
+        by_phases, by_rest, by_shift = (
+            np.abs(means - np.interp(rows["time"], one["time"], _means(one, name))) for one in others
+        )
+        if name in COMPARED[free:]:  # torque and speed of a free shaft have theirs by the loads
+            by_rest = by_rest + np.abs(rest[COMPARED.index(name)])
+            by_shift = by_shift + _unresolved(rows, name)
+        part = MARGIN * ((1.0 + left) * by_phases + by_rest) + by_shift
+        most = _friction_torque(motor) if name == "torque" else float(np.abs(means).max()) or inf
+        curve = (motor.slider and linear_name(COLUMN[name])) or COLUMN[name]
+        errors[curve] = sqrt(np.trapezoid(part**2, rows["time"]) / rows["time"][-1])
+        shares[curve] = errors[curve] / most
+    return ErrorEstimate(errors, shares)
 
 
-def _parts(
-    rows: Mapping[str, Array], finer: Mapping[str, Array], at: Comparison, motor: Motor, *, free: bool
-) -> dict[str, list[Array]]:
-    """Return the parts of each error over time, which are independent of each other."""
-    time, wait = rows["time"], 0.5 * MEANS / rows["frequency"]
-    static, slope, found, forcing = at.over(time)
-    parts = {}
-    for name in COLUMN:
-        shift = (np.interp(time + wait, time, rows[name]) - np.interp(time - wait, time, rows[name])) / (2.0 * MEANS)
-        parts[name] = [shift, np.interp(time, finer["time"], _means(finer, name)) - _means(rows, name)]
-    damping = motor.rotor.bearing_damping_n_m_s - slope[0]
-    late, uncertain, shifted = (
-        free * _speed_error(time, torque, damping, motor) for torque in (forcing, found, parts["torque"][0])
-    )
-    for row, name in enumerate(COMPARED):
-        parts[name].append(static[row] + slope[row] * late)
-    parts["torque"] = [np.abs(static[0]) + found]
-    parts["speed"] = [np.abs(late) + uncertain, shifted, parts["speed"][1]]
-    return parts if free else {name: parts[name] for name in COMPARED}
+def _friction_torque(motor: Motor) -> float:
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
-def compare(run: AveragedPoint, rows: Mapping[str, Array]) -> Comparison:
-    """Compare both motors at operating points of a run with these records.
+def _swings(rows: Mapping[str, Array]) -> bool:
+    """Whether the shaft reverses three times in a row with the same commands."""
+    turns = np.flatnonzero(np.abs(rows["speed"]) > HARDLY * np.abs(rows["speed"]).max())
+    turns = turns[1:][np.diff(np.sign(rows["speed"][turns])) != 0.0]
+    commands = np.transpose([rows[name] for name in (*CHANGES[1:], "load_torque", "preload")])
+    swings = [bool((commands[begin] == commands[begin + 1 : end + 1]).all()) for begin, end in pairwise(turns)]
+    return sum(swings) > 1
 
-    Raise SimulationError where they cannot be compared.
+
+def _unresolved(rows: Mapping[str, Array], name: str) -> Array:
+    """Return the change of a value in half a period, over time."""
+    if name == "torque":
+        return np.abs(_shift(rows, rows[name]))
+    if name == "electrical_power":
+        currents = [rows[f"amplitude_{group}"] * _unresolved(rows, f"current_amplitude_{group}") for group in "ab"]
+        return np.asarray(0.5 * np.sum(currents, axis=0))
+    phase = np.radians(rows[name.replace("amplitude", "phase")])
+    return sqrt(0.5) * np.abs(_shift(rows, rows[name] * np.exp(1j * phase)))
+
+
+def compare(run: AveragedPoint, rows: Mapping[str, Array], *, free: bool) -> list[Array]:
+    """Compare an averaged motor with the full motor at operating points of the records of a run.
+
+    Return over time the differences of :data:`COMPARED`, in as many rows; the errors of the torque of the full motor;
+    and the torque that makes the error of the speed, both in N·m. A shaft that is not ``free`` has the same speed in
+    both. Raise SimulationError where they cannot be compared.
     """
-    step = 0.0 if run.point.load.speed is not None else max(ASIDE * float(np.abs(rows["speed"]).max()), 1e-9)
     chosen = _rows(rows)
     if not chosen:
         raise SimulationError("There is no drive, so that there is nothing to compare.")
     sticks = SimulationError("Friction holds the shaft, which swings on the contact in the full motor.")
-    if step and (rows["slip"] + rows["separated"]).max() < HARDLY:
+    if (turns := run.point.load.speed is None) and (rows["slip"] + rows["separated"]).max() < HARDLY:
         raise sticks
-    points, places, averaged, slopes = [], [], [], []
-    for row in chosen:
-        point = operating_point(run, {name: float(values[row]) for name, values in rows.items()})
-        here = settled_at(run, point)
-        if step and here["slip"] + here["separated"] < HARDLY:
-            raise sticks
-        aside = settled_at(run, point, step) if step else here
-        points.append(point)
-        places.append(float(rows["time"][row]))
-        averaged.append([here[name] for name in COMPARED])
-        slopes.append([(aside[name] - here[name]) / (step or 1.0) for name in COMPARED])
+    at = {name: values[chosen] for name, values in rows.items()}
+    there = settled(run, at)
+    if turns and (there["slip"] + there["separated"]).min() < HARDLY:
+        raise sticks
+    points = [operating_point(run, {name: float(values[row]) for name, values in rows.items()}) for row in chosen]
     states = steady_states(points, averages=False)
     check_runs(states)
     for state in states:
@@ -148,53 +159,52 @@ def compare(run: AveragedPoint, rows: Mapping[str, Array]) -> Comparison:
             )
     if not all(state.determined for state in states):
         raise sticks
-    difference, slope = (np.array(averaged) - [values_of(state) for state in states]).T, np.transpose(slopes)
+    averaged = np.array([there[name] for name in COMPARED])
+    full = [
+        (state.torque_n_m, sqrt(2.0) * state.current_a_rms_a, sqrt(2.0) * state.current_b_rms_a,
+         state.power_a_w + state.power_b_w) for state in states
+    ]  # fmt: skip
+    difference = averaged - np.transpose(full)
     forcing = difference[0].copy()
-    if step:
-        damping = run.point.motor.rotor.bearing_damping_n_m_s - slope[0]
-        settles = damping > run.point.motor.rotor.inertia_kg_m2 / rows["time"][-1]
-        away = _free_speeds(points, [torque for torque, *_ in averaged], settles)
-        near = np.abs(away) < NEAR * step
-        forcing[near] = (damping * away)[near]
-    return Comparison(places, difference, slope, [state.torque_error_n_m for state in states], forcing)
+    if free:
+        rotor, step = run.point.motor.rotor, max(ASIDE * float(np.abs(rows["speed"]).max()), 1e-9)
+        aside = settled(run, {**at, "speed": at["speed"] + step})
+        damping = rotor.bearing_damping_n_m_s - (aside["torque"] - there["torque"]) / step
+        settles = damping > rotor.inertia_kg_m2 / rows["time"][-1]
+        if settles.any() and not rotor.bearing_friction_n_m:  # with dry friction there is no state of a free shaft
+            away = _away([points[place] for place in np.flatnonzero(settles)], averaged[0, settles].tolist())
+            near = np.abs(away) < NEAR * step
+            forcing[np.flatnonzero(settles)[near]] = (damping[settles] * away)[near]
+    found, time = (difference, np.array([state.torque_error_n_m for state in states]), forcing), rows["time"]
+    return [np.apply_along_axis(lambda row: np.interp(time, time[chosen], row), -1, one) for one in found]
 
 
-def _free_speeds(points: Sequence[Point], torques: Sequence[float], settles: Array) -> Array:
-    """Return held speeds minus the speeds of the full motor with a free shaft that torques in N·m load.
-
-    NaN where there is no such state, or the shaft does not settle in the run.
-    """
-    away, rotor = np.full(len(points), nan), points[0].motor.rotor
-    places = np.flatnonzero(settles).tolist()
-    if rotor.bearing_friction_n_m or not places:  # with dry friction there is no state of a free shaft
-        return away
-    speeds = np.array([points[place].load.speed for place in places])
-    loads = [torques[place] - rotor.bearing_damping_n_m_s * speed for place, speed in zip(places, speeds, strict=True)]
-    turning = [replace(points[place], load=Load(None, load)) for place, load in zip(places, loads, strict=True)]
-    away[places] = speeds - [
-        state.speed_rad_s if state.stable else nan for state in steady_states(turning, averages=False)
-    ]
-    return away
+def _away(points: Sequence[Point], torques: Sequence[float]) -> Array:
+    """Return held speeds minus those of the full motor's free shaft with a load of the torques in N·m; NaN if none."""
+    damping, speeds = points[0].motor.rotor.bearing_damping_n_m_s, np.array([point.load.speed for point in points])
+    loads = [Load(None, load) for load in (torques - damping * speeds).tolist()]
+    turning = [replace(point, load=load) for point, load in zip(points, loads, strict=True)]
+    states = steady_states(turning, averages=False)
+    return np.asarray(speeds - [state.speed_rad_s if state.stable else nan for state in states])
 
 
 def _rows(rows: Mapping[str, Array]) -> list[int]:
     """Return the rows with a drive at equal shares of time and of all changes in a run, the last one at its end.
 
-    Of rows at the same operating point there is the last one only.
+    Of rows at the same operating point there is the last one only. All are a period later, behind a step of a command,
+    which takes as long.
     """
-    passed = rows["time"] / rows["time"][-1]
+    time = rows["time"]
+    passed = np.diff(time) / time[-1]
     for name in CHANGES:
-        moved = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[name])))])
-        passed = passed + moved / (moved[-1] or 1.0)
-    places = np.searchsorted(passed, passed[-1] * (np.arange(POINTS) + 1.0) / POINTS).clip(max=len(passed) - 1).tolist()
-    same = (*CHANGES, "preload", "temperature")
-    return [
-        *{
-            tuple(float(rows[name][row]) for name in same): row
-            for row in places
-            if rows["amplitude_a"][row] + rows["amplitude_b"][row] > 0.0
-        }.values()
-    ]
+        moved = np.abs(np.diff(rows[name]))
+        passed += moved / (moved.sum() or 1.0)
+    passed = np.cumsum(passed.clip(max=passed.sum() / POINTS))  # of a jump the row behind it is enough
+    places = 1 + np.searchsorted(passed, passed[-1] * (np.arange(POINTS) + 1.0) / POINTS).clip(max=len(passed) - 1)
+    places = np.searchsorted(time, time[places] + 1.0 / rows["frequency"][places]).clip(max=len(time) - 1).tolist()
+    points = np.transpose([rows[name][places] for name in (*CHANGES, "preload", "temperature")]).tolist()
+    last = {tuple(point): place for point, place in zip(points, places, strict=True)}
+    return [place for place in last.values() if rows["amplitude_a"][place] + rows["amplitude_b"][place] > 0.0]
 
 
 def operating_point(run: AveragedPoint, there: Mapping[str, float]) -> Point:
@@ -208,29 +218,34 @@ def operating_point(run: AveragedPoint, there: Mapping[str, float]) -> Point:
     return Point.of(motor, drive, speed=there["speed"], contact=run.point.law, audit=False, timeout=timeout)
 
 
-def settled_at(run: AveragedPoint, point: Point, aside: float = 0.0) -> dict[str, float]:
-    """Return the settled values of the averaged motor at a point, held at a speed that differs by so many rad/s."""
-    assert point.load.speed is not None
-    duration = DECAYS * point.motor.decay_s
-    held = replace(point, load=Load(point.load.speed + aside))
-    at = AveragedPoint.of(held, duration, phases=run.phases, harmonics=run.harmonics)
-    return {name: float(values[-1]) for name, values in at.recorded(duration).items()}
+def settled(run: AveragedPoint, there: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the settled values of the averaged motor, held at the speeds of rows, for these rows of the records.
+
+    It goes from one row to the next, each in a decay time, and stays there for the others.
+    """
+    stay = DECAYS * run.point.motor.decay_s
+    ends = stay * np.arange(1, len(there["time"]) + 1)
+    begins = ends - stay + run.point.motor.decay_s
+    times = np.column_stack([begins, ends]).ravel()
+    of = {"voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase"}
+    names = {name: of.get(name, name) for name in (*SETTINGS, *SPECIAL) if name != "load_torque"}
+    settings = {name: [*zip(times, np.repeat(there[row], 2), strict=True)] for name, row in names.items()}
+    drive = ideal_drive(*(float(there[name][0]) for name in ("amplitude_a", "amplitude_b", "phase", "frequency")))
+    at = replace(run, front=AveragedDrive.of(drive), settings=settings)
+    rows = followed(at, times, np.repeat(there["speed"], 2), float(ends[-1]), heat_capacity=0.0)
+    places = np.searchsorted(rows["time"], ends).clip(max=len(rows["time"]) - 1)
+    return {name: values[places] for name, values in rows.items()}
 
 
-def values_of(state: SteadyState) -> list[float]:
-    """Return :data:`COMPARED` of the full motor."""
-    currents = sqrt(2.0) * state.current_a_rms_a, sqrt(2.0) * state.current_b_rms_a
-    return [state.torque_n_m, *currents, state.power_a_w + state.power_b_w]
-
-
-def _speed_error(time: Array, torque: Array, damping: Array, motor: Motor) -> Array:
-    """Return the speed in rad/s that an error of the torque in N·m makes, against a damping in N·m·s, over time."""
-    found = np.zeros(len(time))
-    for row, step in enumerate(np.diff(time)):
-        rate = damping[row] / motor.rotor.inertia_kg_m2
-        grown = -expm1(-rate * step) / rate if rate else step
-        found[row + 1] = found[row] * exp(-rate * step) + torque[row] / motor.rotor.inertia_kg_m2 * grown
-    return found
+def followed(
+    run: AveragedPoint, time: Array, speed: Array, duration: float, *, steady: bool = False, **values: float
+) -> dict[str, Array]:
+    """Return the records of a run whose shaft has speeds in rad/s at times in s, with values of the compiled motor."""
+    if run.point.load.speed is None:
+        values["bearing"] = STIFF * _friction_torque(run.point.motor) / max(np.abs(speed).max(), 1e-9)
+        course = [*zip(time, -values["bearing"] * speed, strict=True)]
+        run = replace(run, settings={**run.settings, "load_torque": course}, shaft=UNCOUPLED)
+    return run.recorded(duration, steady=steady, **values)
 
 
 def _means(rows: Mapping[str, Array], name: str) -> Array:
@@ -241,5 +256,7 @@ def _means(rows: Mapping[str, Array], name: str) -> Array:
     return np.asarray((np.interp(end, time, total) - np.interp(begin, time, total)) / (end - begin))
 
 
-def _mean_square(time: Array, values: Array) -> float:
-    return float(np.trapezoid(values**2, time) / (time[-1] - time[0]))
+def _shift(rows: Mapping[str, Array], values: Array) -> Array:
+    """Return the change of values in half a period, by that in :data:`MEANS` periods."""
+    time, wait = rows["time"], 0.5 * MEANS / rows["frequency"]
+    return np.asarray((np.interp(time + wait, time, values) - np.interp(time - wait, time, values)) / (2.0 * MEANS))

@@ -98,12 +98,14 @@ class AveragedPoint:
         running.begin(**{name: first(course) for name, course in self.inputs.items()})
         return running
 
-    def recorded(self, duration: float, *, steady: bool = False) -> dict[str, Array]:
+    def recorded(self, duration: float, *, steady: bool = False, **values: float) -> dict[str, Array]:
         """Return the records of the compiled motor, from rest or its steady state; amplitudes of the groups are ≥ 0.
 
-        Raise SimulationError if there is no C compiler, or the run fails.
+        Parameters have ``values`` in place of the motor's. Raise SimulationError if there is no C compiler, or the run
+        fails.
         """
         running = self.compiled(max(duration / LONGEST_STEPS["compiled"], self.front.stage.period))
+        running.set(**values)
         if steady:
             running.settle()
         rows = running.record(self.inputs, duration, timeout=self.point.solver.timeout, begin=not steady)

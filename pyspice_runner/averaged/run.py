@@ -68,8 +68,8 @@ class ErrorEstimate:
     """Estimated errors of an averaged run against the full motor, RMS over the run, by the names of its curves.
 
     Attributes:
-        errors: of torque (at the speed of the run), speed of a free shaft, amplitudes of both currents, and power;
-            empty if unknown.
+        errors: of torque, speed of a free shaft, amplitudes of both currents, and power; empty if unknown. Of a held
+            shaft, and of one whose speed or position is controlled, they are those at its speed.
         shares: the same relative to the friction torque μ F₀ R, and to the maximum in the run.
         unknown: why the errors are not known.
     """
@@ -102,10 +102,10 @@ def exact() -> ErrorEstimate:
 
 
 class Estimated:
-    """A result with an estimate of its errors against the full motor.
+    """A result with an estimate of its errors against the full motor, which its first use computes.
 
-    The first use of ``error_estimate``, ``trusted``, ``cautions``, ``summary`` or ``to_dict`` computes it, in about
-    1.5 s and five times the CPU time of the run; curves and all else do not.
+    It takes about 1 s and eight times the CPU time of the run, for ``error_estimate``, ``trusted``, ``cautions``,
+    ``summary`` and ``to_dict``; curves and all else do not take it.
     """
 
     find_error: Callable[[], ErrorEstimate]

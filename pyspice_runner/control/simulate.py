@@ -177,6 +177,7 @@ def simulate_controlled(
             plant, decide, run, Rounding(parts), reference, count=count, sample_time=sample_time, records=records
         )
     samples["load_torque_n_m"] = np.interp(samples["time_s"], *np.transpose(run.settings["load_torque"]))
+    how = {"steady": start == "steady", "controlled": quantity in ("speed", "position")}
     return ControlledRun(
         samples={name: samples[name] for name in SAMPLES if averaged or name not in OF_AVERAGED},
         records=between,
@@ -188,12 +189,12 @@ def simulate_controlled(
             quantity=quantity,
         ),
         write_deck=write_deck,
-        find_error=partial(replayed, run, samples, parts.delay_s, duration, start == "steady") if averaged else exact,
+        find_error=partial(replayed, run, samples, parts.delay_s, duration, **how) if averaged else exact,
     )  # fmt: skip
 
 
 def replayed(
-    run: AveragedPoint, samples: Mapping[str, Array], delay: float, duration: float, steady: bool
+    run: AveragedPoint, samples: Mapping[str, Array], delay: float, duration: float, **how: bool
 ) -> ErrorEstimate:
     """Estimate the errors of an averaged run with the commands of samples, which act after a delay, s, in a period."""
     settings = dict(run.settings)
@@ -204,7 +205,7 @@ def replayed(
                 if value != rows[-1][1]:
                     rows += [(float(time), rows[-1][1]), (float(time) + run.front.stage.period, float(value))]
             settings[name] = rows
-    return estimate(replace(run, settings=settings), duration, steady=steady)
+    return estimate(replace(run, settings=settings), duration, **how)
 
 
 def _controlled(controller: object, course: Schedule) -> tuple[str | None, Callable[[float], float]]:

@@ -283,4 +283,4 @@ def _error_at(motor: Motor, drive: TwoPhaseDrive, speed: float) -> ErrorEstimate
         held = AveragedPoint.of(Point.of(motor, drive, speed=speed), duration)
     except ParameterError as error:
         return ErrorEstimate({}, {}, str(error))
-    return estimate(held, duration)
+    return estimate(held, duration, steady=True)

@@ -238,6 +238,10 @@ def test_a_run_says_what_has_settled_and_the_static_error_of_what_is_controlled(
     assert late.static_error == pytest.approx((late.voltage_a_v[-1] - 150.0) / 10.0, rel=1e-6)
     assert abs(late.static_error) > 1e-3
     assert "static error" in late.summary()
+    # the controller corrects the speed: its errors are those at this speed
+    controlled, at_equal_commands = (one.error_estimate.shares for one in (early, run(3e-3, Proportional().__call__)))
+    assert at_equal_commands.keys() - controlled.keys() == {"rotor_speed_rad_s"}
+    assert controlled
     assert nameless.static_error is None
     assert nameless.settled
     Proportional.quantity = "torque"
