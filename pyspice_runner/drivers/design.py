@@ -523,7 +523,7 @@ def driver_state(
     # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
     pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
     ideal = Point.of(point.motor, pins, **settings)
-    (pins_held,) = steady_states([ideal], accuracy=ACCURACY)
+    (pins_held,) = steady_states([ideal], accuracy=ACCURACY, averages=False)
     (state,) = _solved([point], [pins_held.solution])
     if not _steady(state):
         raise SimulationError("There is no stable steady state behind this driver.")
@@ -656,10 +656,11 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
     """Return the steady states at stall, at the operating point and at no load with the wanted voltages at the pins."""
     held, free = replace(ideal, load=Load(speed=0.0)), replace(ideal, load=Load())
     given = ideal.load.speed is not None or ideal.load.torque != 0.0
-    stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], accuracy=ACCURACY, waveforms=True)
+    how: Any = {"accuracy": ACCURACY, "waveforms": True, "averages": False}  # unstable states are refused
+    stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], **how)
     if not rest and idle.converged:
         middle = replace(ideal, load=Load(speed=0.5 * idle.speed_rad_s))
-        rest = steady_states([middle], accuracy=ACCURACY, waveforms=True, starts=[stall.solution])
+        rest = steady_states([middle], **how, starts=[stall.solution])
     check_runs([stall, idle, *rest])
     return dict(zip((STALL, OPERATING, IDLE), (stall, *(rest or [idle]), idle), strict=True))
 

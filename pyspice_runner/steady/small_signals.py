@@ -213,7 +213,7 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int 
     if not drive.voltage:
         raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
     point.touching("The two-port of a free tip does not depend on the drive: take admittance.")
-    state = settled(point)
+    state = settled(point, averages=False)  # about an unstable one there are none
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
     if not differentiable(state.solution.plant):

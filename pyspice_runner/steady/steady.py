@@ -259,9 +259,9 @@ def steady_state(
     return settled(Point.of(motor, drive, audit=audit, **settings), accuracy)
 
 
-def settled(point: Point, accuracy: float = ACCURACY) -> SteadyState:
-    """Return the steady state of an operating point, with its waveforms; ``accuracy`` is as in :func:`steady_state`."""
-    (state,) = steady_states([point], accuracy=accuracy, waveforms=True)
+def settled(point: Point, accuracy: float = ACCURACY, *, averages: bool = True) -> SteadyState:
+    """Return the steady state of an operating point, with waveforms; settings are those of :func:`steady_states`."""
+    (state,) = steady_states([point], accuracy=accuracy, waveforms=True, averages=averages)
     check_runs([state])
     return state
 
