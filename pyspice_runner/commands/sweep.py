@@ -159,8 +159,9 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         kept = ["torque_n_m", "speed_rad_s", "voltage_a_v", "voltage_b_v", "stage_power_w", "power_factor"]
         return {"quantities": quantity or kept, "analysis": driver_state}
     if analysis == "drive":
-        moved = "motional_current_amplitude_a_a" if motor.is_transducer else "mean_rotor_speed_rad_s"
-        kept = ["motor_power_w", "driver_efficiency", moved]
+        kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
+        if motor.is_transducer:  # those of the steady state
+            kept = ["load_power_w", "damping_loss_w", "motional_current_amplitude_a_a"]
         return {"quantities": quantity or kept, "analysis": pr.drive_report, "duration": 3e-3}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": common.DURATION}
 

@@ -330,7 +330,8 @@ class Design:
             share = found[name] / wanted
             if abs((sqrt(share) if name.endswith("_w") else share) - 1.0) > SHORT_OF:
                 got, asked = (engineering(value, unit_in(name)) for value in (found[name], wanted))
-                notes.append(f"{behind} {name} is {got} instead of {asked}.")
+                what = name.rpartition("_")[0].replace("_", " ")
+                notes.append(f"{behind} the {what} is {got} instead of {asked}.")
         return notes
 
     def _starts(self, speed_rad_s: float) -> bool:

@@ -48,7 +48,7 @@ _LONGEST_BEAT = 80  # most of those, which are a beat; each takes 50 ms of CPU
 _REACHED = 80  # periods of the run of a transducer from near its steady state; the last 20 are averaged
 _CORRECTIONS = 4  # of the sources from which it starts, at most
 _STEADY = 2e-3  # of the sources, by which they change: a fifth of a percent of the motional current
-_START_PERIODS = 250, 2000  # at most, of the start of a transducer behind a bridge, and another stage: 4 s of CPU
+_START_PERIODS = 250, 2000  # of all channels, at most, of a transducer's start: 4 s of CPU; not of a bridge the second
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
 
 
@@ -567,7 +567,8 @@ def _start_time(setup: Point, design: Design | None) -> float:
     """
     motor, uniform = setup.motor, setup.source.uniform
     if motor.is_transducer:  # until it has settled, as far as that is affordable
-        return max(min(motor.settled_s, _START_PERIODS[uniform] * setup.source.period), _SHORTEST)
+        most = _START_PERIODS[uniform] // len(motor.groups) * setup.source.period
+        return max(min(motor.settled_s, most), _SHORTEST)
     assert design is not None
     points = design.points or design.unmatched
     target = next(point for point in points if point.state == OPERATING)

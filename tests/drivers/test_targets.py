@@ -40,6 +40,7 @@ def by_hand(design: Design, name: str, folder: Path, more_ohm: float = 0.0) -> f
         f"R2 q k {turns['secondary_resistance'] + network[f'{prefix}resistance']!r}",
         f"L0 k j {network[f'{prefix}inductance']!r}", f"Cs j pin {network[f'{prefix}capacitance']!r}",
         f"Rs j pin {network['bleeder']!r}", f"Cp pin 0 {network.get('parallel_capacitance', 1e-15)!r}",
+        f"Lx pin 0 {network.get('parallel_inductance', 1e9)!r}",  # 1 H where there is none
         f"C0 pin 0 {clamped!r}", f"L1 pin m {henry!r}", f"C1 m r {farad!r}", f"R3 r i {ohm + more_ohm!r}", "Vi i 0 0",
         f".ac lin 3 {driver.frequency - 1.0!r} {driver.frequency + 1.0!r}",
         f".measure ac current FIND i(Vi) AT={driver.frequency!r}", ".end",
@@ -50,40 +51,30 @@ def by_hand(design: Design, name: str, folder: Path, more_ohm: float = 0.0) -> f
     return hypot(real, measured("\n".join(deck), own)["current"])
 
 
+@pytest.mark.parametrize("full", [1.0, 20.0])
 @pytest.mark.parametrize("name", SLOW)
-def test_power_is_reached_and_that_of_a_hand_written_deck(tmp_path: Path, name: str) -> None:
-    device = fitted(tmp_path, name)
-    design = design_driver(device, spec_of(device, power=POWERS[name]))
-    report = pr.drive_report(device, design)
+def test_power_is_that_of_a_hand_written_deck(tmp_path: Path, name: str, full: float) -> None:
+    device, wanted, tool = fitted(tmp_path, name), POWERS[name], (full - 1.0) * REAL[name][0]
+    spec = spec_of(device, "llcc" if tool else "inductor", power=wanted, load_range=(1.0, full) if tool else None)
+    design = design_driver(device, spec)
+    report = pr.drive_report(device, design, events=tool > 0.0)
     assert report.design is not None
     assert report.design.feasible, report.design.reason
-    found = report.to_dict()["damping_loss_w"]
-    assert found == pytest.approx(0.5 * REAL[name][0] * by_hand(design, name, tmp_path) ** 2, rel=0.01)
-    assert found == pytest.approx(POWERS[name], rel=0.05)
-    assert report.operating is not None
-    assert report.operating.settling < 2e-3
+    found, current = (
+        report.to_dict()["load_power_w" if tool else "damping_loss_w"],
+        by_hand(design, name, tmp_path, tool),
+    )
+    assert found == pytest.approx(0.5 * (tool or REAL[name][0]) * current**2, rel=0.01)
+    assert found == pytest.approx(wanted, rel=0.05)
     assert {point.state for point in design.points} >= {"-0.5 % frequency", "+0.5 % frequency"}
-
-
-@pytest.mark.parametrize("name", SLOW)
-def test_motional_current_is_kept_from_idle_to_full_load(tmp_path: Path, name: str) -> None:
-    device, full = fitted(tmp_path, name), 19.0 * REAL[name][0]
-    design = design_driver(device, spec_of(device, "llcc", power=POWERS[name], load_range=(1.0, 20.0)))
-    report = pr.drive_report(device, design, events=True)
-    assert report.design is not None
-    assert report.design.feasible, report.design.reason
-    wanted = sqrt(2.0 * POWERS[name] / full)
-    loaded, idle = (by_hand(design, name, tmp_path, more) for more in (full, 0.0))
-    assert report.ceramic["motional_current_amplitude_a_a"] == pytest.approx(loaded, rel=0.01)
-    assert loaded == pytest.approx(wanted, rel=0.05)
-    assert idle == pytest.approx(wanted, rel=PIN_BAND)
-    assert {*report.events} == {"load step", "load off", "stop", "frequency sweep"}
+    if tool:
+        assert by_hand(design, name, tmp_path) == pytest.approx(current, rel=PIN_BAND)  # idle
+        assert {*report.events} == {"load step", "load off", "stop", "frequency sweep"}
 
 
 def test_what_is_possible_is_said_and_is_possible(tmp_path: Path) -> None:
     device = fitted(tmp_path, "SMBLTD45F28H")
-    asked = spec_of(device, current=1.0, load_range=(1.0, 20.0))
-    found = design_driver(device, asked)
+    found = design_driver(device, spec_of(device, current=1.0, load_range=(1.0, 20.0)))
     assert not found.feasible
     assert found.reason.endswith("490\N{NO-BREAK SPACE}mA are possible.")
     assert design_driver(device, spec_of(device, current=0.49, load_range=(1.0, 20.0))).feasible
@@ -105,15 +96,9 @@ def test_show_and_map_of_a_transducer(tmp_path: Path, capsys: pytest.CaptureFixt
     path = str(tmp_path / f"{AIR}.toml")
     assert run(["show", path, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["arms"]["arm1"]["inductance_h"] == pytest.approx(REAL[AIR][1])
-    asked = [
-        "--over",
-        "drive.voltage=10,20",
-        "--over",
-        "load.resistance_ohm=0,643.186339335",
-        "--set",
-        "load.mode=arm1",
-    ]
-    assert run(["map", path, *asked, "--limit", "motional_current_amplitude_a_a=0.02", "--json"]) == 0
+    axes = ("drive.voltage=10,20", "load.resistance_ohm=0,643.186339335")
+    limited = "--limit=motional_current_amplitude_a_a=0.02"
+    assert run(["map", path, *(f"--over={axis}" for axis in axes), "--set=load.mode=arm1", limited, "--json"]) == 0
     best = json.loads(capsys.readouterr().out)["best"]
     assert best["drive.voltage"] == 20.0
     assert best["load_power_w"] == pytest.approx(0.125 * 20.0**2 / (2.0 * 643.186339335) * 2.0, rel=1e-3)
