@@ -71,7 +71,7 @@ def outcome(key: Key) -> dict[str, Any]:
         runs[f"{error:g}, {'restart' if restart else 'no restart'}"] = {
             "began_locked": found.lock_time_s is not None, "kept": found.kept_lock, "locked": found.locked,
             "losses": found.to_dict()["losses"][:2], "restarts": len(found.restarts_s),
-            "said": any(one.startswith("The tracker ") for one in found.cautions),
+            "said": found.locked or any(one.startswith("The tracker ") for one in found.cautions),
         }  # fmt: skip
     return {"motor": name, "kind": kind, "value": value, "voltage": voltage, "target_deg": target, "runs": runs}
 
