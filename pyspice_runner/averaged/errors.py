@@ -30,7 +30,6 @@ from pyspice_runner.averaged.point import SETTINGS, SPECIAL, AveragedPoint
 from pyspice_runner.averaged.run import Array, ErrorEstimate
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import UNCOUPLED, Load, ideal_drive
-from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import check_runs, steady_states
 from pyspice_runner.units import linear_name
@@ -89,6 +88,7 @@ def estimate(run: AveragedPoint, duration: float, *, steady: bool = False, contr
         return ErrorEstimate({}, {}, str(error))
     left = run.phases / (phases - run.phases) if phases > run.phases else 0.0
     errors, shares = {}, {}
+    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     for name in COLUMN if free else COMPARED:
         means = _means(rows, name)
         by_phases, by_rest, by_shift = (
@@ -98,15 +98,11 @@ def estimate(run: AveragedPoint, duration: float, *, steady: bool = False, contr
             by_rest = by_rest + np.abs(rest[COMPARED.index(name)])
             by_shift = by_shift + _unresolved(rows, name)
         part = MARGIN * ((1.0 + left) * by_phases + by_rest) + by_shift
-        most = _friction_torque(motor) if name == "torque" else float(np.abs(means).max()) or inf
+        most = limit if name == "torque" else float(np.abs(means).max()) or inf
         curve = (motor.slider and linear_name(COLUMN[name])) or COLUMN[name]
         errors[curve] = sqrt(np.trapezoid(part**2, rows["time"]) / rows["time"][-1])
         shares[curve] = errors[curve] / most
     return ErrorEstimate(errors, shares)
-
-
-def _friction_torque(motor: Motor) -> float:
-    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 def _swings(rows: Mapping[str, Array]) -> bool:
@@ -219,13 +215,10 @@ def operating_point(run: AveragedPoint, there: Mapping[str, float]) -> Point:
 
 
 def settled(run: AveragedPoint, there: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the settled values of the averaged motor, held at the speeds of rows, for these rows of the records.
-
-    It goes from one row to the next, each in a decay time, and stays there for the others.
-    """
+    """Return the settled values of the averaged motor, held at the speeds of rows, for these rows of the records."""
     stay = DECAYS * run.point.motor.decay_s
     ends = stay * np.arange(1, len(there["time"]) + 1)
-    begins = ends - stay + run.point.motor.decay_s
+    begins = ends - stay + run.point.motor.decay_s  # it goes from one row to the next in a decay time
     times = np.column_stack([begins, ends]).ravel()
     of = {"voltage_a": "amplitude_a", "voltage_b": "amplitude_b", "phase_deg": "phase"}
     names = {name: of.get(name, name) for name in (*SETTINGS, *SPECIAL) if name != "load_torque"}
@@ -242,7 +235,8 @@ def followed(
 ) -> dict[str, Array]:
     """Return the records of a run whose shaft has speeds in rad/s at times in s, with values of the compiled motor."""
     if run.point.load.speed is None:
-        values["bearing"] = STIFF * _friction_torque(run.point.motor) / max(np.abs(speed).max(), 1e-9)
+        contact, radius = run.point.motor.contact, run.point.motor.rotor.radius_m
+        values["bearing"] = STIFF * contact.friction * contact.preload_n * radius / max(np.abs(speed).max(), 1e-9)
         course = [*zip(time, -values["bearing"] * speed, strict=True)]
         run = replace(run, settings={**run.settings, "load_torque": course}, shaft=UNCOUPLED)
     return run.recorded(duration, steady=steady, **values)

@@ -101,8 +101,7 @@ class AveragedPoint:
     def recorded(self, duration: float, *, steady: bool = False, **values: float) -> dict[str, Array]:
         """Return the records of the compiled motor, from rest or its steady state; amplitudes of the groups are ≥ 0.
 
-        Parameters have ``values`` in place of the motor's. Raise SimulationError if there is no C compiler, or the run
-        fails.
+        ``values`` replace parameters. Raise SimulationError if there is no C compiler, or the run fails.
         """
         running = self.compiled(max(duration / LONGEST_STEPS["compiled"], self.front.stage.period))
         running.set(**values)

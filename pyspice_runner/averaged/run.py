@@ -67,6 +67,8 @@ WORDS = {
 class ErrorEstimate:
     """Estimated errors of an averaged run against the full motor, RMS over the run, by the names of its curves.
 
+    Without arguments it is that of a run of the full motor itself, without any error.
+
     Attributes:
         errors: of torque, speed of a free shaft, amplitudes of both currents, and power; empty if unknown. Of a held
             shaft, and of one whose speed or position is controlled, they are those at its speed.
@@ -74,8 +76,8 @@ class ErrorEstimate:
         unknown: why the errors are not known.
     """
 
-    errors: Mapping[str, float]
-    shares: Mapping[str, float]
+    errors: Mapping[str, float] = field(default_factory=dict)
+    shares: Mapping[str, float] = field(default_factory=dict)
     unknown: str = ""
 
     @property
@@ -94,11 +96,6 @@ class ErrorEstimate:
         """Return the shares, or why they are not known."""
         shares = [f"{WORDS[name]} {100.0 * share:.2g} %" for name, share in self.shares.items()]
         return self.unknown or ", ".join(shares) or "none"
-
-
-def exact() -> ErrorEstimate:
-    """Return the estimate of a run of the full motor itself, without any error."""
-    return ErrorEstimate({}, {})
 
 
 class Estimated:

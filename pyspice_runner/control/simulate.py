@@ -26,7 +26,7 @@ from pydantic import SkipValidation
 from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, first
 from pyspice_runner.averaged.point import COMMANDS, AveragedPoint, ScheduleLike, deck_of, schedule_of
-from pyspice_runner.averaged.run import ErrorEstimate, exact
+from pyspice_runner.averaged.run import ErrorEstimate
 from pyspice_runner.averaged.simulate import averaged_engine
 from pyspice_runner.circuit.bench import Bench
 from pyspice_runner.control.electronics import IDEAL, Electronics, Rounding
@@ -189,7 +189,7 @@ def simulate_controlled(
             quantity=quantity,
         ),
         write_deck=write_deck,
-        find_error=partial(replayed, run, samples, parts.delay_s, duration, **how) if averaged else exact,
+        find_error=partial(replayed, run, samples, parts.delay_s, duration, **how) if averaged else ErrorEstimate,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.averaged.library import check_averaged
-from pyspice_runner.averaged.run import ErrorEstimate, Estimated, exact
+from pyspice_runner.averaged.run import ErrorEstimate, Estimated
 from pyspice_runner.averaged.simulate import averaged_ceramic
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
 from pyspice_runner.circuit.source import GROUPS
@@ -168,7 +168,7 @@ class Tracking(Estimated, Result):
     ceramic: dict[str, Any] = field(default_factory=dict)
     temperature_k: Array | None = field(default=None, repr=False)
     model_cautions: tuple[str, ...] = ()
-    find_error: Callable[[], ErrorEstimate] = field(default=exact, repr=False)
+    find_error: Callable[[], ErrorEstimate] = field(default=ErrorEstimate, repr=False)
     loop: LoopDesign | None = None
     no_loop: str = ""
     sensing: Sensing | None = None

@@ -12,7 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.averaged.library import OPTIONS
-from pyspice_runner.averaged.run import AveragedRun, exact, short_bursts
+from pyspice_runner.averaged.run import AveragedRun, ErrorEstimate, short_bursts
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
@@ -393,7 +393,7 @@ def test_the_errors_are_estimated_once_and_only_when_asked_for() -> None:
     motor = pr.load_motor("bimodal40")
     run = simulate_averaged(motor, pr.TwoPhaseDrive(voltage=60.0, frequency=40.7e3, phase_deg=90.0), 5e-3)
     asked = []
-    counted = replace(run, find_error=lambda: asked.append(1) or exact())
+    counted = replace(run, find_error=lambda: asked.append(1) or ErrorEstimate())
     assert counted.settled in (True, False)
     assert len(counted.columns()["time_s"]) == len(run.time_s)
     assert not asked
