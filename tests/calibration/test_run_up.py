@@ -75,8 +75,11 @@ def test_a_full_motor_that_is_faster_than_the_averaged_one_is_predicted() -> Non
     point = Point.of(motor, drive, load_torque=1e-3)
     missed = [own.predicted(point, fine=fine) - own.measured for fine in (False, True)]
     fast, fine = (float(np.sqrt(np.mean(one**2))) / own.measured.max() for one in missed)
-    # the page states up to 0.2 %, for the steps of the run and of steady states
-    assert fine < 2.5e-3 < fast
+    # the page states up to 0.2 %, for the steps of the run and of steady states; of the mean difference, -0.11 %, the
+    # correction leaves -0.04 %
+    assert fine < 2e-3
+    assert fine < fast
+    assert abs(missed[1].mean()) < 0.5 * abs(missed[0].mean())
 
 
 @pytest.mark.parametrize("name", [SET, "bimodal40"])
@@ -106,7 +109,7 @@ def test_derivatives_of_a_run_up_do_not_follow_the_steps_of_its_integration(name
 @pytest.mark.parametrize(
     ("name", "values", "load", "duration", "stated"),
     [
-        (SET, (1.3e-6, 1.5e-4), 1e-3, 10e-3, ((0.24, 0.40), (-1.1, 1.0))),
+        (SET, (1.3e-6, 1.5e-4), 1e-3, 10e-3, ((0.24, 0.40), (-0.8, 1.0))),
         ("bimodal40", (6.5e-6, 1e-4), 2e-3, 20e-3, ((0.14, 0.35), (-0.4, 2.3))),
     ],
 )
