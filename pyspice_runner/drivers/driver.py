@@ -41,6 +41,7 @@ NetworkKind = Literal["none", "inductor", "llcc"]
 RAILS = ("vp", "vn")  # supply pins
 BRIDGES = {"half-bridge": 2, "full-bridge": 4, "push-pull": 2}  # stages that switch, with their transistors
 RATED = ("drain_a", "drain_pulsed_a", "junction_case_k_per_w", "case_ambient_k_per_w", "junction_c")  # of a MOSFET
+_TRANSIT = re.compile(r"\bTT\s*=\s*([\w.+-]+)", re.I)  # time of the body diode, in a model
 IRF610 = "IRF610"  # the MOSFET of a bridge by default
 START = "start_"  # of the names of parameters for the state at the start, which are no settings
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
@@ -455,7 +456,7 @@ class Driver(Stated, Source):
     def recovering(self, factor: float) -> Self:
         """Return the driver with the transit time of its body diodes times a factor; without one as it is."""
         library, changed = self._transistor or ratings(IRF610).library, self.model_copy()
-        text = re.sub(r"(?i)\bTT=(\w+)", lambda found: f"TT={factor * number(found[1])!r}", library.subcircuit)
+        text = _TRANSIT.sub(lambda found: f"TT={factor * number(found[1])!r}", library.subcircuit)
         changed._transistor = replace(library, subcircuit=text)
         return changed
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import tomllib
 from functools import cache
 from math import pi, sqrt
@@ -178,3 +179,15 @@ def test_peaks_at_power_up_are_stated_with_the_recovery_of_body_diodes() -> None
     assert design.driver is not None
     text = design.driver.recovering(2.0)._transistor.subcircuit
     assert "TT=3.6e-07" in text  # of 180 ns
+
+
+@pytest.mark.parametrize("written", ["TT=180n", "tt = 1.8e-7", "Tt=0.18u"])
+def test_the_transit_time_of_a_body_diode_is_read_as_it_is_written(written: str, tmp_path: Path) -> None:
+    models = tmp_path / "my.lib"
+    models.write_text(f".model small VDMOS(Rg=3 Vto=3 Kp=.17 Cjo=216p Is=1p BV=200 {written} M=0.5)\n")
+    driver = pr.Driver(kind="half-bridge", voltage=10.0, frequency=FREQUENCY, mosfet=f"{models}:small")
+    transistor = driver.recovering(2.0)._transistor
+    assert transistor is not None
+    found = re.search(r"TT=(\S+) M=0.5", transistor.subcircuit)
+    assert found
+    assert float(found[1]) == pytest.approx(3.6e-7)
