@@ -29,7 +29,7 @@ _FUNCTIONS: dict[str, Any] = {
     "ramp_down": lambda x: np.maximum(-x, 0.0),
     "unit_step": lambda x: np.greater(x, 0.0).astype(float),
     "power32": lambda x: np.maximum(x, 0.0) * np.sqrt(np.maximum(x, 0.0)),
-    "pow": pow,
+    "pow": lambda base, exponent: np.absolute(base) ** exponent,  # as ngspice
 }
 
 
@@ -131,6 +131,8 @@ def library_function(library: Library) -> LibraryFunction:
             (name, compile(translated(text, "python", str), f"<{library.name}>", "eval"), times)
             for name, text, times in texts
         )
+    if both := {*library.defaults} & {*library.pin_names, *known.capacitances, *(name for name, *_ in program)}:
+        raise ValueError(f"{library.name}: {', '.join(sorted(both))} is a parameter and a node, or set twice.")
     given = {*library.defaults, *library.pin_names, *known.capacitances, *(name for name, *_ in program), *_FUNCTIONS}
     if missing := {name for _, code, _ in program for name in code.co_names} - given:
         raise ValueError(f"{library.name} reads {', '.join(sorted(missing))}, which cannot be translated.")

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from keyword import iskeyword
 from typing import Literal
 
 from pyspice_runner.spice.library import Library, number, read_library
@@ -123,7 +124,7 @@ class _Parser:
 
 # elements that are translated: what follows the first node. X passes parameters of the same names.
 _ELEMENTS = {
-    "B": r"\S+ [VI]=.*", "C": r"0 \S+( ic=\S+)?", "R": r"\S+ \S+", "V": r"\S+ (DC )?\S+",
+    "B": r"(0 V|\S+ I)=.*", "C": r"0 \S+( ic=\S+)?", "R": r"\S+ \S+", "V": r"\S+ (DC )?\S+",
     **dict.fromkeys("EG", r"\S+ \S+ \S+ \S+"), "X": r"[^=]*( (\w+)=\{\2\})*",
 }  # fmt: skip
 
@@ -160,7 +161,7 @@ class Equations:
         for line in library.subcircuit.splitlines()[1:-1]:
             if line.startswith(".param"):
                 name, _, value = line.removeprefix(".param ").partition("=")
-                self.parameters[name] = value[1:-1]
+                self._put(self.parameters, name, value[1:-1] if value.startswith("{") else value)
             elif not line.startswith("*"):
                 line = TOKEN.sub(lambda word: pins.get(word[0], word[0]), line)
                 self._add_element(line[0].upper(), line.split(maxsplit=3), library)
@@ -171,25 +172,23 @@ class Equations:
             raise ValueError(f"The element {' '.join(words)} cannot be translated.")
         last = rest.rpartition(" ")[2]
         if kind == "X":
-            nodes = [plus, minus, *rest.split()]
-            inner = next(read_library(word) for word in nodes if word in library.needs)
-            self.add(inner, dict(zip(inner.pin_names, nodes, strict=False)))
+            self._add_inner([plus, minus, *rest.split()], library)
         elif kind == "B" and rest.startswith("V="):
-            self.values[plus] = rest.removeprefix("V=")
+            self._put(self.values, plus, rest.removeprefix("V="))
         elif kind == "B" and minus == "0" and rest.endswith(f"*V({plus})"):
             factor = rest.removeprefix("I=").removesuffix(f"*V({plus})")
             if _has_sum(factor):
                 raise ValueError(f"{rest}: put the sum before *V({plus}) in parentheses.")
-            self.conductances[plus] = factor
+            self._put(self.conductances, plus, factor)
         elif kind == "V":
-            self.values[plus] = f"V({minus})+{last}"
+            self._put(self.values, plus, f"V({minus})+{last}")
         elif kind == "E":
             base = "" if minus == "0" else f"V({minus})+"
-            self.values[plus] = f"{base}{last}*{_across(*rest.split()[:2])}"
+            self._put(self.values, plus, f"{base}{last}*{_across(*rest.split()[:2])}")
         elif kind == "C":
-            self.capacitances[plus] = rest.split()[0]
+            self._put(self.capacitances, plus, rest.split()[0])
         elif kind == "R" and minus == "0":
-            self.resistances[plus] = last
+            self._put(self.resistances, plus, last)
         else:
             flow = {
                 "B": lambda: rest.removeprefix("I="), "G": lambda: f"{last}*{_across(*rest.split()[:2])}",
@@ -198,8 +197,30 @@ class Equations:
             self.currents.setdefault(plus, []).append(f"-({flow})")
             self.currents.setdefault(minus, []).append(f"({flow})")
 
+    def _add_inner(self, words: list[str], library: Library) -> None:
+        """Add a subcircuit within another one, whose parameters it is given all."""
+        inner = next(read_library(word) for word in words if word in library.needs)
+        if missing := inner.defaults.keys() - {word.partition("=")[0] for word in words if "=" in word}:
+            raise ValueError(f"The X line of {inner.name} does not pass {', '.join(sorted(missing))}.")
+        self.add(inner, dict(zip(inner.pin_names, words, strict=False)))
+
+    @staticmethod
+    def _put(kind: dict[str, str], name: str, text: str) -> None:
+        """Note what is at a node, or a parameter. Raise ValueError for a second one, or a name that cannot be used."""
+        if name in kind or not name.isidentifier() or name != name.lower() or iskeyword(name) or name in _FUNCTIONS:
+            raise ValueError(f"{name} = {text} cannot be translated: its name is taken, or no lower-case word.")
+        kind[name] = text
+
     def resolve(self) -> None:
-        """Give each node with a resistor to ground and no capacitor the voltage that its currents cause there."""
+        """Give each node with a resistor to ground and no capacitor the voltage that its currents cause there.
+
+        Raise ValueError for a conductance elsewhere, and for a node with the name of a parameter.
+        """
+        if (self.conductances.keys() - self.resistances.keys()) | (self.conductances.keys() & self.capacitances.keys()):
+            raise ValueError("A current V(node) times an expression flows where there is no resistor to node 0 alone.")
+        nodes = self.values.keys() | self.capacitances.keys() | self.resistances.keys()
+        if both := nodes & self.parameters.keys():
+            raise ValueError(f"{', '.join(sorted(both))} is a parameter and a node.")
         for node, resistance in self.resistances.items():
             if node not in self.capacitances:
                 flow, beside = "+".join(self.currents.pop(node, ["0"])), self.conductances.get(node)

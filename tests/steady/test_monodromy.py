@@ -169,7 +169,9 @@ def test_a_point_that_starts_again_takes_a_derivative_whatever_its_last_residual
 @pytest.mark.parametrize(
     "line",
     ["D1 slip 0 open", "C1 slip friction 1u", "B1 a 0 V=V(slip,mu)", "B1 a 0 V=sgn(V(slip))", "B1 a 0 V=V(slip)>0?1:2",
-     "B1 a 0 V=time", "V1 a 0 SIN(0 1 1k)", "Xa x y vx vy a b 0 c d e f g piezomotor_normal radius={2*radius}"],
+     "B1 a 0 V=time", "V1 a 0 SIN(0 1 1k)", "B1 friction a V=1", "B1 0 a V=1", "B1 mu 0 V=1", "B1 in 0 V=1",
+     "B1 tanh 0 V=1", "B1 A 0 V=1", "R1 1 0 1", "C1 slider 0 1u", "B1 slider 0 I=3*V(slider)",
+     "Xa x y vx vy a b 0 c d e f g piezomotor_normal radius={2*radius}"],
 )  # fmt: skip
 def test_a_statement_that_is_not_translated_makes_a_law_one_of_copies(line: str) -> None:
     known = contact_library(Law(), PAPER.contact)
