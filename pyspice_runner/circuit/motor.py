@@ -508,7 +508,8 @@ def require_no_feedback(motor: Motor, what: str) -> None:
     """Raise a ParameterError for a motor with a feedback electrode. ``what`` is the subject."""
     if motor.feedback:
         raise ParameterError(
-            f'{what} has no feedback electrode: use the full motor, or leave it out by updated({{"feedback": None}}).'
+            f"{what} has no feedback electrode. Leave it out (--set feedback=none), or take the full motor, whose .lib "
+            "has it."
         )
 
 

@@ -42,7 +42,9 @@ if TYPE_CHECKING:
     source_resistance=option(
         float | None, None, "Resistance to which a network l (default: 50) or llcc transforms the motor, ohm."
     ),
-    duration=option(float | None, None, "Simulated time, s; default: 3e-3, of a design up to 6e-3."),
+    duration=option(
+        float | None, None, "Simulated time, s; default: 3e-3, of a design up to 6e-3; of a transducer until settled."
+    ),
     events=option(
         bool, False,
         "Also run a load step, a stop and a frequency sweep, for the stress on the parts; default with --load-range.",
@@ -74,7 +76,8 @@ def drive(call: Call) -> None:
     """
     driver, against = _stage(call), call.against
     call.check(".json", ".csv", *([".cir"] if against is None else []))
-    common.check_targets(call.values["bom"], (".csv",), None)
+    bom = call.values["bom"]
+    _check_bom(call, bom)
     motor = call.loaded
     tone = call.phases(motor)
     targets = call.pick("power current amplitude at")
@@ -99,6 +102,8 @@ def drive(call: Call) -> None:
             refused = {"motor": motor.to_dict(), "design": error.design.to_dict(), "maxima": {}}
             rows = [["reason"], [error.design.reason]]
             reason = f"{motor.name}: {error.design.reason}\n"
+            if bom:
+                reason += "There is no bill of materials.\n"
             call.write(refused, reason, partial(common.write_table, document=refused, rows=rows), _no_plot)
             return
         except pr.SimulationError as error:
@@ -110,11 +115,23 @@ def drive(call: Call) -> None:
     )
     save = reports[0].save if against is None else lambda path: common.write_table(path, document, _rows(reports))
 
-    bill: common.Writing = (call.values["bom"], lambda path: write_rows(path, bill_of_materials(reports[0].bill)))
+    bill: common.Writing = (bom, lambda path: write_rows(path, bill_of_materials(reports[0].bill)))
     drawn: common.Writing = (call.values["plot"], partial(_draw, reports))
     common.deliver(document, _table(motor, reports), call.as_json, (call.output, save), drawn, bill)
     if fault is not None:
         raise fault
+
+
+def _check_bom(call: Call, bom: Path | None) -> None:
+    """Raise ParameterError for a bill of materials that cannot be written, or of two drivers."""
+    common.check_targets(bom, (".csv",), None)
+    if bom is None:
+        return
+    if call.against is not None:
+        raise pr.ParameterError("--bom is of one driver: leave --against out.")
+    for name in ("output", "plot"):
+        if (other := call.values[name]) is not None and bom.resolve() == other.resolve():
+            raise pr.ParameterError(f"--bom and --{name} are one file, {bom}. Choose another one.")
 
 
 def _stage(call: Call) -> str:

@@ -143,7 +143,7 @@ OPTIONS: dict[str, Option] = {
     "mosfet": option(
         str | None, None,
         "MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model; default: IRF610, with "
-        "--rail the one of the lowest voltage that suffices.",
+        "--rail the one with the lowest losses whose voltage suffices.",
         metavar="NAME",
     ),
     **_panel(

@@ -16,7 +16,7 @@ from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import ceil, copysign, degrees, pi, sqrt
+from math import ceil, copysign, degrees, inf, pi, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -148,11 +148,19 @@ class DriverSpec:
     load_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, value in self.targets.items():
-            require(value > 0.0 and len(self.targets) == 1, name, value, "> 0, and the only target")
-        given: Sequence[float] = self.load_range or (1.0, 1.0)
-        valid = len(given) == 2 and 0.0 < given[0] <= given[1]
-        require(valid, "load_range", self.load_range, "two numbers > 0, idle first, such as 1 and 20")
+        if len(self.targets) > 1:
+            raise ParameterError(f"{' and '.join(self.targets)} are given: give one of {', '.join(TARGETS)}.")
+        for name in ("rail", "source_ohm", *TARGETS):
+            value = getattr(self, name)
+            require(value is None or _positive(value), name, value, "a number > 0")
+        require(self.at in (None, "series", "between", "parallel"), "at", self.at, "series, between or parallel")
+        parts: Any = self.parts
+        require(isinstance(parts, Mapping), "parts", parts, "a dictionary of values by PART.PARAMETER")
+        given: Any = (1.0, 1.0) if self.load_range is None else self.load_range
+        valid = isinstance(given, Sequence) and len(given) == 2 and all(map(_positive, given)) and given[0] <= given[1]
+        if not valid:
+            shown = ":".join(map(str, given)) if isinstance(given, Sequence) else given
+            raise ParameterError(f"load_range = {shown} is not valid: it must be idle to full load > 0, as 1:20.")
         if self.network == "l" and self.source_ohm is None:
             object.__setattr__(self, "source_ohm", SOURCE_OHM)
         valid = self.source_ohm is None or (self.source_ohm > 0.0 and self.network in ("l", "llcc"))
@@ -282,13 +290,15 @@ class Design:
         found = {}
         for point in self.points:
             pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in self.wanted_v)
-            shaft = f"{point.speed_rad_s:.4g} rad/s, {engineering(point.torque_n_m, 'N·m')}"
+            rate, unit = _units(self.motor)
+            shaft = f"{point.speed_rad_s:.4g} {rate}, {engineering(point.torque_n_m, unit)}"
             still = point.speed_rad_s == point.torque_n_m == 0.0  # as a transducer, which has no shaft
             if point.motional_current_a is not None:
                 pins += f"; motional current {engineering(point.motional_current_a, 'A')}"
             found[point.state] = f"{engineering(point.power_w, 'W') if still else shaft}; pins {pins}"
         found["design"] = f"{'feasible' if self.feasible else 'not feasible'}: {self.reason}"
-        found["starts from rest"] = {True: "yes", False: "no", None: "not shown"}[self.starts]
+        if self.motor is None or not self.motor.is_transducer:
+            found["starts from rest"] = {True: "yes", False: "no", None: "not shown"}[self.starts]
         return found
 
     def ran(
@@ -649,6 +659,15 @@ def _possible(motor: Motor, spec: DriverSpec) -> str:
     return f"{engineering(float(f'{low * value:.2g}'), unit_in(TARGETS[name]))} are possible."
 
 
+def _positive(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < inf
+
+
+def _units(motor: Motor | None) -> tuple[str, str]:
+    """Return the units of speed and load of a motor."""
+    return ("m/s", "N") if motor and motor.slider else ("rad/s", "N·m")
+
+
 class _NotFeasibleError(Exception):
     """There is no such driver; the message says why and what can be done."""
 
@@ -735,17 +754,18 @@ class _Search:
             return ""
         idle, middle, load = self.points[-1].speed_rad_s, self.middle, self.ideal.load
         asked, volts = middle.speed_rad_s if load.speed is None else load.speed, abs(self.pins["a"])
+        rate, unit = _units(self.ideal.motor)
         given = load.speed is not None or load.torque
         if given and asked and not (abs(idle) > STANDS and 0.0 < asked / idle < 1.0):
-            what = f"turns at {asked:.4g} rad/s" if load.speed is not None else f"drives {load.torque:.4g} N·m"
+            what = f"turns at {asked:.4g} {rate}" if load.speed is not None else f"drives {load.torque:.4g} {unit}"
             return (
-                f"With {volts:.4g} V at the pins the motor turns at {idle:.4g} rad/s without load, and never {what} "
+                f"With {volts:.4g} V at the pins the motor turns at {idle:.4g} {rate} without load, and never {what} "
                 "forwards. Raise the voltage, change frequency or phase, or ask for less."
             )
         if load.speed is not None and copysign(1.0, asked) * (middle.torque_n_m - self.load_torque) < 0.0:
             return (
-                f"At {asked:.4g} rad/s and {volts:.4g} V the motor gives {middle.torque_n_m:.3g} N·m, less than the "
-                f"load of {self.load_torque:.3g} N·m. Raise the voltage, or ask for less."
+                f"At {asked:.4g} {rate} and {volts:.4g} V the motor gives {middle.torque_n_m:.3g} {unit}, less than "
+                f"the load of {self.load_torque:.3g} {unit}. Raise the voltage, or ask for less."
             )
         return ""
 
@@ -1051,7 +1071,8 @@ class _Search:
         middle = next(point for point in points if point.state == OPERATING)
         spare = copysign(1.0, middle.speed_rad_s) * (middle.torque_n_m - _SPARE * self.load_torque)
         if abs(middle.speed_rad_s) > STANDS and spare < 0.0:
-            yield f"At {middle.speed_rad_s:.4g} rad/s the motor gives {middle.torque_n_m:.3g} N·m."
+            rate, unit = _units(self.ideal.motor)
+            yield f"At {middle.speed_rad_s:.4g} {rate} the motor gives {middle.torque_n_m:.3g} {unit}."
         for group in self.pins if driver.values("a", "amplifier") else ():
             pins = [point.group(group) for point in points]
             currents = [at_stage(driver, group, pin.voltage_v, pin.voltage_v / pin.impedance_ohm)[1] for pin in pins]

@@ -195,25 +195,33 @@ def _of_network(
     ]
 
 
-def maxima(motor: Motor, driver: Driver, samples: Mapping[str, Array], at: Sequence[PartLoad] = ()) -> dict[str, Any]:
+def maxima(
+    motor: Motor, driver: Driver, samples: Mapping[str, Array], at: Sequence[PartLoad] = (),
+    later: Mapping[str, Array] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
-    ``at`` are the parts in a settled state. ``exceeded`` has a sentence for each limit of a part that is exceeded. The
-    field of a group is its largest voltage over the distance of its electrodes; ``None`` where that is not known.
+    ``later`` are samples of the settled state, if it is another run: a time is ``None`` if the maximum is there. ``at``
+    are the parts in that state. ``exceeded`` has a sentence for each limit of a part that is exceeded. The field of a
+    group is its largest voltage over the distance of its electrodes; ``None`` where that is not known.
     """
     found: dict[str, Any] = {}
+    runs = [samples, later] if later else [samples]
     for group in driver.groups:
-        voltage = np.abs(samples[f"v({group})"])
-        distance = electrode_distance(motor, group)
+        names = f"v({group})", groups.current("pin", group), groups.current("out", group)
+        volts, amperes, of_stage = (max(_peak(run[name]) for run in runs) for name in names)
+        own, distance = np.abs(samples[names[0]]), electrode_distance(motor, group)
+        at_s = float(samples["time"][own.argmax()]) if own.max() == volts else None
         found |= {
-            groups.column("voltage", group, "v"): float(voltage.max()),
-            groups.column("voltage", group, "at_s"): float(samples["time"][voltage.argmax()]),
-            groups.column("current", group, "a"): float(np.abs(samples[groups.current("pin", group)]).max()),
-            groups.column("field", group, "v_per_m"): None if distance is None else float(voltage.max()) / distance,
-            groups.column("stage_current", group, "a"): float(np.abs(samples[groups.current("out", group)]).max()),
+            groups.column("voltage", group, "v"): volts,
+            groups.column("voltage", group, "at_s"): at_s,
+            groups.column("current", group, "a"): amperes,
+            groups.column("field", group, "v_per_m"): None if distance is None else volts / distance,
+            groups.column("stage_current", group, "a"): of_stage,
         }
-    settled, loads = {part.name: part for part in at}, part_loads(driver, samples)
-    loads = tuple(judged(driver, part.settled(settled.get(part.name, part))) for part in loads)
+    settled, several = {part.name: part for part in at}, zip(*(part_loads(driver, run) for run in runs), strict=True)
+    most = (part.largest(others) for part, *others in several)
+    loads = tuple(judged(driver, part.settled(settled.get(part.name, part))) for part in most)
     found["parts"] = [load.__dict__ for load in loads]
     found["exceeded"] = exceeded(loads, driver)
     return found
@@ -522,5 +530,5 @@ def event_cautions(setup: Point, events: Mapping[str, Mapping[str, Any]]) -> lis
     notes = []
     for name, found in events.items():
         peaks = {group: float(found[groups.column("voltage", group, "v")]) for group in setup.motor.groups}
-        notes += [f"At a {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
+        notes += [f"During {name}: {fault}" for fault in (*found["exceeded"], *depolarised(setup.motor, peaks))]
     return notes

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from pyspice_runner.drivers.driver import RATED, Driver
 from pyspice_runner.drivers.magnetics import Wound, wound, wound_transformer
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.spice.library import number
 from pyspice_runner.units import engineering
 
@@ -26,7 +27,8 @@ _OF_MODEL = {
     "bv": "breakdown_v", "id_max": "drain_pulsed_a", "te_max": "junction_c", "rthjc": "junction_case_k_per_w",
     "rthca": "case_ambient_k_per_w",
 }  # fmt: skip
-_STATED = re.compile(rf"\b({'|'.join(_OF_MODEL)})\s*=\s*(\d[\d.]*(?:e[-+]?\d+)?(?:meg|[kmu])?)", re.I)
+_MODEL = re.compile(r"^\.model\s+\S+\s+(?:vdmos|nmos)\b(.*)", re.I | re.M)
+_STATED = re.compile(rf"\b({'|'.join(_OF_MODEL)})\s*=\s*([^\s()=]*)", re.I)
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,13 @@ def transistor_ratings(driver: Driver) -> dict[str, float]:
     found = dict.fromkeys(("breakdown_v", *RATED), inf)
     if driver.mosfet in MOSFETS:
         found |= {name: getattr(ratings(driver.mosfet), name) for name in found}
-    for name, value in _STATED.findall(driver.own_text):
-        rating = _OF_MODEL[name.lower()]
-        found[rating] = min(found[rating], number(value))
+    for name, value in _STATED.findall(" ".join(_MODEL.findall(driver.own_text.replace("\n+", " ")))):
+        try:
+            found[_OF_MODEL[name.lower()]] = number(value)
+        except ParameterError:
+            raise ParameterError(f"{driver.mosfet}: {name} = {value} is not a number: write 20 or 1.5k.") from None
+    for name, rating in found.items():
+        require(rating > 0.0, f"{driver.mosfet}: {name}", rating, "> 0")
     return found | {name: value for name in RATED if (value := getattr(driver, name))}
 
 

@@ -23,7 +23,7 @@ from pyspice_runner.drivers.design import OPERATING, TURNING, Design, DriverSpec
 from pyspice_runner.drivers.driver import RAILS, Driver, Part
 from pyspice_runner.drivers.feedback import Loop, stability, stability_notes
 from pyspice_runner.drivers.loads import TurnOn
-from pyspice_runner.drivers.ratings import PartLoad
+from pyspice_runner.drivers.ratings import PartLoad, transistor_ratings
 from pyspice_runner.errors import require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, two_phasors
@@ -327,8 +327,8 @@ class DriveReport(Balance, Result):
     def _of_group(self, group: str, port: Port) -> dict[str, str]:
         """Return the rows of a group: what it gets, what was wanted, the loop of its amplifier, and its maxima."""
         found = {
-            f"group {group}": f"{engineering(port.voltage_rms_v, 'V')}, {engineering(port.current_rms_a, 'A')} RMS, "
-            f"distortion {100.0 * port.voltage_thd:.3g} % and {100.0 * port.current_thd:.3g} %"
+            f"group {group}": f"{engineering(port.voltage_rms_v, 'V')} RMS, THD {100.0 * port.voltage_thd:.3g} %; "
+            f"{engineering(port.current_rms_a, 'A')} RMS, THD {100.0 * port.current_thd:.3g} %"
         }
         if delivered := self.delivered.get(group):
             limits = delivered["limited"].items()
@@ -396,6 +396,7 @@ def drive_report(
         if driver.driver is None:
             raise NoDriverError(driver)
         motor, driver = driver.motor or motor, driver.driver
+    transistor_ratings(driver)  # refused before the run
     setup = Point.of(
         motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
     )
@@ -426,7 +427,7 @@ def drive_report(
         **vars(balance),
         mean_torque_error_n_m=errors.torque_n_m if errors else None,
         to_come=_to_come(setup, measured),
-        maxima=loads.maxima(motor, driver, samples, (operating or balance).parts),
+        maxima=loads.maxima(motor, driver, samples, (operating or balance).parts, settled.late if settled else None),
         design=design,
         waveforms=measured.waveforms(),
         solver_seconds=outcome.seconds,
@@ -620,6 +621,11 @@ class _Measurement:
             return self.samples[f"v({group})"]
         back = self.samples[groups.voltage("return", group)] if self.driver.kind == "full-bridge" else 0.0
         return self.samples[groups.voltage("line", group)] - back
+
+    @property
+    def late(self) -> dict[str, Array]:
+        """The samples within the window."""
+        return {name: self.window.cut(values) for name, values in self.samples.items()}
 
     def pin(self, group: str) -> tuple[complex, complex]:
         """Return the phasors of voltage and current of a pin."""

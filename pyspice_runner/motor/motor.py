@@ -341,7 +341,7 @@ class Motor(Shown, Parameters):
             raise ValueError(f"feedback.couplings_n_per_v has {name!r}, which is no mode: they are {', '.join(names)}")
         stator = self.stator
         sensed = float(np.sum(stator.sensed**2 / stator.stiffness)) if self.feedback else 0.0
-        if self.feedback and sensed > CLOSEST_COUPLING * (sensed + self.feedback.capacitance_f):
+        if self.feedback and not sensed / (sensed + self.feedback.capacitance_f) <= CLOSEST_COUPLING:
             raise ValueError(
                 "feedback.couplings_n_per_v and feedback.capacitance_f give a coupling k_eff² above "
                 f"{CLOSEST_COUPLING:g}, which no ceramic exceeds: correct one of them"

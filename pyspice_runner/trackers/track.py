@@ -276,6 +276,8 @@ class Tracking(Estimated, Result):
                 f"{engineering(self.lag.time_constant_s, 's')} each: the motion has not built up, and the end "
                 f"frequency is known within ±{engineering(0.5 / (np.pi * lasted), 'Hz')} only. Run it longer."
             )
+        if self.speed_after_rad_s * self.speed_before_rad_s < 0.0 and self.settings["run"]["speed_rad_s"] is None:
+            yield "The motor turns backwards at the end. Lower the load, or raise the voltage."
         if self.no_loop:
             yield f"The loop gain of the running motor is not known: {self.no_loop}"
         moved = WARM_K * self.sensing.phase_drift_deg_per_k if self.sensing else 0.0

@@ -17,7 +17,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.drivers import magnetics
 from pyspice_runner.drivers.magnetics import wound, wound_transformer
-from pyspice_runner.drivers.ratings import PartLoad
+from pyspice_runner.drivers.ratings import PartLoad, transistor_ratings
 from pyspice_runner.drivers.report import DriveReport
 
 pytestmark = pytest.mark.xdist_group("drivers")
@@ -191,3 +191,52 @@ def test_the_transit_time_of_a_body_diode_is_read_as_it_is_written(written: str,
     found = re.search(r"TT=(\S+) M=0.5", transistor.subcircuit)
     assert found
     assert float(found[1]) == pytest.approx(3.6e-7)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ("id_max={3+4}", "id_max = {3+4} is not a number"),
+        ("id_max=nan", "is not a number"),
+        ("BV=-200", "breakdown_v = -200"),
+    ],
+)
+def test_a_rating_that_is_no_number_above_0_is_refused_before_the_run(values: str, words: str, tmp_path: Path) -> None:
+    models = tmp_path / "my.lib"
+    models.write_text(f".model small VDMOS(Rg=3 Vto=3 Kp=.17\n+ {values})\n")
+    driver = pr.Driver(kind="half-bridge", voltage=10.0, frequency=FREQUENCY, mosfet=f"{models}:small")
+    with pytest.raises(pr.ParameterError, match=re.escape(words)):
+        pr.drive_report(pr.load_motor("andersen2002"), driver, 1e-4)
+
+
+def test_ratings_are_those_of_the_transistor_alone(tmp_path: Path) -> None:
+    """A zener diode at the gate has another breakdown voltage."""
+    models = tmp_path / "my.lib"
+    models.write_text(
+        ".subckt fet d g s\nM1 d g s s channel\nDz s g zen\n.model channel VDMOS(Vto=3 Kp=.17 BV=210 id_max=.5)\n"
+        ".model zen D(BV=18)\n.ends fet\n"
+    )
+    driver = pr.Driver(kind="half-bridge", voltage=10.0, frequency=FREQUENCY, mosfet=f"{models}:fet")
+    found = transistor_ratings(driver)
+    assert (found["breakdown_v"], found["drain_pulsed_a"]) == (210.0, 0.5)
+
+
+def test_a_specification_refuses_values_of_another_kind() -> None:
+    drive = pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY)
+    for name, value in (
+        ("rail", 0), ("rail", "48"), ("power", [1]), ("current", 1j), ("at", "middle"), ("load_range", 5),
+        ("load_range", (20, 1)), ("source_ohm", True), ("parts", 3),
+    ):  # fmt: skip
+        with pytest.raises(pr.ParameterError, match=name):
+            pr.DriverSpec(drive, "full-bridge", **{name: value})
+
+
+def test_a_bill_of_materials_is_of_one_driver_in_a_file_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["drive", "andersen2002", "--bom", str(tmp_path / "a.csv"), "--driver", "half-bridge"]
+    for more, told in (
+        (["--output", str(tmp_path / "a.csv")], "one file"), (["--against", "linear"], "--bom is of one driver"),
+    ):  # fmt: skip
+        assert run([*words, *more]) == 2
+        assert told in " ".join(capsys.readouterr().err.split())
