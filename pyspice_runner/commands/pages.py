@@ -105,7 +105,7 @@ def _check_tools() -> None:
     "motor", CHANGES, TARGETS, output=option(Path | None, None, "The page, .html; by default MOTOR.html.", "--output")
 )
 def live(call: Call) -> None:
-    """Write a page in which ngspice runs the motor in the browser: one file, without installation or network.
+    """Write a page in which ngspice runs the motor or transducer in the browser: one file, no installation, no network.
 
     Example: piezomotor live bimodal40 --output live.html
     """

@@ -232,8 +232,8 @@ class Motor(Shown, Parameters):
             if name in _OF_MOTOR and "name" in self.__dict__:
                 raise TransducerError(
                     f"{self.name} is a transducer: it has no {name}, which this needs. Its analyses are admittance, "
-                    "simulate, steady, map, sweep, drive, track, loop (--quantity phase), report and export; a motor's "
-                    "file has [contact] and [rotor]."
+                    "simulate, steady, map, sweep, drive, track, loop (--quantity phase), report, live and export; a "
+                    "motor's file has [contact] and [rotor]."
                 )
             return super().__getattr__(name)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live page of a motor: ngspice as WebAssembly runs its decks in the browser, without a network.
+"""The live page of a motor or transducer: ngspice as WebAssembly runs its decks in the browser, without a network.
 
 ``live_page/`` contains the template, the scripts and the engine, which ``scripts/live_engine.py`` rebuilds. The scripts
 fill the numbers into the decks of :mod:`pyspice_runner.view.live_circuit` and show the results.
@@ -30,10 +30,12 @@ from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.drive import TwoToneDrive, default_drive
 from pyspice_runner.motor.load import available_motors, load_motor
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.steady.steady import steady_state
+from pyspice_runner.steady.transducer import heavier, resonance
 from pyspice_runner.units import engineering
 from pyspice_runner.view import live_circuit as live
 from pyspice_runner.view.outlines import axes_of, outlines
@@ -41,10 +43,11 @@ from pyspice_runner.view.outlines import axes_of, outlines
 Result = TypeVar("Result")
 
 ASSETS = Path(__file__).parent / "live_page"
-SCRIPTS = ("solve.js", "driver.js", "spectrum.js", "charts.js", "page.js")
+SCRIPTS = ("solve.js", "vibration.js", "driver.js", "spectrum.js", "charts.js", "page.js")
 PERIODS = 40  # of the drive, in which the page's deck settles from a steady state at another step
 SHAPE_POINTS = 41  # of a mode shape
 GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
+_HEAVIEST = 20.0  # factor of the damping of a loaded mode, to which the slider of a transducer's load reaches
 GRIP_LINEAR = 1e6  # N·s/m, of that which holds a slider: at 10 N the speed is 10 µm/s off
 DRIVER_EXAMPLE = """* a series inductor in each line
 La source_a a_in 2m
@@ -55,11 +58,15 @@ Rb b_in b 20
 
 
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
-    """Return the page as HTML, with a motor and further ones to select, by default the bundled ones."""
-    _ = motor.rotor  # of a transducer an error
+    """Return the page as HTML, with a motor and others to select: by default the bundled ones, of a transducer none.
+
+    Raise ParameterError for motors together with transducers.
+    """
     if others is None:
-        others = [load_motor(name) for name in available_motors()]
+        others = [] if motor.is_transducer else [load_motor(name) for name in available_motors()]
     motors = [motor, *(other for other in others if other.name != motor.name)]
+    if any(other.is_transducer != motor.is_transducer for other in motors):
+        raise ParameterError("A page has motors or transducers, not both: write one page for each kind.")
     script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
     style = (ASSETS / "live.css").read_text(encoding="utf-8")
     worker = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in ("ngspice.js", "worker.js"))
@@ -75,6 +82,7 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         engine=engine_facts(),
         licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
         version=version("piezomotor"),
+        transducer=motor.is_transducer,
     )
 
 
@@ -110,7 +118,7 @@ def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
     data = [_motor(motor) for motor in motors]
     return {
         "motors": data,
-        "first": _if_known(first_answer, motors[0], data[0]["decks"], data[0]["defaults"]["torque"]),
+        "first": _if_known(first_answer, motors[0], data[0]["decks"], data[0]["defaults"].get("torque", 0.0)),
         "presets": [preset for motor in motors for preset in _presets(motor)],
         "marks": [live.DRIVER, live.END],
         "driverExample": DRIVER_EXAMPLE,
@@ -124,8 +132,7 @@ def packed(data: bytes) -> str:
 
 def _motor(motor: Motor) -> dict[str, Any]:
     """Return a motor for the page: decks, settings with their ranges, and data of the pictures."""
-    step, sprung = live.live_step(motor), live.mounts(motor)["sprung"].mount
-    assert sprung is not None
+    step, sprung = live.live_step(motor), None if motor.is_transducer else live.mounts(motor)["sprung"].mount
     # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring
     modes = [
         {
@@ -134,34 +141,41 @@ def _motor(motor: Motor) -> dict[str, Any]:
         }
         for mode in motor.modes
     ]  # fmt: skip
-    defaults, limits, sliders = _settings(motor, sprung.stiffness_n_per_m)
-    return {
+    rows = _settings(motor, sprung)
+    common = {
         "name": motor.name,
+        "transducer": motor.is_transducer,
         "label": f"{motor.name}, {default_drive(motor).frequencies[0] / 1e3:.3g} kHz",
         "description": "; ".join(
             f"{mode.name} {mode.frequency_hz / 1e3:.4g} kHz, Q {mode.quality_factor:.3g}" for mode in motor.modes
         ),
         "decks": live.live_decks(motor),
-        "laws": live.laws(motor),
         "modes": modes,
+        "groups": motor.groups,
+        "step": step,
+        "vectors": len(live.live_vectors(motor, driver=False)) + 1,
+        "thermalResistance": (motor.limits or Thermal()).thermal_resistance_k_per_w,
+        "rated": _rated(motor),
+        **{
+            name: {key: row[column] for key, row in rows.items() if column < len(row)}
+            for column, name in enumerate(("defaults", "limits", "sliders"))
+        },
+    }
+    if sprung is None:
+        return common
+    return common | {
+        "laws": live.laws(motor),
         "linear": motor.slider is not None,
         "radius": motor.rotor.radius_m,
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
         "dryBearing": motor.rotor.bearing_friction_n_m,
         "grip": GRIP_LINEAR if motor.slider else GRIP,
-        "step": step,
         "driverStep": live.live_step(motor, driver=True),
         "driverPoints": live.DRIVER_POINTS,
-        "vectors": len(live.live_vectors(motor, driver=False)) + 1,
         "harmonics": live.HARMONICS,
         "slider": live.SLIDER_AT_START,
         "carrierTime": 1.0 / sprung.frequency_hz,
-        "thermalResistance": (motor.limits or Thermal()).thermal_resistance_k_per_w,
-        "rated": _rated(motor),
-        "defaults": defaults,
-        "limits": limits,
-        "sliders": sliders,
         "beam": _beam(motor),
         "plate": _plate(motor),
     }
@@ -183,26 +197,39 @@ def _rated(motor: Motor) -> dict[str, Any] | None:
     }
 
 
-def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-    """Return defaults, limits and (smallest, largest, increment) of the sliders of all settings, in SI units."""
+def _settings(motor: Motor, sprung: Mount | None) -> dict[str, tuple[Any, ...]]:
+    """Return default, limits and (smallest, largest, increment) of the slider of each setting, in SI units.
+
+    A word has only a default. ``sprung`` is the mount of a motor, ``None`` of a transducer.
+    """
     drive = default_drive(motor)
     two = isinstance(drive, TwoToneDrive)
     voltage, frequency = drive.tones[0][0].amplitude, drive.tones[0][0].frequency
+    slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
+    hertz = _round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 1.0 if motor.is_transducer else 10.0
+    rows: dict[str, tuple[Any, ...]] = {
+        "voltage": (voltage, (0.0, 8 * voltage), (0.0, 2.5 * voltage, _round(voltage / 100))),
+        "frequency": (frequency, (0.3 * slow, 1.5 * fast), hertz),
+        "phase": (90.0 if two else drive.phase_deg, (-360.0, 360.0), (-180.0, 180.0, 1.0)),
+    }
+    if sprung is None:
+        if len(motor.groups) == 1:
+            del rows["phase"]
+        if more := _if_known(heavier, motor, int(np.abs(motor.load_motion).argmax()), _HEAVIEST):
+            load = motor.load_resistance_n_s_per_m
+            rows["load"] = (load, (0.0, 10.0 * (load + more)), (0.0, _round(load + more, 2), _round(0.005 * more)))
+        return rows
+    stiffness = sprung.stiffness_n_per_m
     second = drive.tones[0][-1].amplitude, drive.tones[0][-1].frequency if two else 2.0 * frequency
     preload, friction = motor.contact.preload_n, motor.contact.friction
     torque, load = friction * preload * motor.rotor.radius_m, half_load(motor)
     turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s
-    slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
-    volts, degrees = (0.0, 2.5 * voltage, _round(voltage / 100)), (-180.0, 180.0, 1.0)
-    hertz = _round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 10.0
+    volts, degrees = rows["voltage"][2], rows["phase"][2]
     hertz_2 = _round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0
     newton = _round(0.1 * preload), _round(4 * preload), _round(preload / 100)
     loads = -_round(torque), _round(torque), _round(torque / 200)
     springs = _round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)
-    numbers = {  # default, limits, slider
-        "voltage": (voltage, (0.0, 8 * voltage), volts),
-        "frequency": (frequency, (0.3 * slow, 1.5 * fast), hertz),
-        "phase": (90.0 if two else drive.phase_deg, (-360.0, 360.0), degrees),
+    return rows | {
         "voltage_2": (second[0], (0.0, 8 * voltage), volts),
         "frequency_2": (second[1], (0.3 * slow, 3 * fast), hertz_2),
         "phase_2": (drive.phase_deg if two else 0.0, (-360.0, 360.0), degrees),
@@ -211,10 +238,11 @@ def _settings(motor: Motor, stiffness: float) -> tuple[dict[str, Any], dict[str,
         "torque": (load, (-4 * torque, 4 * torque), loads),
         "speed": (0.0, (-1000.0 * turn, 1000.0 * turn), (-100.0 * turn, 100.0 * turn, 0.1 * turn)),
         "stiffness": (stiffness, (0.01 * stiffness, 100 * stiffness), springs),
+        "kind": ("two-tone" if two else "two-phase",),
+        "shaft": ("free",),
+        "mount": ("sprung" if motor.mount else "held",),
+        "law": (PAPER_LAW.name,),
     }
-    defaults, limits, sliders = ({name: row[column] for name, row in numbers.items()} for column in range(3))
-    words = {"kind": "two-tone" if two else "two-phase", "shaft": "free", "mount": "sprung" if motor.mount else "held"}
-    return {**defaults, **words, "law": PAPER_LAW.name}, limits, sliders
 
 
 def _round(value: float, digits: int = 1) -> float:
@@ -223,19 +251,22 @@ def _round(value: float, digits: int = 1) -> float:
 
 def _presets(motor: Motor) -> list[dict[str, Any]]:
     """Return the presets of a motor: name, motor, and the settings that differ from its defaults."""
-    torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
-    found: list[tuple[str, dict[str, Any]]] = [
-        ("recommended drive", {}),
-        ("stall: the shaft is held", {"shaft": "held", "speed": 0.0}),
-        ("over-run: the load drives the shaft", {"torque": _round(-0.3 * torque, 2)}),
-    ]
+    found: list[tuple[str, dict[str, Any]]] = [("recommended drive", {})]
+    if motor.is_transducer:
+        found += [(f"{at} resonance", {"frequency": resonance(motor, at)}) for at in ("series", "parallel")]
+    else:
+        torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+        found += [
+            ("stall: the shaft is held", {"shaft": "held", "speed": 0.0}),
+            ("over-run: the load drives the shaft", {"torque": _round(-0.3 * torque, 2)}),
+        ]
     if motor.name == "andersen2002":
-        resonance = contact_law.resonance_under_preload(motor.contact, motor.modes[0])
+        pressed = contact_law.resonance_under_preload(motor.contact, motor.modes[0])
         found += [
             ("the paper's figure 5: ellipse", {"voltage": 50.0, "frequency": 51.7e3, "phase": 90.0}),
             ("the paper's eq. (2): figure eight", {
                 "kind": "two-tone", "voltage": 50.0, "frequency": 25e3, "voltage_2": 50.0, "frequency_2": 50e3}),
-            ("first resonance: the tip hammers", {"voltage": 30.0, "frequency": _round(resonance, 4), "phase": 0.0}),
+            ("first resonance: the tip hammers", {"voltage": 30.0, "frequency": _round(pressed, 4), "phase": 0.0}),
         ]  # fmt: skip
     if motor.name == "andersen2002-unintended-mode":
         found.append(("the paper's figure 6: 46 kHz", {"frequency": 46e3}))

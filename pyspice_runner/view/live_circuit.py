@@ -20,9 +20,9 @@ from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
 from pyspice_runner.circuit.bench import AC_OPTIONS, motor_bench
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW, Law
-from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
+from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit, TransducerSubCircuit
 from pyspice_runner.circuit.source import DriveSource, transient_options
-from pyspice_runner.circuit.state import Discretisation, State, motor_states
+from pyspice_runner.circuit.state import Discretisation, State, motor_states, plates_of
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
@@ -75,9 +75,12 @@ def live_decks(motor: Motor) -> dict[str, str]:
 
     The names are ``averaged MOUNT``, ``curve MOUNT``, ``response MOUNT``, ``cycles MOUNT LAW``, ``driver MOUNT LAW``
     and ``admittance``, with a mount from :func:`mounts` and a law from :func:`laws`. A motor with a loss that the
-    averaged motor leaves out has only the last three.
+    averaged motor leaves out has only the last three. A transducer has ``admittance``, its ``steady`` state by small
+    signals, and ``cycles``, a run that starts from it.
     """
     decks = {"admittance": _admittance(motor)}
+    if motor.is_transducer:
+        return decks | {name: _vibration(motor, steady=name == "steady") for name in ("steady", "cycles")}
     for mount, moved in mounts(motor).items():
         with suppress(ParameterError):  # a motor with a loss that the averaged one leaves out
             require_averaged(motor)
@@ -115,12 +118,17 @@ def _settings(motor: Motor) -> Values:
     drive = default_drive(motor)
     tone = drive.tones[0][0]
     values: Values = {
-        "voltage": (_number(tone.amplitude), "V, amplitude of both groups"),
+        "voltage": (_number(tone.amplitude), "V, amplitude"),
         "frequency": (_number(tone.frequency), "Hz"),
         "phase": (
             _number(drive.phase_deg if isinstance(drive, TwoPhaseDrive) else 0.0),
             "degrees, group B ahead of group A",
         ),
+    }
+    if motor.is_transducer:
+        values["load"] = (_number(motor.load_resistance_n_s_per_m), "N.s/m, resistance of the load")
+        return {name: value for name, value in values.items() if name != "phase" or len(motor.groups) == 2}
+    values |= {
         "preload": (_number(motor.contact.preload_n), "N"),
         "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
         "torque": ("0", "N.m, load"),
@@ -141,7 +149,7 @@ def _opened(circuit: Assembly, motor: Motor) -> Assembly:
     return circuit
 
 
-def _starts(motor: Motor, law: Law, discretisation: Discretisation) -> tuple[dict[str, str], Values]:
+def _starts(motor: Motor, law: Law | None, discretisation: Discretisation) -> tuple[dict[str, str], Values]:
     """Return the parameters of the X line for the motion with which a run starts, and the deck's in their expressions.
 
     The page gives the displacement of a mode, which the parameter of the X line counts from rest under the preload.
@@ -276,10 +284,8 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
         "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
         "frequency_2": (_number(second), "Hz, of the second tone"),
         "phase_2": ("0", "degrees, of the second tone"),
-        "stop": (_number(60.0 / frequencies[-1]), "s, end of the run"),
-        "window": (_number(20.0 / frequencies[-1]), "s, at the end of the run, for the means"),
-        "step": (_number(step), "s, time step; the modes are written for it" if not driver else "s, time step"),
     }
+    values |= _times(motor, step, "s, time step; the modes are written for it" if not driver else "s, time step")
     values |= start_values
     if motor.mount:
         circuit.parameters["damping"] = _number(_quick_damping(motor))
@@ -319,6 +325,15 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     )
 
 
+def _times(motor: Motor, step: float, meaning: str) -> Values:
+    frequency = default_drive(motor).frequencies[-1]
+    return {
+        "stop": (_number(60.0 / frequency), "s, end of the run"),
+        "window": (_number(20.0 / frequency), "s, at the end of the run, for the means"),
+        "step": (_number(step), meaning),
+    }
+
+
 def _plates(motor: Motor) -> list[str]:
     """Return the initial voltages of the plates: those of the sources at t = 0."""
     drive = TwoPhaseDrive(voltage=1.0, frequency=motor.modes[-1].frequency_hz, phase_deg=45.0)
@@ -330,39 +345,73 @@ def _plates(motor: Motor) -> list[str]:
 
 
 def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
-    """Return the vectors of the decks with waveforms."""
+    """Return the vectors of the decks with waveforms, and of the steady state of a transducer."""
+    if motor.is_transducer:
+        pins = [f"{quantity}{group})" for group in motor.groups for quantity in ("v(", "i(v")]
+        return [*pins, "v(xmotor.y)", *(state.within("xmotor") for state in motor_states(motor, None, ("mode",)))]
     names = ["v(a)", "v(b)", *(("i(vpin_a)", "i(vpin_b)") if driver else ("i(va)", "i(vb)")), "v(shaft)"]
     names += [f"v(xmotor.{node})" for node in ("x", "y", "normal", "friction", "slider", "state")]
     names += [state.within("xmotor") for state in motor_states(motor, PAPER_LAW, ("mode", "mount", "bearing"))]
     return names
 
 
+# --- transducer ---
+
+
+def _vibration(motor: Motor, *, steady: bool) -> str:
+    """Return the deck of a transducer: its steady state by small signals, or a run from the motion of that state."""
+    step, values, discretisation = live_step(motor), _settings(motor), Discretisation(live_step(motor))
+    circuit = TransducerSubCircuit(motor, discretisation=None if steady else discretisation, startable=not steady)
+    what, options, run = "steady state, amplitudes", AC_OPTIONS, ".ac lin 1 {frequency} {frequency}"
+    lines: list[str] = []
+    wave = "AC {voltage} %s" if steady else "SIN(0 {voltage} {frequency} 0 0 %s)"
+    body = [f"V{pin} {pin} 0 {wave % at}" for pin, at in zip(motor.groups, ("0", "{phase}"), strict=False)]
+    instance = _instance(circuit, f"{' '.join(motor.groups)} 0", values)
+    if not steady:
+        what, options, run = "cycle by cycle", transient_options(motor, None), ".tran {step} {stop} 0 {step} uic"
+        starts, motion = _starts(motor, None, discretisation)
+        instance += "".join(f" {name}={value}" for name, value in starts.items())
+        values |= _times(motor, step, "s, time step; the modes are written for it") | motion
+        plates = plates_of(motor, "b") if "b" in motor.groups else ()
+        lines = [f".ic v(xmotor.{node})={{voltage*sin(phase*{_RADIANS!r})}}" for node in plates]
+        if motor.tool.mass_kg:  # it moves with what it is attached to
+            parts = [f"({_number(along)})*velocity_{index}" for index, along in enumerate(motor.load_motion, start=1)]
+            lines += [f".ic v(xmotor.{node})={{{'+'.join(parts)}}}" for node in ("heavy", "mass")]
+        lines += [f".measure tran current_{pin}_rms_a RMS i(v{pin}) FROM={{stop-window}}" for pin in motor.groups]
+    body += [_text(circuit), instance, _options(options), f".save {' '.join(live_vectors(motor, driver=False))}"]
+    return _deck(f"{motor.name}: {what}", ["A transducer; y of its face in um."], values, [*body, *lines, run])
+
+
 # --- small signals ---
 
 
 def _admittance(motor: Motor) -> str:
-    """Return the deck of the electrical two-port: free, and pressed against a rotor at rest."""
-    lowest = min(mode.frequency_hz for mode in motor.modes)
-    values: Values = {
-        "preload": (_number(motor.contact.preload_n), "N"),
-        "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
-        "lowest": (_number(0.7 * lowest), "Hz, first frequency"),
-        "highest": (_number(1.2 * fastest(motor)), "Hz, last frequency"),
+    """Return the deck of the electrical ports: free, and pressed against a rotor at rest; or idle, and under load."""
+    low, high, kind = 0.7 * min(mode.frequency_hz for mode in motor.modes), 1.2 * fastest(motor), MotorSubCircuit
+    if motor.is_transducer:  # whose resonances are narrow: about the drive
+        low, high = (share * default_drive(motor).frequencies[0] for share in (0.9, 1.1))
+        kind = TransducerSubCircuit
+    values = {name: value for name, value in _settings(motor).items() if name in ("preload", "friction", "load")}
+    passed = " ".join(f"{name}={{{name}}}" for name in values)
+    pressed = kind(motor)
+    free = kind(motor.model_copy(update={"load": None}), law=None, name=f"{pressed.name}_free")
+    values |= {
+        "lowest": (_number(low), "Hz, first frequency"),
+        "highest": (_number(high), "Hz, last frequency"),
         "points": ("2000", "number of frequencies"),
     }
-    pressed = MotorSubCircuit(motor)
-    free = MotorSubCircuit(motor, law=None, name=f"{pressed.name}_free")
     body = [_text(pressed), _text(free)]
     vectors = []
     for state, circuit in (("free", free), ("pressed", pressed)):
-        for driven in "ab":
+        for driven in motor.groups:
             copy = f"{state}_{driven}"
-            body += [f"V{group}_{copy} {group}_{copy} 0 DC 0 AC {int(group == driven)}" for group in "ab"]
-            vectors += [f"i(v{group}_{copy})" for group in "ab"]
-            passed = "preload={preload} friction={friction}" if state == "pressed" else ""
-            body.append(f"X{copy} a_{copy} b_{copy} 0 shaft_{copy} {circuit.name} {passed}")
+            body += [f"V{group}_{copy} {group}_{copy} 0 DC 0 AC {int(group == driven)}" for group in motor.groups]
+            vectors += [f"i(v{group}_{copy})" for group in motor.groups]
+            pins = [*(f"{group}_{copy}" for group in motor.groups), "0"]
+            pins += [] if motor.is_transducer else [f"shaft_{copy}"]
+            body.append(f"X{copy} {' '.join(pins)} {circuit.name} {passed if state == 'pressed' else ''}")
     return _deck(
-        f"{motor.name}: admittance, free and preloaded",
+        f"{motor.name}: admittance, free and under load",
         ["Currents of the sources are minus the admittances in S: free or pressed, with group a or b driven."],
         values,
         [*body, _options(AC_OPTIONS), f".save {' '.join(vectors)}", ".ac lin {points} {lowest} {highest}"],

@@ -18,10 +18,13 @@ from playwright.sync_api import Browser, Page, expect
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
+from pyspice_runner.motor.circuit_file import circuit_toml
+from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.view import live
 from pyspice_runner.view.live import ASSETS, engine_facts, half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import BEAM40, sliding
+from tests.run.test_transducer import TWO
 from tests.view.pages import PHONE, first_paint_share, opened
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live")]
@@ -203,6 +206,81 @@ def test_the_plate_is_drawn_from_its_contact() -> None:
     assert np.nanmax(towards) == pytest.approx(0.0, abs=1e-3)  # mm, the face of contact
     assert np.nanmin(towards) == pytest.approx(-43.0)
     assert np.nanmax(across) == pytest.approx(5.9) == -np.nanmin(across)
+
+
+# --- a transducer ---
+
+
+@pytest.mark.parametrize("groups", [1, 2])
+def test_a_transducer_has_the_powers_and_currents_of_its_steady_state(
+    browser: Browser, tmp_path: Path, groups: int
+) -> None:
+    arms = MotionalArm(20.07, 72.47e-3, 448.4e-12), MotionalArm(60.0, 50e-3, 100e-12)  # the first of SMBLTD45F28H
+    text = circuit_toml(EquivalentCircuit(arms, 3.012e-9, 4e-3, 28.66e3))
+    text = text.replace("capacitance_f = 4", "velocity_per_current = 0.5\ncapacitance_f = 4")
+    text += "[load]\nresistance_n_s_per_m = 100.0\nmass_kg = 2e-3\nstiffness_n_per_m = 1e7\n"
+    (tmp_path / "mine.toml").write_text(text if groups == 1 else TWO)
+    motor = pr.load_motor(tmp_path / "mine.toml")
+    page, wrong = opened(browser, save_live_page(motor, tmp_path / "live.html"), READY, reduced_motion="reduce")
+    page.wait_for_selector("html[data-further=done][data-busy=false]", state="attached")
+    page.wait_for_selector("#impedance-chart .point", state="attached")
+    of_motors = ("path", "motor", "forces", "torque", "response", "driver-section", "friction-control", "kind-control")
+    assert not [name for name in of_motors if page.locator(f"#{name}").is_visible()]
+    assert page.locator("#phase-control").is_visible() == (groups == 2)
+    assert len(page.query_selector_all("#current-chart path.line")) == 2 * groups
+    assert len(page.query_selector_all("#face-chart path.line")) == 1
+    check_transducer(page, motor, pr.default_drive(motor))
+
+    resonance = 28.05 if groups == 1 else 40.9  # kHz
+    with without_runs(page):
+        typed(page, "load", 30.0)()
+        typed(page, "voltage", 20.0)()
+    answered(page, typed(page, "frequency", resonance), settled=True)
+    page.wait_for_selector("html[data-further=done]", state="attached")
+    changed = pr.default_drive(motor).updated({"voltage": 20.0, "frequency": 1e3 * resonance})
+    check_transducer(page, motor.updated({"load.resistance_n_s_per_m": 30.0}), changed)
+
+    # the point on the curve of group A, with the other group shorted; 1 / 2000 of a range of 20 % apart
+    at, size = page.evaluate("""(({ frequency, pressed }) => [current().frequency,
+        interpolated(frequency, pressed, current().frequency)])(page.results.A.admittance)""")
+    loaded = pr.admittance(
+        motor.updated({"load.resistance_n_s_per_m": 30.0}), start=0.99 * at, stop=1.01 * at, points=3, state="preloaded"
+    )
+    assert size == pytest.approx(1.0 / abs(loaded.matrix_s[1, 0, 0]), rel=0.01)
+
+    # the deck, in ngspice of this computer
+    (tmp_path / "deck.cir").write_text(page.inner_text("#deck-text"))
+    done = subprocess.run(["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    current = float(re.findall(r"current_a_rms_a\s*=\s*(\S+)", done.stdout)[0])
+    assert current == pytest.approx(page.evaluate("page.results.A.full.current_a"), rel=2e-3)
+    assert ".subckt transducer a " in page.inner_text("#deck-text")
+
+    answered(page, lambda: page.click("#compare"))
+    answered(page, lambda: preset(page, f"{motor.name}: parallel resonance"))
+    assert page.locator("#values tr").first.locator("td").count() == 2
+    assert wrong == []
+    page.close()
+
+
+def check_transducer(page: Page, motor: pr.Motor, drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> None:
+    """Compare small signals and the settled run of the page with the closed form of the package."""
+    wanted = pr.transducer_state(motor, drive).quantities
+    names = {"power": "power_w", "delivered": "load_power_w", "face": "amplitude_m"}
+    for group in motor.groups:
+        names |= {f"current_{group}": f"current_{group}_rms_a"}
+        names |= {f"motional_{group}": f"motional_current_amplitude_{group}_a"}
+    for kind, tolerance in (("quick", 1e-6), ("full", 0.01)):
+        found = page.evaluate(f"page.results.A.{kind}")
+        assert {name: found[name] for name in names} == pytest.approx(
+            {name: wanted[quantity] for name, quantity in names.items()}, rel=tolerance
+        )
+    assert (found["model"], found["settled"]) == ("cycles", True)
+
+
+def test_a_page_has_motors_or_transducers(tmp_path: Path) -> None:
+    (tmp_path / "two.toml").write_text(TWO)
+    with pytest.raises(pr.ParameterError, match="A page has motors or transducers, not both"):
+        live_page(pr.load_motor("andersen2002"), [pr.load_motor(tmp_path / "two.toml")])
 
 
 # --- settings ---

@@ -18,6 +18,7 @@ const CONTROLS = [
   ["torque", "Load torque", "mN·m", 1e-3],
   ["speed", "Shaft held at", "rad/s", 1],
   ["stiffness", "Mount springs", "kN/m", 1e3],
+  ["load", "Resistance of the load", "N·s/m", 1],
 ];
 const OF_SLIDER = { torque: ["Load force", "N", 1], speed: ["Slider held at", "mm/s", 1e-3] };
 const CHOICES = {
@@ -27,7 +28,7 @@ const CHOICES = {
   law: { "spring-slider": "spring-slider", brush: "brush", coulomb: "Coulomb" },
 };
 const TEXT = { driver: 6000 };
-const SECTIONS = ["numbers", "path", "motor", "forces", "electrical", "torque", "response", "impedance", "driver", "deck"];
+const SECTIONS = ["numbers", "path", "motor", "forces", "electrical", "torque", "response", "impedance", "driver", "deck"].filter((name) => !$(name).hidden); // a transducer has fewer
 const APART = 0.15; // of the maximum speed, from which falling and rising frequency differ; the lag of a ramp is less
 const FRAME_MS = 30, IDLE_MS = 350, SLOW_SECONDS = 8, MOST_UNDO = 200;
 
@@ -67,13 +68,13 @@ function settingsFrom(read) {
   const s = defaults(motor);
   for (const [key] of CONTROLS) {
     const text = read(key), value = Number(text);
-    if (text !== null && text !== "" && Number.isFinite(value)) s[key] = clamp(value, ...motor.limits[key]);
+    if (motor.limits[key] && text !== null && text !== "" && Number.isFinite(value)) s[key] = clamp(value, ...motor.limits[key]);
   }
   for (const [key, choices] of Object.entries(CHOICES)) {
     const word = read(key);
-    if (word !== null && Object.hasOwn(choices, word) && (key !== "law" || motor.laws.includes(word))) s[key] = word;
+    if (word !== null && Object.hasOwn(s, key) && Object.hasOwn(choices, word) && (key !== "law" || motor.laws.includes(word))) s[key] = word;
   }
-  s.driver = (read("driver") ?? "").slice(0, TEXT.driver);
+  s.driver = motor.transducer ? "" : (read("driver") ?? "").slice(0, TEXT.driver);
   return s;
 }
 
@@ -165,7 +166,7 @@ async function compute() {
   const still = () => serial === page.serial;
   const known = JSON.stringify(page.known?.settings) === JSON.stringify(s) ? page.known : {};
   const result = (page.results[slot] = { ...known, settings: s });
-  const faults = driverFaults(s.driver, motor.decks[`driver ${s.mount} ${s.law}`]);
+  const faults = motor.transducer ? [] : driverFaults(s.driver, motor.decks[`driver ${s.mount} ${s.law}`]);
   showFaults(faults);
   if (faults.length) {
     busy(false);
@@ -175,7 +176,11 @@ async function compute() {
   delete root.dataset.picture;
   delete root.dataset.further;
   try {
-    if (s.kind === "two-phase" && hasAveraged(motor)) {
+    if (motor.transducer) {
+      result.full = result.quick = await steadyState(page.main, motor, s);
+      if (!still()) return;
+      show(slot, result, result.quick, began);
+    } else if (s.kind === "two-phase" && hasAveraged(motor)) {
       try {
         result.quick = await averaged(page.main, motor, s);
       } catch (error) {
@@ -187,7 +192,7 @@ async function compute() {
       }
     }
     page.idle = setTimeout(() => further(slot, motor, s, result, still), IDLE_MS); // beside the full motor
-    await cycles(page.main, motor, s, result.quick, (found) => still() && (result.full = found) && show(slot, result, found, began), progress);
+    await (motor.transducer ? vibration : cycles)(page.main, motor, s, result.quick, (found) => still() && (result.full = found) && show(slot, result, found, began), progress);
     if (!still()) return;
     busy(false);
   } catch (error) {
@@ -248,6 +253,7 @@ function si(value, unit) {
 const percent = (share) => `${(100 * share).toFixed(1)} %`;
 
 function rows(motor, found) {
+  if (motor.transducer) return vibrationRows(motor, found);
   const shaft = found.torque * found.speed, input = found.power_a + found.power_b;
   return [
     ["speed", speedOf(found.speed, motor)],
@@ -267,17 +273,17 @@ function rows(motor, found) {
 function show(slot, result, found, began) {
   result.found = found;
   result.cautions = exceeded(motorOf(result.settings), found);
-  root.dataset.speed = String(found.speed);
+  root.dataset.speed = String(found.speed ?? "");
   root.dataset.model = found.model;
   root.dataset.state = "ready";
   const seconds = (performance.now() - began) / 1000;
-  if (found.model === "averaged" || !result.quick || !result.timed) {
+  if (found === result.quick || !result.quick || !result.timed) {
     result.timed = true;
     root.dataset.latency = seconds.toFixed(3);
   }
   if (found.model === "cycles" && found.blocks === 1) root.dataset.picture = seconds.toFixed(3);
   root.dataset.settled = String(found.settled ?? false);
-  const how = found.model === "averaged" ? "averaged motor" : found.settled ? "cycle by cycle, settled" : "cycle by cycle, not settled yet";
+  const how = found === result.quick ? (found.waves ? "small signals" : "averaged motor") : found.settled ? "cycle by cycle, settled" : "cycle by cycle, not settled yet";
   const motor = motorOf(result.settings);
   say(`${headline(slot, found, motor)} (${how})`);
   draw();
@@ -285,7 +291,7 @@ function show(slot, result, found, began) {
 
 /** Speed, torque and power of a setting. */
 function headline(slot, found, motor) {
-  const numbers = [speedOf(found.speed, motor), torqueOf(found.torque, motor), si(found.torque * found.speed, "W")];
+  const numbers = motor.transducer ? [si(found.power, "W"), `motional ${motor.groups.map((group) => si(found[`motional_${group}`], "A")).join(" and ")}`] : [speedOf(found.speed, motor), torqueOf(found.torque, motor), si(found.torque * found.speed, "W")];
   return (page.slots.B ? `${slot}: ` : "") + numbers.join(", ");
 }
 
@@ -371,22 +377,28 @@ function drawForces() {
 
 function drawElectrical() {
   if (!isShown("electrical")) return;
-  const current = [], voltage = [], groups = [];
+  const current = [], voltage = [], groups = [], face = [], motor = motorOf(page.slots[page.slot]);
   for (const slot of slotsShown()) {
     const full = page.results[slot].full;
     if (!full) continue;
     const { waves } = full, time = waves.time.map((t) => 1e6 * t), mark = page.slots.B ? `, setting ${slot}` : "";
-    for (const [group, colour] of [["a", COLOURS[0]], ["b", COLOURS[1]]]) {
+    motor.groups.forEach((group, at) => {
+      const colour = COLOURS[at];
       voltage.push({ x: time, y: waves[`voltage_${group}`], name: `voltage ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
       current.push({ x: time, y: waves[`current_${group}`].map((i) => 1e3 * i), name: `current ${group.toUpperCase()}${mark}`, colour, dash: dashed(slot) });
-    }
-    if (slot === page.slot) {
+      if (waves[`motional_${group}`]) current.push({ x: time, y: waves[`motional_${group}`].map((i) => 1e3 * i), name: `motional ${group.toUpperCase()}${mark}`, colour: COLOURS[at + 2], dash: dashed(slot) });
+    });
+    if (full.face > 0) face.push({ x: time, y: waves.face, name: `face${mark}`, colour: COLOURS[2], dash: dashed(slot) });
+    if (slot === page.slot && full.harmonics_a) {
       groups.push({ name: "current A", values: full.harmonics_a.map((i) => 1e3 * i) });
       groups.push({ name: "current B", values: full.harmonics_b.map((i) => 1e3 * i) });
     }
   }
-  chart($("voltage-chart"), { lines: voltage, xLabel: "time / µs", yLabel: "voltage / V", label: "Voltages of both groups over one period." });
-  chart($("current-chart"), { lines: current, xLabel: "time / µs", yLabel: "current / mA", label: "Currents of both groups over one period." });
+  chart($("voltage-chart"), { lines: voltage, xLabel: "time / µs", yLabel: "voltage / V", label: "Voltages of the groups over one period." });
+  chart($("current-chart"), { lines: current, xLabel: "time / µs", yLabel: "current / mA", label: "Currents of the groups over one period." });
+  $("harmonics-chart").toggleAttribute("hidden", motor.transducer);
+  $("face-chart").toggleAttribute("hidden", !face.length);
+  chart($("face-chart"), { lines: face, xLabel: "time / µs", yLabel: "face / µm", label: "Motion of the face over one period." });
   if (groups.length)
     bars($("harmonics-chart"), groups, `Harmonics of the currents in mA: ${groups.map((g) => `${g.name} ${g.values.map((v) => v.toPrecision(3)).join(", ")}`).join("; ")}.`);
 }
@@ -432,12 +444,13 @@ function drawResponse() {
 
 function drawImpedance() {
   if (!isShown("impedance")) return;
-  const lines = [];
+  const lines = [], points = [], { transducer } = motorOf(current()), s = current();
   const kilo = (values) => values.map((f) => f / 1e3);
   const { admittance: cold, response: running } = page.results[page.slot] ?? {};
   if (cold) {
-    lines.push({ x: kilo(cold.frequency), y: cold.free, name: "free tip", colour: COLOURS[0] });
-    lines.push({ x: kilo(cold.frequency), y: cold.pressed, name: "preloaded, at rest", colour: COLOURS[2], dash: "6 3" });
+    lines.push({ x: kilo(cold.frequency), y: cold.free, name: transducer ? "idle" : "free tip", colour: COLOURS[0] });
+    lines.push({ x: kilo(cold.frequency), y: cold.pressed, name: transducer ? "under its load" : "preloaded, at rest", colour: COLOURS[2], dash: "6 3" });
+    if (transducer) points.push({ x: s.frequency / 1e3, y: interpolated(cold.frequency, cold.pressed, s.frequency), name: page.slot, colour: COLOURS[1] });
   }
   if (running) lines.push({ x: kilo(running.frequency), y: running.impedance, name: "running", colour: COLOURS[1] });
   if (page.measured) {
@@ -446,7 +459,7 @@ function drawImpedance() {
     const inside = frequency.map((f, i) => i).filter((i) => frequency[i] >= low && frequency[i] <= high);
     lines.push({ x: inside.map((i) => frequency[i] / 1e3), y: inside.map((i) => impedance[i]), name: "measured", colour: COLOURS[3], dash: "2 3" });
   }
-  chart($("impedance-chart"), { lines, log: true, xLabel: "frequency / kHz", yLabel: "|Z| of A / Ω", label: "Impedance of group A versus frequency, B shorted: free, preloaded, running, and measured if a file was dropped." });
+  chart($("impedance-chart"), { lines, points, log: true, xLabel: "frequency / kHz", yLabel: "|Z| of A / Ω", label: `Impedance of group A versus frequency${motorOf(s).groups[1] ? ", B shorted" : ""}: ${transducer ? "idle, under its load" : "free, preloaded, running"}, and measured if a file was dropped.` });
 }
 
 function showDeck() {
@@ -478,7 +491,7 @@ function tick(now) {
   if (page.playing && !document.hidden) {
     page.position = (page.position + past / SLOW_SECONDS) % 1;
     const found = page.results[page.slot]?.found;
-    const fast = found ? found.speed / shownAs("speed", motorOf(current()))[2] : 0; // rad/s, or mm/s
+    const fast = found?.speed ? found.speed / shownAs("speed", motorOf(current()))[2] : 0; // rad/s, or mm/s
     page.angle += (past * Math.sign(fast) * Math.sqrt(Math.abs(fast))) / 8;
     $("position").value = page.position;
     animate();
@@ -554,7 +567,7 @@ function makeControls() {
   $("driver-none").onclick = () => change({ driver: "" });
   $("driver-example").onclick = () => ($("driver-text").value = DATA.driverExample);
   $("deck-copy").onclick = () => copy($("deck-text").textContent, "The deck is copied.");
-  $("deck-save").onclick = () => save("motor.cir", $("deck-text").textContent);
+  $("deck-save").onclick = () => save(`${motorOf(current()).transducer ? "transducer" : "motor"}.cir`, $("deck-text").textContent);
   $("file").onchange = (event) => take(event.target.files[0]);
   document.addEventListener("dragover", (event) => event.preventDefault());
   document.addEventListener("drop", (event) => {
@@ -594,13 +607,18 @@ function showControls() {
   $("motor-choice").value = motor.name;
   const presets = DATA.presets.map((preset, number) => [preset, number]).filter(([preset]) => preset.motor === motor.name);
   $("preset-choice").replaceChildren(new Option("choose …", ""), ...presets.map(([preset, number]) => new Option(preset.name, number)));
-  for (const key of Object.keys(CHOICES)) $(`${key}-choice`).value = s[key];
-  for (const option of $("law-choice").options) option.disabled = !motor.laws.includes(option.value);
+  for (const key of Object.keys(CHOICES)) {
+    $(`${key}-choice`).value = s[key];
+    $(`${key}-control`).hidden = s[key] === undefined;
+  }
+  for (const option of $("law-choice").options) option.disabled = !motor.laws?.includes(option.value);
   for (const text of document.querySelectorAll("[data-words]")) {
     text.dataset.words ||= text.textContent;
     text.textContent = worded(text.dataset.words, motor);
   }
   for (const [key] of CONTROLS) {
+    $(`${key}-control`).hidden = !motor.limits[key];
+    if (!motor.limits[key]) continue;
     const [label, unit, scale] = shownAs(key, motor);
     const slide = $(`${key}-slider`), number = $(`${key}-number`), [low, high, step] = motor.sliders[key];
     number.labels[0].textContent = unit ? `${label}, ${unit}` : label;
@@ -613,19 +631,16 @@ function showControls() {
     number.max = motor.limits[key][1] / scale;
     slide.value = number.value = shown;
   }
-  const two = s.kind === "two-tone";
-  $("phase-control").hidden = two;
-  for (const key of ["voltage_2", "frequency_2", "phase_2"]) $(`${key}-control`).hidden = !two;
-  $("torque-control").hidden = s.shaft === "held";
-  $("speed-control").hidden = s.shaft !== "held";
-  $("stiffness-control").hidden = s.mount !== "sprung";
+  const two = s.kind === "two-tone", held = s.shaft === "held";
+  const unused = [...(two ? ["phase"] : ["voltage_2", "frequency_2", "phase_2"]), held ? "torque" : "speed", ...(s.mount === "sprung" ? [] : ["stiffness"])];
+  for (const key of unused) $(`${key}-control`).hidden = true;
   if (document.activeElement !== $("driver-text")) $("driver-text").value = s.driver;
   $("undo").disabled = page.undone.length === 0;
   $("compare").textContent = page.slots.B ? "Remove setting B" : "Compare two settings";
   for (const slot of ["A", "B"]) $(`slot-${slot.toLowerCase()}`).setAttribute("aria-pressed", String(slot === page.slot));
   $("slot-b").hidden = !page.slots.B;
   $("slot-a").hidden = !page.slots.B;
-  $("motor-note").textContent = hasAveraged(motor) ? motor.description : `${motor.description}. The averaged motor leaves out a loss of this motor: all numbers come cycle by cycle, without curves over speed and frequency.`;
+  $("motor-note").textContent = motor.transducer || hasAveraged(motor) ? motor.description : `${motor.description}. The averaged motor leaves out a loss of this motor: all numbers come cycle by cycle, without curves over speed and frequency.`;
 }
 
 function showFaults(faults, words = []) {

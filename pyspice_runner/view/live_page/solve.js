@@ -101,7 +101,7 @@ function parameters(motor, s) {
     torque: s.shaft === "held" ? 0 : s.torque, grip: s.shaft === "held" ? motor.grip : 0,
     held: s.shaft === "held" ? s.speed : 0, mount_stiffness: s.stiffness,
     voltage_2: twoTone ? s.voltage_2 : 0, frequency_2: twoTone ? s.frequency_2 : 2 * s.frequency,
-    phase_2: twoTone ? s.phase_2 : 0,
+    phase_2: twoTone ? s.phase_2 : 0, ...(s.load === undefined ? {} : { load: s.load }),
   };
 }
 
@@ -269,14 +269,20 @@ function tipSpeed(v, window) {
   return Math.SQRT2 * Math.sqrt(mean(v.time, from, (i) => (i > 0 ? ((1e-6 * (x[i] - x[i - 1])) / (v.time[i] - v.time[i - 1])) ** 2 : 0)));
 }
 
-/** Parameters of the motion at the end of a run. */
-function continued(motor, s, v) {
-  const start = { slider: last(v["v(xmotor.slider)"]), speed: last(v["v(shaft)"]) };
+/** Parameters of the motion of the modes at the end of a run. */
+function modesAfter(motor, v) {
+  const start = {};
   motor.modes.forEach((mode, number) => {
     const index = number + 1;
     start[`start_${index}`] = (1e6 * last(v[`v(xmotor.xmode${index}.elastic)`])) / mode.stiffness;
     start[`velocity_${index}`] = last(v[`i(v.xmotor.xmode${index}.vvelocity)`]);
   });
+  return start;
+}
+
+/** Parameters of the motion at the end of a run. */
+function continued(motor, s, v) {
+  const start = { slider: last(v["v(xmotor.slider)"]), speed: last(v["v(shaft)"]), ...modesAfter(motor, v) };
   if (motor.dryBearing) start.bearing_share = last(v["v(xmotor.xbearing.share)"]);
   if (s.mount === "sprung") {
     start.carrier = (1e6 * last(v["v(xmotor.xmount.elastic)"])) / s.stiffness;
@@ -327,11 +333,16 @@ function exceeded({ rated, thermalResistance }, { heat, waves }) {
 
 const spectrum = (time, values, base, many) => harmonics(time, values, base, many, 9).map(([re, im]) => Math.hypot(re, im));
 
-/** The last period of the waveforms, with the deflection of the modes. */
-function tail(motor, v, base, ia, ib, sign) {
-  const time = v.time;
+/** Number of the point at which the last period begins. */
+function lastPeriod(time, base) {
   let first = time.length - 1;
   while (first > 0 && time[first] > last(time) - 1 / base) first -= 1;
+  return first;
+}
+
+/** The last period of the waveforms, with the deflection of the modes. */
+function tail(motor, v, base, ia, ib, sign) {
+  const time = v.time, first = lastPeriod(time, base);
   const cut = (name, gain = 1) => Array.from(v[name].subarray(first), (value) => gain * value);
   return {
     time: Array.from(time.subarray(first), (value) => value - time[first]),
@@ -383,7 +394,8 @@ async function response(engine, motor, s, quick, first_frequency, last_frequency
 }
 
 async function admittance(engine, motor, s) {
-  const v = await engine.run(filled(motor.decks.admittance, { preload: s.preload, friction: s.friction }));
+  const near = motor.transducer ? { lowest: 0.9 * s.frequency, highest: 1.1 * s.frequency } : {};
+  const v = await engine.run(filled(motor.decks.admittance, { ...parameters(motor, s), ...near }));
   const frequency = Array.from(v.frequency).filter((_, i) => i % 2 === 0);
   const impedance = (state) =>
     frequency.map((_, i) => 1 / Math.hypot(v[`i(va_${state}_a)`][2 * i], v[`i(va_${state}_a)`][2 * i + 1]));
