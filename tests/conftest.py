@@ -34,6 +34,14 @@ if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_I
 gc.disable()  # while the tests are collected, which makes many objects and little garbage: half of the time
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _wide_tables() -> Iterator[None]:
+    """Let tables be as wide as their content; otherwise they fold at 80 characters, where a test does not expect it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "400")
+        yield
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put files first whose tests take long or must stay on one worker, so that both workers end at the same time."""
     marks = ("slow", "xdist_group")

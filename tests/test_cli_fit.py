@@ -54,6 +54,14 @@ def test_fit_prints_a_table_and_writes_the_requested_files(
     assert targets[1].stat().st_size > 20_000
 
 
+def test_a_table_in_a_pipe_fits_a_terminal(measured: str, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["fit", measured, "--modes", "2"]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) == 80
+    assert out.count("±") == 13  # as in a wide table: nothing is lost
+
+
 def test_fit_of_a_part_of_the_band(measured: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["fit", measured, "--start", "28e3", "--stop", "38e3", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -373,8 +373,9 @@ def say(what: Table | str) -> None:
         for column in what.columns:
             column.overflow = "fold"
         console = Console(markup=False, emoji=False)  # file names may contain either
-        if not console.is_terminal:
-            console.width = Measurement.get(console, console.options.update(max_width=_WIDEST), what).maximum
+        if not console.is_terminal:  # as wide as the terminal behind the pipe, or 80; wider where words would break
+            words = Measurement.get(console, console.options.update(max_width=_WIDEST), what).minimum
+            console.width = max(console.width, words)
         with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
         what = shown.get()
