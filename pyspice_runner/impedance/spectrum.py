@@ -235,7 +235,9 @@ class HalfPower:
 
     resonance_hz: float  # fs, by the parabola through the highest points
     resistance_ohm: float  # 1/G_max
-    width_hz: float  # f₂ − f₁, by straight lines between the points
+    lower_hz: float  # f₁, by straight lines between the points, as f₂
+    upper_hz: float  # f₂
+    width_hz: float  # f₂ − f₁
     quality_factor: float  # fs/(f₂ − f₁)
 
 
@@ -274,7 +276,7 @@ def half_power(
         share = (conductance[inside] - 0.5 * peak) / (conductance[inside] - conductance[outside])
         return float(frequency_hz[inside] + share * (frequency_hz[outside] - frequency_hz[inside]))
 
-    span = crossing(high - 1, high) - crossing(low + 1, low)
-    if not (peak > 0.0 and span > 0.0):
+    f1, f2 = crossing(low + 1, low), crossing(high - 1, high)
+    if not (peak > 0.0 and f2 > f1):
         return None
-    return HalfPower(float(fs), float(1.0 / peak), span, float(fs / span))
+    return HalfPower(float(fs), float(1.0 / peak), f1, f2, f2 - f1, float(fs / (f2 - f1)))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -56,16 +56,16 @@ def spectrum_panels(traces: list[Trace]) -> dict[str, Panel]:
 
 
 def _with_residuals(
-    traces: list[Trace], mark: Callable[[Axes], object], name: str, residuals: Panel, title: str
+    traces: list[Trace], marks: Mapping[str, Callable[[Axes], object]], name: str, residuals: Panel, title: str
 ) -> Sheet:
-    """Return the sheet of a comparison; ``mark`` completes the panels over frequency."""
+    """Return the sheet of a comparison; ``marks`` complete panels, by their names."""
     panels = spectrum_panels(traces)
 
     def marked(panel: str) -> Panel:
-        return lambda ax: (panels[panel](ax), mark(ax))
+        return lambda ax: (panels[panel](ax), marks[panel](ax) if panel in marks else None)
 
-    order = {"magnitude": marked("magnitude"), "circle": panels["circle"], "phase": marked("phase"), name: residuals}
-    return Sheet(order, 2, (5.5, 4.0), title)
+    order = {panel: marked(panel) for panel in ("magnitude", "circle", "phase")}
+    return Sheet({**order, name: residuals}, 2, (5.5, 4.0), title)
 
 
 def admittance(result: Admittance) -> Sheet:
@@ -97,7 +97,10 @@ def spectrum(result: Spectrum) -> Sheet:
 
 
 def spectrum_fit(fit: SpectrumFit) -> Sheet:
-    """Return the measured and the fitted admittance, and the residuals; dotted lines mark the series resonances."""
+    """Return the measured and the fitted admittance, and the residuals; dotted lines mark the series resonances.
+
+    On the circle are f₁ and f₂, between which the measured conductance of an arm exceeds half of its maximum.
+    """
     fine = np.union1d(np.linspace(fit.frequency_hz[0], fit.frequency_hz[-1], 4001), fit.frequency_hz)
     traces = [
         Trace(fit.frequency_hz, fit.measured_s, {**_DOTS, "color": GREY, "label": "measured"}),
@@ -109,6 +112,14 @@ def spectrum_fit(fit: SpectrumFit) -> Sheet:
             if arm.in_band:
                 ax.axvline(_FREQUENCY.scale * arm.series_resonance_hz, color=VERMILION, linewidth=0.8, linestyle=":")
 
+    def mark_half_power(ax: Axes) -> None:
+        for points in (arm.half_power for arm in fit.arms):
+            for name, frequency in (("f₁", points.lower_hz), ("f₂", points.upper_hz)) if points else ():
+                y = np.interp(frequency, fit.frequency_hz, fit.measured_s)
+                place = LABELS["conductance_s"].scale * y.real, LABELS["susceptance_s"].scale * y.imag
+                ax.plot(*place, "o", color=VERMILION, markersize=4, fillstyle="none")
+                ax.annotate(name, place, (4, 4), textcoords="offset points", fontsize=7, color=VERMILION)
+
     def draw_residuals(ax: Axes) -> None:
         lines = [
             (fit.residuals.real, {**_DOTS, "color": BLUE, "label": "in phase"}),
@@ -118,7 +129,8 @@ def spectrum_fit(fit: SpectrumFit) -> Sheet:
         draw_lines(ax, (_FREQUENCY, fit.frequency_hz), Label("residual", "% of |Y|", 100.0), lines, title)
         mark_resonances(ax)
 
-    return _with_residuals(traces, mark_resonances, "residuals", draw_residuals, fit.source)
+    marks = {"magnitude": mark_resonances, "phase": mark_resonances, "circle": mark_half_power}
+    return _with_residuals(traces, marks, "residuals", draw_residuals, fit.source)
 
 
 def two_port_fit(fit: TwoPortFit) -> Sheet:
@@ -149,7 +161,8 @@ def comparison(result: Comparison) -> Sheet:
     ]  # fmt: skip
     band = _FREQUENCY.scale * measured.frequency_hz[0], _FREQUENCY.scale * measured.frequency_hz[-1]
     title = f"{100.0 * result.rms_deviation:.3g} % RMS between the admittances"
-    return _with_residuals(traces, lambda ax: ax.set_xlim(*band), "deviations", partial(_deviations, result), title)
+    marks = dict.fromkeys(("magnitude", "phase"), lambda ax: ax.set_xlim(*band))
+    return _with_residuals(traces, marks, "deviations", partial(_deviations, result), title)
 
 
 def _deviations(result: Comparison, ax: Axes) -> None:

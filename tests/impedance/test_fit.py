@@ -223,6 +223,7 @@ def test_half_power_is_read_from_the_measured_points_too() -> None:
     assert found.resistance_ohm == pytest.approx(arm.resistance_ohm, rel=0.01)
     assert found.resonance_hz == pytest.approx(20e3, abs=0.02 * 20e3 / 200.0)
     assert found.quality_factor == pytest.approx(200.0, rel=0.01)
+    assert [found.lower_hz, found.upper_hz] == pytest.approx([19950.0, 20050.0], abs=1.0)
     sparse = pr.fit_spectrum(spectrum(circuit, np.linspace(19e3, 21e3, 61))).arms[0]
     assert sparse.half_power is None  # three points in the width
 
