@@ -37,10 +37,10 @@ def read_spectrum(
     """Read a measured spectrum. The format is found by the content of the file, not by its name.
 
     Formats: Keysight E4990A CSV, HP/Agilent 4294A ASCII, Omicron Bode 100 CSV, Digilent WaveForms CSV, NanoVNA CSV, AIM
-    CSV, Zurich Instruments MFIA CSV, Touchstone of one or two ports, plain CSV whose
-    header names quantity and unit in English, and the two-port CSV of ``piezomotor admittance``.
+    CSV, Zurich Instruments MFIA CSV, Touchstone of one or two ports, plain CSV whose header names quantity and unit in
+    English, the two-port CSV of ``piezomotor admittance``; a table also as the first sheet of an .xlsx file (openpyxl).
 
-    ``Spectrum.cautions`` lists all repairs: order of the frequencies, missing points, wraps or sign of the phase.
+    ``Spectrum.cautions`` lists all repairs: order, missing points, mean of sweeps, wraps or sign of the phase.
 
     Args:
         path: the file.

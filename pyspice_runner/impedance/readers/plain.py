@@ -13,7 +13,7 @@ import numpy as np
 
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.impedance.readers.quantities import Heading, heading, pair_of, with_named_phase
-from pyspice_runner.impedance.readers.reading import A_PAIR, Reading, from_header, from_headings
+from pyspice_runner.impedance.readers.reading import A_PAIR, ALONE, Reading, from_header, from_headings
 from pyspice_runner.impedance.readers.text import (
     SEPARATORS,
     Table,
@@ -37,7 +37,7 @@ _STATED = (  # suggested names; every known heading is valid too
     "frequency_hz", "frequency_khz", "frequency_mhz", "magnitude_ohm", "magnitude_s", "phase_deg", "phase_rad",
     "resistance_ohm", "reactance_ohm", "conductance_s", "susceptance_s", "real_ohm", "imaginary_ohm", "real_s",
     "imaginary_s", "rs_ohm", "xs_ohm", "cs_f", "ls_h", "rp_ohm", "xp_ohm", "cp_f", "lp_h", "d", "q", "phase_z_deg",
-    "phase_y_deg",
+    "phase_y_deg", "magnitude_dbohm", "magnitude_dbs",
 )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def stated(columns: Sequence[str]) -> list[Heading]:
         kinds[item.kind] = item.cell
     if "frequency" not in kinds:
         raise ParameterError(f"columns = {','.join(columns)} has no frequency. Add frequency_hz at its place.")
-    if pair_of(with_named_phase(dict.fromkeys(kinds, np.zeros(0)))) is None:
+    if pair_of(with_named_phase(dict.fromkeys(kinds, np.zeros(0)))) is None and not set(kinds) <= {"frequency", *ALONE}:
         raise ParameterError(f"columns = {','.join(columns)} makes no admittance. Give {A_PAIR}, as in {_EXAMPLE}.")
     return headings
 
@@ -141,7 +141,8 @@ def _names_frequency(line: str) -> bool:
     if len(line) > _LONGEST:
         return False
     cells = split(line.lstrip(_COMMENT), separator(line.lstrip(_COMMENT)))
-    return len(cells) >= 3 and any(heading(cell).kind == "frequency" for cell in cells)
+    kinds = [heading(cell).kind for cell in cells]
+    return "frequency" in kinds and (len(cells) > 2 or not {*ALONE}.isdisjoint(kinds))
 
 
 def _two_port(table: Table, metadata: dict[str, str]) -> Reading:

@@ -95,6 +95,7 @@ class Heading:
     kind: str | None = None  # the quantity, a key of ``DIMENSION``; ``None`` if unknown
     scale: float | None = None  # factor to SI units, for angles to radians; ``None`` if no unit is named
     wrong: str = ""  # fault of the unit of a known quantity; empty without one
+    decibel: bool = False  # whether the values are 20 times the decimal logarithm of the quantity in units of ``scale``
 
     @property
     def fault(self) -> str:
@@ -102,15 +103,23 @@ class Heading:
         why = self.wrong or ("it names no unit" if self.scale is None else "")
         return f"{quote(self.cell)}: {why}" if why else ""
 
+    def values(self, printed: Floats) -> Floats:
+        """Return the column in SI units; not finite beyond the range of numbers."""
+        with np.errstate(over="ignore"):
+            return np.asarray((10.0 ** (printed / 20.0) if self.decibel else printed) * (self.scale or 1.0))
+
 
 @cache
 def unit_of(text: str) -> tuple[str, float] | None:
-    """Return dimension and factor to SI of a unit; ``None`` if unknown."""
+    """Return dimension and factor to SI of a unit, of decibels as ``dBOhm`` or ``dB``; ``None`` if unknown."""
     unit = text.strip()
     if len(unit) > 12:
         return None
     if angle := _ANGLE.get(unit.lower()):
         return "angle", angle
+    if unit[:2].lower() == "db":
+        of = unit_of(unit[2:])
+        return (f"dB{of[0]}", of[1]) if of else None
     if not unit or unit in ("1", "-"):
         return "", 1.0
     for spelling, plain in _SPELLING.items():
@@ -135,20 +144,23 @@ def heading(cell: str) -> Heading:
         sign, normal = -1.0, normal[1:]
     kind = _kind(normal.replace("-", ""), known)
     if kind is None:
+        if normal in _BY_UNIT and known and known[0] == "dB":
+            return Heading(cell, _BY_UNIT[normal]["Ohm"], wrong="it names dB without the quantity, |Z| or |Y|")
         return Heading(cell)
     dimension = DIMENSION[kind]
     if unit is None:
         return Heading(cell, kind, 1.0 if dimension == "" else None)
     if known is None:
         return Heading(cell, kind, wrong=f"the unit {quote(unit)} is not known")
-    if known[0] != dimension:
+    decibel = kind.startswith("abs") and known[0] in ("dB", f"dB{dimension}")
+    if known[0] != dimension and not decibel:
         return Heading(cell, kind, wrong=f"the unit {quote(unit)} does not fit")
-    return Heading(cell, kind, sign * known[1])
+    return Heading(cell, kind, sign * known[1], decibel=decibel)
 
 
 def _kind(name: str, unit: tuple[str, float] | None) -> str | None:
     """Return the quantity of a name, ``None`` if unknown."""
-    return _KIND.get(name) or (_BY_UNIT.get(name, {}).get(unit[0]) if unit else None)
+    return _KIND.get(name) or (_BY_UNIT.get(name, {}).get(unit[0].removeprefix("dB")) if unit else None)
 
 
 def _parts(cell: str) -> tuple[str, str | None]:

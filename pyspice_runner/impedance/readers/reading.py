@@ -17,14 +17,20 @@ from pyspice_runner.errors import SpectrumError
 from pyspice_runner.impedance.readers import quantities
 from pyspice_runner.impedance.readers.quantities import DIMENSION, POLAR, Complexes, Heading, heading
 from pyspice_runner.impedance.readers.text import Floats, Table, Text, described, quote, read_table, separator
-from pyspice_runner.impedance.spectrum import COUPLING, Spectrum, connect
+from pyspice_runner.impedance.spectrum import COUPLING, Spectrum, connect, half_power
+from pyspice_runner.units import engineering
 
 STATED = "the columns given by --columns frequency_hz,magnitude_ohm,phase_deg (columns= in Python)"  # ends a message
-A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm) and Phase (deg)"
+A_PAIR = "two that make an admittance, such as R (Ohm) and X (Ohm), G (S) and B (S), |Z| (Ohm or dB) and Phase (deg)"
 MEMORY_NOTE = "The file also holds a memory trace; trace=“memory” reads that one."
+ALONE = {  # a real part, the imaginary part that is missing, and what is not determined without it
+    "g": ("conductance", "the susceptance in S", "C0, coupling factor and leads"),
+    "r": ("resistance", "the reactance in Ohm", "R1, L1, C1, C0, coupling factor and leads"),
+}
 _HIGHEST = 1e12  # Hz
 _LOOP = 0.55  # enclosed share of the bounding box: a circle has 0.79, a locus that does not turn back at most 0.5
 _SAME = 1e-6  # relative difference within which a repeated point is the same point
+_DRIFT = 0.5  # correlation of the differences between sweeps from point to point: 0 for noise, 1 for a drift
 
 
 @dataclass
@@ -107,7 +113,10 @@ def from_headings(
     for column, raw in zip(usable, values[1:], strict=True):
         item = headings[column]
         kind = str(item.kind)
-        converted = raw * (item.scale or 1.0)
+        converted = item.values(raw)
+        if item.decibel:
+            unit = {"Ohm": "Ω"}.get(DIMENSION[kind], DIMENSION[kind])
+            reading.cautions.append(f"{quote(item.cell)} was read in dB relative to {item.scale:g} {unit}.")
         if kind in places and not np.allclose(converted, reading.columns[kind], 1e-3, 0.0, equal_nan=True):
             raise table.text.refusal(
                 header,
@@ -120,7 +129,8 @@ def from_headings(
             reading.angle_unit = "rad" if item.scale == 1.0 else "deg"
     reading.columns = quantities.with_named_phase(reading.columns)
     if quantities.pair_of(reading.columns) is None:
-        raise _no_quantities(table.text, header, headings)
+        alone = next(iter(reading.columns), "") if set(reading.columns) <= set(ALONE) else ""
+        raise _part_alone(reading, alone, header) if alone else _no_quantities(table.text, header, headings)
     return reading
 
 
@@ -144,6 +154,24 @@ def _no_quantities(text: Text, header: int, headings: list[Heading]) -> Spectrum
     known = [quote(item.cell) for item in named]
     found = f"of the columns only {' and '.join(known[:4])}" if known else "no column of a quantity that is known"
     return text.refusal(header, found, expected)
+
+
+def _part_alone(reading: Reading, kind: str, header: int) -> SpectrumError:
+    """Return the error for conductance or resistance alone, with what its largest peak shows."""
+    part, other, hidden = ALONE[kind]
+    frequency, places = np.unique(reading.frequency_hz, return_index=True)
+    real = np.nan_to_num(reading.columns[kind][places])
+    top = frequency[np.argmax(real)]
+    with np.errstate(all="ignore"):
+        peak = half_power(frequency, real.astype(complex), top, 2.0 * top / np.ptp(frequency))
+    found = "no peak with points at half of its height"
+    if peak:
+        f, q, ohm, w = peak.resonance_hz, peak.quality_factor, peak.resistance_ohm, 2.0 * np.pi * peak.resonance_hz
+        values = [("R1", ohm, "Ω"), ("L1", ohm * q / w, "H"), ("C1", 1.0 / (ohm * q * w), "F"), ("fs", f, "Hz")]
+        values = values if kind == "g" else [("maximum", 1.0 / ohm, "Ω"), ("fp", f, "Hz")]
+        found = ", ".join([*(f"{name} {engineering(value, unit)}" for name, value, unit in values), f"Q {q:.4g}"])
+        found = f"{found} (of its largest peak, by half power)".replace("\N{NO-BREAK SPACE}", " ")
+    return reading.text.refusal(header, f"{part} alone, which shows {found}, but not {hidden}", f"{other}, too")
 
 
 # --- spectrum ---
@@ -289,7 +317,8 @@ def _finite(reading: Reading, matrix: Complexes) -> tuple[Floats, Complexes, NDA
                 f"{text.name}, line {first}: here and at {bad - 1} of {good.size} points values are missing or zero; "
                 "expected numbers at most of them."
             )
-        reading.cautions.append(f"Points left out, with values missing or zero: {bad}, first in line {first}.")
+        found = f"Points left out, with values missing, zero or an overflow: {bad}, first in line {first}."
+        reading.cautions.append(found)
     keep = good & ~zero
     if np.count_nonzero(keep) < 2:
         raise SpectrumError(f"{text.name} has fewer than 2 complete points; expected a spectrum.")
@@ -304,6 +333,9 @@ def _ordered(
     if (steps > 0.0).all():
         return frequency, matrix
     order = np.argsort(frequency, kind="stable")
+    each, starts, counts = np.unique(frequency[order], return_index=True, return_counts=True)
+    if np.median(counts) > 1.0:
+        return each, _of_sweeps(reading, matrix[order], starts, counts)
     if (steps < 0.0).all():
         reading.cautions.append("The frequencies fall from point to point; the points were put in rising order.")
     elif (steps < 0.0).any():
@@ -321,6 +353,24 @@ def _ordered(
         raise reading.text.refusal(int(indices[place + 1]), found, expected)
     reading.cautions.append(f"Points that came twice, with the same values: {repeated.size}; one of each was kept.")
     return np.delete(frequency, repeated + 1), np.delete(matrix, repeated + 1, axis=0)
+
+
+def _of_sweeps(reading: Reading, matrix: Complexes, starts: NDArray[np.int64], counts: NDArray[np.int64]) -> Complexes:
+    """Return the mean of repeated sweeps, or the first if a resonance moves: the mean would be too broad.
+
+    ``starts`` and ``counts`` are place and number of the points of each frequency.
+    """
+    mean: Complexes = np.asarray(np.add.reduceat(matrix, starts) / counts[:, None, None], dtype=np.complex128)
+    first = matrix[starts]
+    size = np.maximum(np.abs(mean).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
+    off = (first - mean) / size
+    power = float(np.sum(np.abs(off) ** 2))
+    along = float(np.sum((off[1:] * off[:-1].conj()).real))
+    drifts = power > off.size * _SAME**2 and along > _DRIFT * power
+    kept = "They differ by more than noise, and the first was read" if drifts else "Their mean was read"
+    scatter = f"the first differs from the mean by {100.0 * np.sqrt(power / off.size):.2g} % RMS"
+    reading.cautions.append(f"The file holds {counts.max()} sweeps. {kept}; {scatter}.")
+    return first if drifts else mean
 
 
 # --- rejection ---

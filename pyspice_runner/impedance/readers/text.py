@@ -8,7 +8,9 @@ import re
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +20,22 @@ from pyspice_runner.errors import SpectrumError
 Floats = NDArray[np.float64]
 
 MOST_BYTES = 16 * 2**20  # about 200 000 points; an analyser writes 801 or 1601
+_LARGEST = 10 * MOST_BYTES  # of a workbook, whose XML takes about ten times the text of its cells
 
+_ZIP = b"PK\x03\x04"  # an .xlsx file is a ZIP archive
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _DECODERS = ((BOM_UTF8, "utf-8"), (BOM_UTF16_LE, "utf-16-le"), (BOM_UTF16_BE, "utf-16-be"))
 _UNMARKED = ("utf-8", "cp1252", "latin-1")  # tried without a byte-order mark
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _LONGEST_NUMBER = 60
+_COMMENTS = ("#", "!", "%")  # start of a line
 SEPARATORS = (";", "\t", ",")  # in this order, since a comma may be a decimal sign
 _MISSING = frozenset(
-    ("", "nan", "+nan", "-nan", "inf", "+inf", "-inf", "1.#qnan", "1.#inf", "-1.#inf", "-", "--", "---")
-)
+    ("", "nan", "+nan", "-nan", "inf", "+inf", "-inf", "1.#qnan", "1.#inf", "-1.#inf", "-", "--", "---", "ol", "ovl",
+     "overflow", "overload", "n/a", "#n/a", "#num!", "#div/0!")
+)  # fmt: skip
+_OVERFLOW = (9.9e37, 9.91e37)  # infinity and not a number after SCPI 1999.0, volume 1, 7.2.1
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,10 @@ class Text:
 
 
 def load(path: str | Path) -> Text:
-    """Return a file's lines. Raise SpectrumError if it is no regular file, too large, empty or not text."""
+    """Return a file's lines; of an Excel workbook (.xlsx) the rows of its first sheet, with tabs between the cells.
+
+    Raise SpectrumError if it is no regular file, too large, empty or not text.
+    """
     path = Path(path)
     name = clean(path.name or str(path), 80)
     try:
@@ -69,12 +79,35 @@ def load(path: str | Path) -> Text:
         raise SpectrumError(f"Cannot read {name}: {reason}. Give the file of a measured spectrum.") from None
     if len(data) > MOST_BYTES:
         raise SpectrumError(f"{name} has more than {MOST_BYTES // 2**20} MiB. Export fewer points.")
-    content = decode(data.rstrip(b"\x1a"), name)  # DOS ended its text files with Ctrl-Z
+    # DOS ended its text files with Ctrl-Z
+    content = _sheet(data, name) if data.startswith(_ZIP) else decode(data.rstrip(b"\x1a"), name)
     if not content.strip():
         raise SpectrumError(f"{name} is empty; expected a measured spectrum.")
     lines = _LINE_END.split(content)
     ended = not lines[-1].strip()
     return Text(name, tuple(lines[:-1] if ended else lines), ended)
+
+
+def _sheet(data: bytes, name: str) -> str:
+    """Return the first sheet of a workbook as text, a line for each row, so that messages name the row."""
+    try:
+        from openpyxl import load_workbook
+    except ImportError:
+        raise SpectrumError(
+            f"{name} is an Excel workbook or another ZIP archive; a workbook needs openpyxl. Install it: `pip install "
+            "'piezomotor[excel]'`; or save the sheet as CSV."
+        ) from None
+    try:
+        unpacked = sum(part.file_size for part in ZipFile(BytesIO(data)).infolist())
+        book = load_workbook(BytesIO(data), read_only=True, data_only=True) if unpacked < _LARGEST else None
+        rows = list(book.worksheets[0].values) if book else None
+    except Exception as error:  # noqa: BLE001 # a damaged file makes openpyxl raise whatever comes
+        fault = clean(str(error), 80)
+        raise SpectrumError(f"{name} is no Excel workbook that can be read: {fault}; save the sheet as CSV.") from None
+    if rows is None:
+        raise SpectrumError(f"{name} has more than {_LARGEST // 2**20} MiB unpacked. Export fewer points.")
+    cells = (["" if cell is None else " ".join(str(cell).split()) for cell in row] for row in rows)
+    return "".join("\t".join(row).rstrip("\t") + "\n" for row in cells)
 
 
 def decode(data: bytes, name: str) -> str:
@@ -162,7 +195,7 @@ def number(cell: str) -> float | None:
     """Return a cell's number, NaN for a missing one, ``None`` for anything else."""
     if len(cell) <= _LONGEST_NUMBER and _NUMBER.fullmatch(cell):
         value = float(cell)
-        return value if abs(value) < 1e300 else None
+        return np.nan if abs(value) in _OVERFLOW else value if abs(value) < 1e300 else None
     return np.nan if cell.lower() in _MISSING else None
 
 
@@ -205,9 +238,11 @@ def read_table(
     rows, indices = [], []
     for index in range(start, last - len(cut)):
         line = text.lines[index]
-        if not line.strip():
+        if not line.strip() or line.lstrip().startswith(_COMMENTS):
             continue
         cells = split(line, mark)
+        if header is not None and cells == names:  # repeated above each sweep
+            continue
         if names is None:
             names = [""] * len(cells)
         while len(cells) > len(names) and not cells[-1]:

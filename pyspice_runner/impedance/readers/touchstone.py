@@ -76,15 +76,15 @@ def _rows(text: Text, start: int) -> tuple[list[list[float]], list[int]]:
         cells = line.split()
         if not cells or line.lstrip().startswith("#"):
             continue
-        values = [np.nan if (value := number(cell)) is None else value for cell in cells]
-        if not np.isfinite(values).all():
-            raise text.refusal(index, f"{quote(cells[np.isfinite(values).argmin()])} is no number", "numbers")
+        values = [number(cell) for cell in cells]
+        if None in values:
+            raise text.refusal(index, f"{quote(cells[values.index(None)])} is no number", "numbers")
         if rows and len(rows[0]) == 9 and len(cells) == _NOISE:
             break
         if len(cells) not in _PORTS or (rows and len(cells) != len(rows[0])):
             expected = f"{len(rows[0])}" if rows else "3 (one port) or 9 (two ports)"
             raise text.refusal(index, f"{len(cells)} numbers", expected)
-        rows.append(values)
+        rows.append([value for value in values if value is not None])
         indices.append(index)
     if len(rows) < 2:
         raise text.refusal(start - 1, f"only {len(rows)} complete points follow", "at least 2")
@@ -145,10 +145,13 @@ def _assumed(s: Complexes) -> str | None:
 
     A series device has one current, 1 − S₁₁ = S₂₁; both ports of a shunt have one voltage, 1 + S₁₁ = S₂₁. A direct
     connection satisfies both; the smaller error decides. Two groups satisfy neither, except at the resonance of a
-    shared mode.
+    shared mode. An analyser that transmits from port 1 alone, as the NanoVNA, leaves S₁₂ = S₂₂ = 0.
     """
     reflected, passed = s[:, 0, 0], s[:, 1, 0]
+    if not reflected.any():
+        return None
     error = {"series": np.abs(1.0 - reflected - passed), "shunt": np.abs(1.0 + reflected - passed)}
-    device = min(error, key=lambda name: float(np.median(error[name])))
-    worst = np.maximum(error[device], np.abs(s[:, 0, 1] - passed))
+    device = min(error, key=lambda name: float(np.nanmedian(error[name])))
+    one_way = not s[:, :, 1].any()
+    worst = error[device] if one_way else np.maximum(error[device], np.abs(s[:, 0, 1] - passed))
     return device if np.mean(worst < _ONE_DEVICE * np.abs(passed)) > 0.5 else None

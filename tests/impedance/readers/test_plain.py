@@ -65,7 +65,7 @@ def test_a_header_that_contradicts_has_a_caution(tmp_path: Path) -> None:
         ("frequency_hz,color,phase_deg", "columns: there is no 'color'. Known are frequency_hz, "),
         ("frequency,magnitude_ohm,phase_deg", "columns: “frequency”: it names no unit. Write it as frequency_hz."),
         ("frequency_hz,R,X", "columns: “R”: it names no unit. Write it as resistance_ohm."),
-        ("frequency_hz,|Z| (dB),phase_deg", "columns: “|Z| (dB)”: the unit “dB” is not known. Write it as magnitude_"),
+        ("frequency_hz,|Z| (VA),phase_deg", "columns: “|Z| (VA)”: the unit “VA” is not known. Write it as magnitude_"),
         ("magnitude_ohm,phase_deg,-", "has no frequency. Add frequency_hz at its place."),
         ("frequency_hz,r_ohm,resistance_ohm", "“r_ohm” and “resistance_ohm” are the same quantity. Write -"),
         ("frequency_hz,resistance_ohm,phase_deg", "makes no admittance. Give two that make an admittance, such as"),

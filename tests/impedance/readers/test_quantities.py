@@ -63,7 +63,8 @@ def test_headings(cell: str, kind: str | None, scale: float | None) -> None:
     [
         ("Frequency (parsec)", "the unit “parsec” is not known"),
         ("|Z| (S)", "the unit “S” does not fit"),
-        ("|Z| (dB)", "the unit “dB” is not known"),
+        ("|Z| (dBm)", "the unit “dBm” is not known"),
+        ("Magnitude (dB)", "it names dB without the quantity, |Z| or |Y|"),
         ("Phase (Ohm)", "the unit “Ohm” does not fit"),
     ],
 )

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.impedance.readers.text import number
 from tests.data.spectra import make
 
 Y = make.admittance()
@@ -57,6 +58,16 @@ def test_a_fault_is_repaired_with_a_caution_and_no_other(fault: str, table) -> N
     assert spectrum.admittance_s == pytest.approx(Y)
     assert len(spectrum.cautions) == len(cautions)
     assert all(re.search(text, caution) for text, caution in zip(cautions, spectrum.cautions, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"), [("|Z| (dB)", "1 Ω"), ("magnitude_dbohm", "1 Ω"), ("|Z| (dBkOhm)", "1000 Ω"), ("|Y| (dB)", "1 S")]
+)
+def test_a_magnitude_in_decibels(name: str, unit: str, table) -> None:
+    values = (Y if "Y" in name else 1.0 / Y) / float(unit.split()[0])
+    spectrum = table(f"frequency_hz,{name},phase_deg", F, 20.0 * np.log10(np.abs(values)), np.angle(values, deg=True))
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert spectrum.cautions == (f"“{name}” was read in dB relative to {unit}.",)
 
 
 # --- phase ---
@@ -129,14 +140,36 @@ def test_a_frequency_with_two_values_is_refused(table) -> None:
 
 
 def test_missing_values_are_left_out_with_a_caution(table) -> None:
+    assert np.isnan([number(mark) for mark in ("9.9E37", "-9.90000E+37", "9.91E+37", "OVL", "#N/A", "")]).all()
     real = Y.real.copy()
     real[[4, 9]] = np.nan
     spectrum = table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
     assert len(spectrum) == Y.size - 2
-    assert spectrum.cautions == ("Points left out, with values missing or zero: 2, first in line 6.",)
+    assert spectrum.cautions == ("Points left out, with values missing, zero or an overflow: 2, first in line 6.",)
     real[:40] = np.nan
     with pytest.raises(pr.SpectrumError, match="line 2: here and at 39 of 61 points values are missing"):
         table(RECTANGULAR, make.FREQUENCY, real, Y.imag)
+
+
+def test_repeated_sweeps_that_differ_by_noise_are_averaged(tmp_path: Path) -> None:
+    noise = 1e-3 * (np.random.default_rng(11).standard_normal((4, Y.size, 2)) @ [1.0, 1j])
+    path = tmp_path / "measured.csv"
+    sweeps = [pr.Spectrum.from_admittance(F, Y * (1.0 + part)).save(path).read_text() for part in noise]
+    path.write_text("# again\n".join(sweeps), encoding="utf-8")  # each with its header
+    spectrum = pr.read_spectrum(path)
+    assert spectrum.admittance_s == pytest.approx(Y * (1.0 + noise.mean(axis=0)), rel=1e-12)
+    told = r"The file holds 4 sweeps. Their mean was read; the first differs from the mean by 0.1\d? % RMS."
+    assert re.fullmatch(told, spectrum.cautions[0])
+
+
+def test_of_sweeps_between_which_the_device_drifts_the_first_is_read(table) -> None:
+    """The resonance moves by a fifth of its width, up and down again; the mean would have a lower Q."""
+    y = np.append(Y, make.admittance(F[::-1] * (1.0 + 1e-3)))
+    spectrum = table(RECTANGULAR, np.append(F, F[::-1]), y.real, y.imag)
+    assert spectrum.admittance_s == pytest.approx(Y)
+    assert spectrum.cautions[0].startswith(
+        "The file holds 2 sweeps. They differ by more than noise, and the first was read; "
+    )
 
 
 @pytest.mark.parametrize(
@@ -153,6 +186,18 @@ def test_a_last_line_without_an_end_is_left_out(tmp_path: Path) -> None:
     spectrum = pr.read_spectrum(path)
     assert spectrum.admittance_s == pytest.approx(Y[:-1])
     assert spectrum.cautions == ("Line 62, the last, has no line end and may be cut short, so it was left out.",)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("overflow.csv", "first in line 102."), ("series_through.s2p", "those of one device in series")]
+)
+def test_files_as_instruments_write_them(name: str, told: str) -> None:
+    """An arm of 49.7 kHz, Q 50 and 250 pF beside 2.2 nF with a loss tangent of 0.01, and noise."""
+    fit = pr.fit_spectrum(pr.read_spectrum(Path(make.__file__).parents[1] / "cases" / name))
+    assert told in fit.cautions[0]
+    (arm,) = fit.arms
+    found = arm.series_resonance_hz, arm.quality_factor, arm.capacitance_f, fit.circuit.clamped_capacitance_f
+    assert found == pytest.approx((49.7e3, 50.0, 250e-12, 2.2e-9), rel=1e-3)
 
 
 # --- columns ---
@@ -191,7 +236,7 @@ def test_a_two_port_that_is_not_reciprocal_or_passive_is_refused(tmp_path: Path)
             "of the columns only “abs_z_ohm”; expected two that make an admittance",
         ),
         ("frequency_hz,Rs,Xs", "“Rs”: it names no unit; expected two"),
-        ("frequency_hz,|Z| (dB),phase_deg", "“|Z| (dB)”: the unit “dB” is not known; expected two"),
+        ("frequency_hz,|Z| (dBm),phase_deg", "“|Z| (dBm)”: the unit “dBm” is not known; expected two"),
         ("Frequency,r_ohm,x_ohm", "“Frequency”: it names no unit; expected Hz, kHz, MHz or GHz"),
         ("frequency_s,r_ohm,x_ohm", "“frequency_s”: the unit “s” does not fit; expected Hz"),
         ("frequency_hz,f (kHz),x_ohm", "2 columns of frequency; expected one"),
@@ -208,6 +253,21 @@ def test_one_quantity_in_two_columns(table) -> None:
     assert table(header, make.FREQUENCY, Y.real, Y.imag, Y.real * 1e3).admittance_s == pytest.approx(Y)
     with pytest.raises(pr.SpectrumError, match="“conductance_ms” and “g_s” are the same quantity with other values"):
         table(header, make.FREQUENCY, Y.real, Y.imag, Y.real)
+
+
+def test_a_real_part_alone_shows_its_peak_in_the_refusal(table) -> None:
+    f = np.linspace(95e3, 104e3, 2001)
+    y = make.admittance(f)
+    with pytest.raises(pr.SpectrumError) as caught:
+        table("frequency_hz,conductance_s", f, y.real)
+    found = re.search(r"R1 (.*) Ω, L1 (.*) mH, C1 (.*) pF, fs 100 kHz, Q (.*) \(of .*but not C0", str(caught.value))
+    w, c, q = 2e5 * np.pi, 50e-12, 200.0  # of the first arm; the loss of C0 adds 0.2 % to the conductance
+    expected = 1 / (w * c * q), 1e3 / (w**2 * c), 50, q
+    assert tuple(map(float, found.groups())) == pytest.approx(expected, rel=0.02)
+    with pytest.raises(pr.SpectrumError, match=r"line 1: resistance alone, which shows maximum .*, but not R1, L1"):
+        table("frequency_hz,resistance_ohm", f, (1.0 / y).real)
+    with pytest.raises(pr.SpectrumError, match="shows no peak with points at half of its height, but not C0"):
+        table("frequency_hz,conductance_s", f, f * 1e-9)
 
 
 # --- text ---
@@ -239,3 +299,25 @@ def test_what_a_file_says_of_itself_is_kept_short_and_printable(tmp_path: Path) 
     for text in (*spectrum.metadata, *spectrum.metadata.values(), spectrum.source):
         assert text.isprintable()
         assert len(text) <= 120
+
+
+def test_a_workbook_is_read_by_rows(tmp_path: Path) -> None:
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in [["Transducer"], ["f (kHz)", "G (S)", "B (S)"], *zip(F / 1e3, Y.real, Y.imag, strict=True)]:
+        book.active.append([item if isinstance(item, str) else float(item) for item in row])
+    book.save(path := tmp_path / "measured.xlsx")
+    assert pr.read_spectrum(path).admittance_s == pytest.approx(Y)
+    book.active["B7"] = "?"
+    book.save(path)
+    with pytest.raises(pr.SpectrumError, match=r"measured.xlsx, line 7: “\?” in column “G \(S\)” is no number"):
+        pr.read_spectrum(path)
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(pr.SpectrumError, match=r"measured.xlsx is no Excel workbook that can be read: .*as CSV"):
+        pr.read_spectrum(path)
+
+
+def test_a_workbook_without_its_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "openpyxl", None)
+    (path := tmp_path / "measured.xlsx").write_bytes(b"PK\x03\x04" + bytes(100))
+    with pytest.raises(pr.SpectrumError, match=r"measured.xlsx is an Excel .* `pip install 'piezomotor\[excel\]'`"):
+        pr.read_spectrum(path)
