@@ -388,7 +388,7 @@ class Driver(Stated, Source):
 
     def reachable(self, group: str) -> float:
         """Return the largest amplitude in V between the rails, behind the transformer; infinite where not known."""
-        if self.own or self.kind == "ideal":
+        if self.own or self.kind == "ideal" or self.transformer_resonance(group) <= self.frequency:
             return inf
         if self.kind in BRIDGES:
             return self.fundamental(group)
