@@ -66,8 +66,11 @@ POINTS = [
 
 @pytest.mark.parametrize(("voltage", "torque"), mostly(pytest.mark.soak, POINTS, always=[(75.0, 4e-3)]))
 def test_model_exchange_runs_with_the_default_tolerance(voltage: float, torque: float, units: dict[int, Path]) -> None:
-    """From standstill to an open contact, by CVODE and its 500 steps between two outputs; 2e-3 rad/s is the larger of
-    the two errors, that of CVODE for a rotor that begins to slip."""
+    """From standstill to an open contact, by CVODE and its 500 steps between two outputs.
+
+    3e-3 rad/s is the larger of the two errors, that of CVODE: 2.9e-3 at 150 V and 4 mN·m, where its tolerance of 1e-6
+    comes within 1.3e-4 of the other one.
+    """
     start = {"amplitude_a": voltage, "amplitude_b": voltage, "load_torque": torque}
     found = simulate_fmu(
         str(units[2]), fmi_type="ModelExchange", stop_time=0.1, start_values=start, output=["speed"]
@@ -75,7 +78,7 @@ def test_model_exchange_runs_with_the_default_tolerance(voltage: float, torque: 
     drive = pr.default_drive(MOTOR).model_copy(update={"voltage": voltage})
     ours = pr.simulate_averaged(MOTOR, drive, 0.1, load_torque=torque)
     assert found["time"][-1] == pytest.approx(0.1)
-    assert found["speed"][-1] == pytest.approx(ours.rotor_speed_rad_s[-1], abs=2e-3)
+    assert found["speed"][-1] == pytest.approx(ours.rotor_speed_rad_s[-1], abs=3e-3)
 
 
 def test_the_rates_do_not_jump_where_the_contact_begins_to_slip(units: dict[int, Path], tmp_path: Path) -> None:
