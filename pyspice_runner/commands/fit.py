@@ -12,7 +12,7 @@ from pyspice_runner.commands.options import TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import Connection
 
 _ARMS_TRIED = "{} of at most {} arms"
-_OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm"
+_OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm port_extension"
 _OF_SERIES = "series voltages temperatures"
 _OF_GROUPS = "two_port other both difference mass velocity tips base"
 
@@ -66,10 +66,12 @@ def _fit_one_port(call: Call) -> None:
         spectrum = measured.read_one_port(call, call.file)
         read = measured.reader(call.columns, call.through)
         fixture = {name: read(path) for name, path in parts.items() if path is not None}
-        if fixture:
+        if fixture or call.port_extension:
             from pyspice_runner.impedance.fixture import without_fixture
 
-            spectrum = without_fixture(spectrum, **fixture, load_ohm=call.load_ohm)
+            spectrum = without_fixture(
+                spectrum, **fixture, load_ohm=call.load_ohm, port_extension_s=call.port_extension
+            )
     with common.busy("fitting", _ARMS_TRIED) as progress:
         result = fit_one_port(spectrum, **settings, progress=progress)
     count = len(result.arms)

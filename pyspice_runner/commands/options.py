@@ -196,6 +196,7 @@ OPTIONS: dict[str, Option] = {
             Path | None, None, "Spectrum of the fixture with a resistor of --load-ohm.", "--load"
         ),
         load_ohm=option(float, 50.0, "Resistance of that resistor, Ω.", "--load-ohm"),
+        port_extension=option(float, 0.0, "Delay of a 50 Ω cable before the device, one way, s.", "--port-extension"),
     ),
     **_panel(
         "Several spectra of one device",

@@ -178,6 +178,11 @@ def circuit_library(circuit: EquivalentCircuit, *, name: str = RESONATOR, title:
         f"* LOSS TANGENT {circuit.loss_tangent:.4g} at {circuit.loss_reference_hz:.6g} Hz",
         f"*   of it {circuit.loss_tangent_falling:.4g} falls, {circuit.loss_tangent_rising:.4g} rises with frequency",
         *(
+            [f"*   {circuit.loss_tangent_flat:.4g} had a capacitance without dispersion, which no network has"]
+            if circuit.loss_tangent_flat
+            else []
+        ),
+        *(
             f"* ARM {index}: {arm.series_resonance_hz:.7g} Hz, Q {arm.quality_factor:.5g}"
             for index, arm in enumerate(circuit.arms, start=1)
         ),
@@ -240,7 +245,7 @@ def _dielectric(circuit: EquivalentCircuit, node: str) -> list[str]:
     elements = []
     if circuit.loss_tangent_falling > _LEAST:
         elements.append(f"Rleak {node} n {1.0 / circuit.loss_conductance_s!r}")
-    branches = circuit.dielectric()
+    branches = circuit.dielectric(flat=True)
     if len(branches) == 1:  # without resistance
         return [*elements, f"Cclamped {node} n {branches[0].capacitance_f!r}"]
     for number, (resistance, capacitance) in enumerate(branches, start=1):

@@ -185,8 +185,8 @@ class _Problem:
         upper[_FIRST + 3 :: _ARM] = _LARGEST
         lower = -upper
         circuit = self.start.circuit
-        parts = circuit.loss_tangent_falling, circuit.loss_tangent_rising
-        lower[1 : 1 + _LOSSES] = -np.array([max(circuit.loss_tangent - sum(parts), 0.0), *parts])  # none is below zero
+        parts = circuit.loss_tangent_causal, circuit.loss_tangent_falling, circuit.loss_tangent_rising
+        lower[1 : 1 + _LOSSES] = -np.maximum(parts, 0.0)  # none is below zero
         free = self.free
         scale = np.ones(len(point))
         scale[1 : 1 + _LOSSES] = 0.01

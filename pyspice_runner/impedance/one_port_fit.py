@@ -21,15 +21,27 @@ from pyspice_runner.export.circuit import CircuitExport
 from pyspice_runner.impedance.identify import errors
 from pyspice_runner.impedance.identify.arms import GLOBALS, Solution
 from pyspice_runner.impedance.identify.descent import Vector, rms
-from pyspice_runner.impedance.identify.problem import Problem
-from pyspice_runner.impedance.identify.selection import Candidate, Outcome, Progress, fit_arms, missing, select
-from pyspice_runner.impedance.noise import Noise, noise_of, same_shape
+from pyspice_runner.impedance.identify.problem import PLAUSIBLE_LEADS, Problem
+from pyspice_runner.impedance.identify.selection import (
+    LEADS_AT_LIMIT,
+    Candidate,
+    Outcome,
+    Progress,
+    fit_arms,
+    missing,
+    select,
+)
+from pyspice_runner.impedance.noise import REFERENCE_OHM, Noise, noise_of, same_shape
+from pyspice_runner.impedance.readers.touchstone import FORMAT as TOUCHSTONE
 from pyspice_runner.impedance.spectrum import HalfPower, Spectrum, band_of, half_power
 from pyspice_runner.motor.equivalent import Characteristics, EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering, unit_in
 
+_LEAST_LINE = 0.01  # capacitance of a cable over the clamped capacitance: that of the best calibrations
+# a peak within 1 % of its maximum turns by 16°, that of a maximally flat pair of resonances by 62°
+_LEVEL, _TURN = 0.01, np.radians(75.0)
 MOST_MODES = 20  # that may be given
 _ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
 _UNDECIDED = (
@@ -59,6 +71,11 @@ class FittedArm(MotionalArm):
 _LABELS = {
     "series_resonance_hz": "f", "quality_factor": "Q", "resistance_ohm": "R", "inductance_h": "L", "capacitance_f": "C",
 }  # fmt: skip
+_LOSS_PARTS = {
+    "falling": "falls with frequency", "causal": "constant", "flat": "constant without dispersion",
+    "rising": "rises with frequency",
+}  # fmt: skip
+_LEAST_LOSS = 1e-9  # a smaller part is round-off
 _STANDARD_LABELS = {"resistance_ohm": "R1", "inductance_h": "L1", "capacitance_f": "C1", "quality_factor": "Q"}
 
 
@@ -187,6 +204,7 @@ class SpectrumFit(Fit):
     def summary(self) -> dict[str, str]:
         """Return source, errors, the circuit's values ± one standard error, and the numbers of arms tried."""
         circuit, loss = self.circuit, self.standard_errors["loss_tangent"]
+        parts = [text for name, text in _LOSS_PARTS.items() if getattr(circuit, f"loss_tangent_{name}") > _LEAST_LOSS]
         leads = (engineering(value, unit_in(name)) for name, value in (self.leads or {}).items())
         found = {
             "source": self.source or "spectrum",
@@ -194,7 +212,7 @@ class SpectrumFit(Fit):
             "RMS error": f"{100.0 * self.rms_relative_error:.3g} %",
             "clamped capacitance": _shown(circuit, "clamped_capacitance_f", self.standard_errors),
             "loss tangent": f"{circuit.loss_tangent:.3g} ±{'?' if loss is None else f'{loss:.2g}'} at "
-            f"{engineering(circuit.loss_reference_hz, 'Hz')}",
+            f"{engineering(circuit.loss_reference_hz, 'Hz')}{', ' if parts else ''}{' and '.join(parts)}",
             "leads": " and ".join(leads) or "none",
             "error model": ", ".join(f"{kind} {sigma:.2g}" for kind, sigma in self.noise.items()),
         }
@@ -265,7 +283,8 @@ def fit_one_port(
             )
         raise SpectrumError(
             f"{name} shows no resonance between {first:g} Hz and {last:g} Hz: "
-            f"beside the clamped capacitance and its leads nothing rings with a Q above {errors.RESONANT_QUALITY}."
+            f"beside the clamped capacitance and its leads nothing rings with a Q above {errors.RESONANT_QUALITY} at "
+            "more than one point."
         )
     whole.far, whole.ridge = problem.far, problem.ridge
     if len(whole.w) > len(problem.w):
@@ -286,7 +305,10 @@ def fit_one_port(
         )
         for arm, deviations, characteristics in zip(circuit.arms, arm_errors, circuit.characteristics(), strict=True)
     )
-    cautions = [*spectrum.cautions, *_uncertain_arms(spectrum, arms), *_misfits(whole, solution, arms, modes)]
+    cautions = [*spectrum.cautions, *_clipped(spectrum), *_uncertain_arms(spectrum, arms)]
+    cautions += _misfits(whole, solution, arms, modes)
+    if leads is True:
+        cautions += _leads(circuit, outcome, spectrum.format == TOUCHSTONE or "s11" in noise_model.sigma)
     if _undecided(outcome.shifts, np.argsort(best.columns[0]), arms):
         cautions.append(_UNDECIDED)
     if len(problem.w) < len(spectrum):
@@ -356,6 +378,24 @@ def _check(spectrum: Spectrum, name: str, modes: int) -> None:
         )
 
 
+def _clipped(spectrum: Spectrum) -> Iterator[str]:
+    """Yield a caution where |Y| or |Z| stays at its maximum while the phase turns: no resonance does that."""
+    y = spectrum.admittance_s
+    for name, size in (("|Y|", np.abs(y)), ("|Z|", 1.0 / np.abs(y))):
+        top = int(np.argmax(size))
+        below = np.flatnonzero(size < (1.0 - _LEVEL) * size[top])
+        first = int(below[below < top].max(initial=-1)) + 1
+        last = int(below[below > top].min(initial=len(y))) - 1
+        turned = np.unwrap(np.angle(y[first : last + 1]))
+        if np.ptp(turned) > _TURN:
+            low, high = (engineering(float(spectrum.frequency_hz[place]), "Hz") for place in (first, last))
+            yield (
+                f"{name} is the same within {100.0 * _LEVEL:g} % from {low} to {high} while its phase turns by "
+                f"{np.degrees(np.ptp(turned)):.0f}°: the peak is clipped, and its arm is wrong. Measure with a larger "
+                "range or a lower level."
+            )
+
+
 def _uncertain_arms(spectrum: Spectrum, arms: tuple[FittedArm, ...]) -> Iterator[str]:
     """Yield a caution for each arm whose values are uncertain."""
     for arm in arms:
@@ -371,6 +411,24 @@ def _uncertain_arms(spectrum: Spectrum, arms: tuple[FittedArm, ...]) -> Iterator
         uncertainty = arm.standard_errors["resistance_ohm"]
         if uncertainty is None or uncertainty > 0.3 * arm.resistance_ohm:
             yield f"{where} is hardly determined: its resistance is uncertain by more than 30 %."
+
+
+def _leads(circuit: EquivalentCircuit, outcome: Outcome, reflected: bool) -> Iterator[str]:
+    """Yield cautions for leads at their limits, and for those of a reflection that may be a cable."""
+    if any(item.note == LEADS_AT_LIMIT for item in outcome.candidates):
+        ohm, henry = map(engineering, PLAUSIBLE_LEADS, ("Ω", "H"))
+        yield (
+            f"The fit is better with leads at their limits of {ohm} and {henry}, which are no leads of a fixture: they "
+            "are left out. Specify the leads, or what is in series with the device."
+        )
+    delay = circuit.lead_inductance_h / REFERENCE_OHM
+    capacitance = delay / REFERENCE_OHM
+    if reflected and capacitance > _LEAST_LINE * circuit.clamped_capacitance_f:
+        yield (
+            f"The inductance of the leads is also that of a {REFERENCE_OHM:g} Ω cable of {engineering(delay, 's')}, "
+            f"whose {engineering(capacitance, 'F')} the clamped capacitance then includes. If there is a cable between "
+            "the calibrated port and the device, specify its delay (fit --port-extension)."
+        )
 
 
 def _misfits(problem: Problem, solution: Solution, arms: tuple[FittedArm, ...], modes: int | None) -> Iterator[str]:

@@ -17,7 +17,8 @@ from pyspice_runner.motor.refusal import checked
 _ARM = [item.name for item in fields(MotionalArm)]
 _WHOLE = [item.name for item in fields(EquivalentCircuit) if item.name not in ("arms", "shared_losses")]
 _LEAST, _MOST = 1e-30, 1e18  # beyond any circuit, and far from overflow
-_MAY_BE_MISSING = ("lead_resistance_ohm", "lead_inductance_h", "loss_tangent_falling", "loss_tangent_rising")
+_PARTS = ("loss_tangent_falling", "loss_tangent_rising", "loss_tangent_flat")
+_MAY_BE_MISSING = ("lead_resistance_ohm", "lead_inductance_h", *_PARTS)
 _MAY_BE_ZERO = ("loss_tangent", *_MAY_BE_MISSING)
 
 
@@ -90,13 +91,12 @@ def circuit_of(document: Any, where: str) -> EquivalentCircuit:
     order = sorted(range(len(found)), key=lambda index: found[index].series_resonance_hz)
     rows = _rows(document.get("shared_losses") or [], [found[index] for index in order], order, where)
     circuit = EquivalentCircuit(tuple(found[index] for index in order), **whole, shared_losses=rows)
-    if circuit.loss_tangent_falling + circuit.loss_tangent_rising > circuit.loss_tangent * (1.0 + 1e-9) + 1e-12:
+    if -circuit.loss_tangent_causal > circuit.loss_tangent * 1e-9 + 1e-12:
         raise ParameterError(
-            f"{where}: loss_tangent = {circuit.loss_tangent:g} is less than its parts loss_tangent_falling and "
-            "loss_tangent_rising together. Correct one of them."
+            f"{where}: loss_tangent = {circuit.loss_tangent:g} is less than its parts {', '.join(_PARTS[:-1])} and "
+            f"{_PARTS[-1]} together. Correct one of them."
         )
-    constant = circuit.loss_tangent - circuit.loss_tangent_falling - circuit.loss_tangent_rising
-    if constant > LARGEST_LOSS_TANGENT:
+    if circuit.loss_tangent_causal + circuit.loss_tangent_flat > LARGEST_LOSS_TANGENT:
         raise ParameterError(
             f"{where}: the constant part of loss_tangent = {circuit.loss_tangent:g} is too large: it must be at "
             f"most {LARGEST_LOSS_TANGENT:g}. Specify a part of it as loss_tangent_falling or loss_tangent_rising."

@@ -13,7 +13,9 @@ Re Y is a sum of squares. The leads R_ℓ, L_ℓ are in series with the device Y
 The clamped capacitance C₀ and its loss tangent hold at the reference frequency f₀. One part of the loss tangent falls
 with frequency (a conductance in parallel), one rises (the resistance R₀ in series) and the rest is constant: a ladder
 of R–C branches (:func:`~.dielectric.lossy_capacitance`) from f₀/100 to 100 f₀, whose capacitance falls slowly with
-frequency. The characteristic frequencies are those of IEEE 176, of the device behind its leads.
+frequency. A further part is constant with the same capacitance at all frequencies, as in the models of instruments; no
+network of passive elements has it, and netlists have the ladder of the same tangent instead. The characteristic
+frequencies are those of IEEE 176, of the device behind its leads.
 """
 
 from __future__ import annotations
@@ -88,12 +90,13 @@ class EquivalentCircuit:
 
     arms: tuple[MotionalArm, ...]  # the arms; ``resistance_ohm`` of an arm is the diagonal element of R
     clamped_capacitance_f: float  # C₀ at the reference frequency
-    loss_tangent: float  # of C₀ at the reference frequency, its three parts together
+    loss_tangent: float  # of C₀ at the reference frequency, its four parts together
     loss_reference_hz: float  # the reference frequency
     lead_resistance_ohm: float = 0.0  # R_ℓ
     lead_inductance_h: float = 0.0  # L_ℓ
     loss_tangent_falling: float = 0.0  # part of the loss tangent that falls in proportion to 1/f
     loss_tangent_rising: float = 0.0  # part that rises in proportion to f
+    loss_tangent_flat: float = 0.0  # part that is constant without dispersion: its capacitance does not fall
     # one row for each shared resistance: weights in √Ω of the currents of the clamped capacitance and of each arm. R is
     # the sum of the arms' own resistances and of the products of the rows.
     shared_losses: tuple[tuple[float, ...], ...] = ()
@@ -108,9 +111,14 @@ class EquivalentCircuit:
         """Conductance in parallel to the clamped capacitance, S."""
         return self.loss_tangent_falling * 2.0 * pi * self.loss_reference_hz * self.clamped_capacitance_f
 
-    def dielectric(self) -> tuple[Branch, ...]:
-        """Return the branches of the clamped capacitance with the constant part of its loss."""
-        constant = self.loss_tangent - self.loss_tangent_falling - self.loss_tangent_rising
+    @property
+    def loss_tangent_causal(self) -> float:
+        """Part of the loss tangent that is constant with the dispersion that causality requires."""
+        return self.loss_tangent - self.loss_tangent_falling - self.loss_tangent_rising - self.loss_tangent_flat
+
+    def dielectric(self, *, flat: bool = False) -> tuple[Branch, ...]:
+        """Return the branches of the clamped capacitance with the causal part of its loss, with ``flat`` both."""
+        constant = self.loss_tangent_causal + flat * self.loss_tangent_flat
         return constant_loss(self.clamped_capacitance_f, constant, self.loss_reference_hz)
 
     @property
@@ -133,7 +141,8 @@ class EquivalentCircuit:
     def device_admittance(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the admittance in S of the device without its leads."""
         s = 2j * pi * np.asarray(frequency_hz, dtype=float)
-        y: NDArray[np.complex128] = np.asarray(self.loss_conductance_s + 0.0 * s, dtype=complex)
+        flat = self.loss_tangent_flat * self.clamped_capacitance_f * np.abs(s)
+        y: NDArray[np.complex128] = np.asarray(self.loss_conductance_s + flat, dtype=complex)
         for resistance, part in self.dielectric():
             y = y + s * part / (1.0 + s * resistance * part)
         y = y / (1.0 + self.loss_resistance_ohm * y)

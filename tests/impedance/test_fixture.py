@@ -74,3 +74,26 @@ def test_the_command_fits_the_device_behind_its_fixture(tmp_path: Path, capsys: 
     assert found["arms"][0]["resistance_ohm"] == pytest.approx(RESISTANCE, rel=1e-3)
     assert found["arms"][0]["inductance_h"] == pytest.approx(INDUCTANCE, rel=1e-3)
     assert found["clamped_capacitance_f"] == pytest.approx(CLAMPED, rel=1e-3)
+
+
+def test_a_cable_before_the_port_has_a_caution_and_is_removed_by_a_port_extension(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frequency = np.linspace(0.5e6, 3e6, 801)
+    jw, rng = 2j * np.pi * frequency, np.random.default_rng(0)
+    y = 50.0 * (jw * 1e-9 + 1.0 / (27.6 + jw * 220e-6 + 1.0 / (jw * 80e-12)))
+    reflected = (1.0 - y) / (1.0 + y) * np.exp(-2.0 * jw * 5e-9)
+    reflected += 3e-5 * (rng.standard_normal(801) + 1j * rng.standard_normal(801))
+    rows = np.column_stack([frequency, reflected.real, reflected.imag])
+    np.savetxt(tmp_path / "cable.s1p", rows, header="Hz S RI R 50", comments="# ")
+    assert run(["fit", str(tmp_path / "cable.s1p"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["clamped_capacitance_f"] == pytest.approx(1.1e-9, rel=5e-3)  # with the cable's 5 ns / 50 Ω
+    assert any("--port-extension" in text for text in found["warnings"])
+    assert run(["fit", str(tmp_path / "cable.s1p"), "--port-extension", "5n", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["clamped_capacitance_f"] == pytest.approx(1e-9, rel=5e-4)
+    assert found["arms"][0]["inductance_h"] == pytest.approx(220e-6, rel=5e-4)
+    assert found["leads"] is None
+    with pytest.raises(pr.ParameterError, match="port_extension_s = 1 is not valid: it must be a delay from 0 to"):
+        without_fixture(spectrum(DEVICE), port_extension_s=1.0)

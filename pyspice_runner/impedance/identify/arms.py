@@ -15,8 +15,11 @@ from pyspice_runner.impedance.identify.descent import Complexes, Vector
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 from pyspice_runner.motor.equivalent import constant_loss
 
-GLOBALS = 6  # parameters before those of the arms: ln C₀; tan δ that falls, stays, rises with frequency; R_ℓ, L_ℓ
-LOSSES, LEADS = (1, 2, 3), (4, 5)  # their places
+# parameters before those of the arms: ln C₀; tan δ that falls, stays, rises with frequency, stays without dispersion;
+# R_ℓ, L_ℓ
+GLOBALS = 7
+LOSSES, LEADS = (1, 2, 3, 4), (5, 6)  # their places
+CAUSAL, FLAT = 2, 4  # those of the parts that are constant, with and without dispersion
 _TERMS = 10  # of the polynomials in the loss tangent, for an accuracy of 1e-10
 COST = attrgetter("cost")
 
@@ -112,9 +115,9 @@ class ArmModel:
 
     def at(self, solution: Solution) -> Values:
         """Evaluate the model."""
-        size, falling, constant, rising, lead_r, lead_l = solution.parameters[:GLOBALS]
+        size, falling, constant, rising, flat, lead_r, lead_l = solution.parameters[:GLOBALS]
         size = np.exp(size)
-        inner = size * (self.s * self.constant_loss(constant) + falling)
+        inner = size * (self.s * self.constant_loss(constant) + falling + flat * self.w)
         behind = 1.0 / (1.0 + rising / size * inner)
         clamped = inner * behind
         arms = np.exp(solution.parameters[GLOBALS : solution.last]).reshape(-1, 3)
@@ -157,8 +160,9 @@ class ArmModel:
         jacobian[1] = inner * size
         jacobian[2] = inner * size * self.s * self.constant_loss(float(parameters[2]), derivative=True)
         jacobian[3] = -inner * m.inner**2 / size
-        jacobian[4] = -outer * m.y**2
-        jacobian[5] = jacobian[4] * self.s
+        jacobian[4] = jacobian[1] * self.w
+        jacobian[5] = -outer * m.y**2
+        jacobian[6] = jacobian[5] * self.s
         last = GLOBALS + 3 * len(m.frequency)
         along = chain * m.velocity
         squared = along * m.velocity

@@ -90,16 +90,23 @@ def doubts(problem: Problem, solution: Solution) -> str:
     spread = np.einsum("ki,ij,kj->k", slope, covariance(problem, solution, free_parameters(problem, solution)), slope)
     if not np.all(spread < UNDETERMINED**2):
         return "an arm is not determined"
+    return "an arm is narrower than the points" if lone(problem, solution) else ""
+
+
+def lone(problem: Problem, solution: Solution) -> list[int]:
+    """Return the arms, by rising frequency, that are narrower than the points and that no other point shows."""
+    if is_exact(problem, solution) or solution.rank:
+        return []
     frequency, _, quality = np.exp(solution.columns)
-    w = problem.w
+    w, found = problem.w, []
     spacing = np.interp(frequency, 0.5 * (w[1:] + w[:-1]), np.diff(w))
-    narrow = np.flatnonzero(frequency / quality < spacing) if not solution.rank else ()
-    for k in narrow:
-        values, _, chain = problem.device_residual(solution)
+    values, _, chain = problem.device_residual(solution)
+    for rank, k in enumerate(np.argsort(frequency)):
         effect = (chain * values.theta[k] * values.velocity[k])[np.abs(w - frequency[k]) > 1.5 * spacing[k]]
-        if float(np.sum(np.abs(effect) ** 2)) < SIGNIFICANT**2 * solution.cost / len(w):
-            return "an arm is narrower than the points"
-    return ""
+        unseen = float(np.sum(np.abs(effect) ** 2)) < SIGNIFICANT**2 * solution.cost / len(w)
+        if unseen and frequency[k] / quality[k] < spacing[k]:
+            found.append(rank)
+    return found
 
 
 def skewed_arms(problem: Problem, solution: Solution) -> list[int]:
@@ -167,6 +174,7 @@ def circuit_of(problem: Problem, solution: Solution) -> EquivalentCircuit:
         lead_inductance_h=lead_henry * problem.unit_henry,
         loss_tangent_falling=losses[0],
         loss_tangent_rising=losses[2],
+        loss_tangent_flat=losses[3],
         shared_losses=tuple(map(tuple, columns.T.tolist())),
     )
 

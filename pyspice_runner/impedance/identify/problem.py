@@ -125,8 +125,8 @@ class Problem:
         highest = self.w[-1] + margin if not self.far else self.w[-1] * _FARTHEST
         ohm, henry = PLAUSIBLE_LEADS
         arms, rest = solution.arms, solution.rank * (solution.arms + 1)
-        lower = [-25.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        upper = [25.0, 2.0, LARGEST_LOSS_TANGENT, 2.0, ohm * self.unit_s, henry / self.unit_henry]
+        lower = [-25.0] + [0.0] * (GLOBALS - 1)
+        upper = [25.0, 2.0, LARGEST_LOSS_TANGENT, 2.0, LARGEST_LOSS_TANGENT, ohm * self.unit_s, henry / self.unit_henry]
         for place in solution.held:
             lower[place] = upper[place] = solution.parameters[place]
         lower += [log(lowest), -25.0, log(_LOWEST_QUALITY)] * arms + [-2.0] * rest

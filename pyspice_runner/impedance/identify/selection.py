@@ -10,7 +10,7 @@ from math import inf, log, sqrt
 import numpy as np
 
 from pyspice_runner.impedance.identify import errors
-from pyspice_runner.impedance.identify.arms import COST, GLOBALS, LEADS, LOSSES, Solution
+from pyspice_runner.impedance.identify.arms import CAUSAL, COST, FLAT, GLOBALS, LEADS, LOSSES, Solution
 from pyspice_runner.impedance.identify.descent import FINEST, Vector, inverse, squares
 from pyspice_runner.impedance.identify.problem import MARGIN, PLAUSIBLE_LEADS, Problem, ridge_of
 
@@ -25,7 +25,9 @@ _DISPERSION = 5e-3  # largest relative residual of a dielectric with another dis
 # 10 in one of 60 spectra
 _TIE = 20.0
 _AKAIKE = 2.0  # price of a parameter in the weights of the averages
-_PARTS: tuple[tuple[int, ...], ...] = ((), (3,), (2,), (1, 3))  # free parts of the loss to try
+# free parts of the loss to try; the part without dispersion, which no network has, only alone
+_PARTS: tuple[tuple[int, ...], ...] = ((), (3,), (2,), (FLAT,), (1, 3), (1, 2, 3))
+LEADS_AT_LIMIT = "leads at their limit"
 _OUTSIDE = np.array([0.05, 0.2, 0.8])  # of the margin, where arms outside the band are tried
 _QUALITY_OUTSIDE = 50.0  # of these
 
@@ -43,7 +45,7 @@ class Candidate:
     criterion: float  # Schwarz's information criterion; the lowest is best
     rms_relative_error: float  # root mean square of the relative residual's magnitude
     # reason for rejection at any criterion: an arm is not determined, follows the background, or is narrower than the
-    # points.
+    # points; leads are at their limit.
     note: str = ""
 
 
@@ -61,9 +63,8 @@ class Outcome:
     def finds_resonance(self) -> bool:
         """Whether the criterion asks for the selected arms, and one of them resonates in the band."""
         best, bare = (errors.criterion(self.problem, each, self.points) for each in (self.best, self.bare))
-        return (best < bare or self.best.cost < 0.5 * self.bare.cost) and bool(
-            errors.resonances(self.problem, self.best)
-        )
+        found = set(errors.resonances(self.problem, self.best)) - set(errors.lone(self.problem, self.best))
+        return (best < bare or self.best.cost < 0.5 * self.bare.cost) and bool(found)
 
 
 def select(problem: Problem, modes: int | None, leads: bool, progress: Progress | None) -> Outcome:
@@ -87,16 +88,27 @@ def select(problem: Problem, modes: int | None, leads: bool, progress: Progress 
         idle = modes is None and len(errors.resonances(problem, solution)) < solution.arms
         if not note and idle and fewer and min(fewer) ** 2 - error**2 < _DISPERSION**2:
             note = "an arm follows the background"
-        value = errors.criterion(problem, solution, points)
-        candidates.append(Candidate(solution.arms, solution.rank, solution.has_leads, value, error, note))
+        candidates.append(_candidate(problem, solution, points, note))
     tried = list(zip(candidates, solutions, strict=True))
     among = [pair for pair in tried if not pair[0].note]
     among = among or [pair for pair in tried if errors.resonances(problem, pair[1])] or tried
     chosen = min(among, key=lambda pair: pair[0].criterion)[1]
     # a given number that cannot follow the spectrum takes the lowest residual
-    ranked = [min(solutions, key=COST)] if problem.far else simplified(problem, chosen, points, leads)
+    if problem.far:
+        ranked = [min((item for item in solutions if item.rank), key=COST)]
+    else:
+        ranked = simplified(problem, chosen, points, leads)
+        if _at_limit(problem, ranked[0]):
+            candidates.append(_candidate(problem, ranked[0], points, LEADS_AT_LIMIT))
+        ranked = [item for item in ranked if not _at_limit(problem, item)]
     bare = simplified(problem, bare, points, leads=False)[0]
     return Outcome(problem, bare, ranked[0], points, tuple(candidates), _shifts(problem, ranked, points))
+
+
+def _candidate(problem: Problem, solution: Solution, points: float, note: str) -> Candidate:
+    """Return the record of a solution that was tried."""
+    value, error = errors.criterion(problem, solution, points), problem.rms_relative_error(solution)
+    return Candidate(solution.arms, solution.rank, solution.has_leads, value, error, note)
 
 
 def _search(
@@ -121,7 +133,7 @@ def _search(
         solutions.append(plain)
         if not settled(problem, plain) and not done:
             behind = with_leads(problem, plain) if leads else plain
-            if settled(problem, behind):
+            if settled(problem, behind) and not _at_limit(problem, behind):
                 solutions[-1] = behind
             elif arms > 1 and plain.cost > misfit:
                 shared = grown(problem, plain, shared or coupled(problem, fit_arms(problem, 2, bare, quick=True)))
@@ -166,7 +178,7 @@ def settled(problem: Problem, solution: Solution) -> bool:
 def fit_bare(problem: Problem) -> Solution:
     """Fit the clamped capacitance alone, behind plausible leads."""
     capacitance = float(np.median(np.maximum(problem.y.imag / problem.w, 1e-6)))
-    begin = np.array([log(capacitance), 0.001, 0.001, 0.001, *problem.stated_leads])
+    begin = np.array([log(capacitance), *[0.001] * len(LOSSES), *problem.stated_leads])
     return problem.descend(Solution(begin, inf, 0))
 
 
@@ -188,7 +200,9 @@ def fit_arms(problem: Problem, arms: int, before: Solution, quick: bool = False)
 
 
 def coupled(problem: Problem, solution: Solution) -> Solution:
-    """Return the fit with damping coupled by one column, started from one linear step."""
+    """Return the fit with damping coupled by one column, started from one linear step, and with a causal loss."""
+    both = float(solution.parameters[[CAUSAL, FLAT]].sum())
+    solution = solution.changed((CAUSAL, FLAT), [both, 0.0], held=(*solution.held, FLAT))
     arms, last = solution.arms, solution.last
     problem.ridge = problem.ridge or ridge_of(solution)
     residual, jacobian = problem.linearised(solution)
@@ -241,6 +255,12 @@ def wider(problem: Problem, solution: Solution) -> list[Solution]:
 # --- loss and leads ---
 
 
+def _at_limit(problem: Problem, solution: Solution) -> bool:
+    """Whether free leads are at the maximum of their range."""
+    places, upper = list(LEADS), problem.bounds(solution)[1]
+    return solution.has_leads and bool((solution.parameters[places] >= upper[places]).any())
+
+
 def with_leads(problem: Problem, solution: Solution) -> Solution:
     """Return the fit with leads added."""
     held = tuple(place for place in solution.held if place not in LEADS)
@@ -253,24 +273,30 @@ def simplified(problem: Problem, solution: Solution, points: float, leads: bool)
     """Return fits with fewer parts of the loss, and with leads if they promise enough, the best one first.
 
     Leads have both resistance and inductance. Over a narrow band they cancel the dispersion of a constant loss tangent,
-    which then resembles a falling and a rising part together: beside leads, a second part of the loss needs evidence as
-    strong as the leads themselves.
+    which then resembles a falling and a rising part together, or one without dispersion: beside leads, each of these
+    needs evidence as strong as the leads themselves.
     """
 
     def score(rival: Solution) -> float:
-        several = len(set(LOSSES) - set(rival.held)) > 1
-        return errors.criterion(problem, rival, points) + _TIE * (rival.has_leads + (rival.has_leads and several))
+        free = set(LOSSES) - set(rival.held)
+        doubtful = rival.has_leads and (len(free) > 1 or FLAT in free)
+        return errors.criterion(problem, rival, points) + _TIE * (rival.has_leads + doubtful)
 
     def variants(kept: tuple[int, ...]) -> list[Solution]:
         found = []
+        start = solution if kept else solution.changed(LEADS, problem.stated_leads)
         total = solution.parameters[list(LOSSES)].sum()
         for free in _PARTS:
+            if solution.rank and FLAT in free:
+                continue
             held = tuple(place for place in (*LOSSES, *LEADS) if place not in (*free, *kept))
             share = [total / max(len(free), 1) if place in free else 0.0 for place in LOSSES]
-            found.append(problem.descend(solution.changed(LOSSES, share, held=held)))
+            found.append(problem.descend(start.changed(LOSSES, share, held=held)))
         return found
 
-    found = [solution, *variants(LEADS if solution.has_leads else ())]
+    found = variants(LEADS if solution.has_leads else ())
+    if solution.has_leads and all(_at_limit(problem, item) for item in found):
+        found += variants(())
     white = leads and not solution.has_leads and points > 0.5 * len(problem.w)
     if white and _leads_promise(problem, min(found, key=score)) > log(2.0 * points):
         found += variants(LEADS)
