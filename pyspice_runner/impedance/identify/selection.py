@@ -286,9 +286,7 @@ def simplified(problem: Problem, solution: Solution, points: float, leads: bool)
         found = []
         start = solution if kept else solution.changed(LEADS, problem.stated_leads)
         total = solution.parameters[list(LOSSES)].sum()
-        for free in _PARTS:
-            if solution.rank and FLAT in free:
-                continue
+        for free in (part for part in _PARTS if not (solution.rank and FLAT in part)):
             held = tuple(place for place in (*LOSSES, *LEADS) if place not in (*free, *kept))
             share = [total / max(len(free), 1) if place in free else 0.0 for place in LOSSES]
             found.append(problem.descend(start.changed(LOSSES, share, held=held)))
