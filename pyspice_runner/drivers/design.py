@@ -973,10 +973,13 @@ class _Search:
     def _windings(self, driver: Driver) -> dict[str, float]:
         """Return magnetising inductance and resistances of the transformers on their cores, unless they are given."""
         label, found = driver.transformer_label, dict[str, float]()
+        # the pins of a transducer need not keep their voltages: those behind this driver
+        points = self.linear(driver) if self.ideal.motor.is_transducer else self.points
+        through = part_phasors(driver, points)
         for group in self.pins:
-            pins = [point.group(group) for point in self.points]
-            through = [at_stage(driver, group, pin.voltage_v, pin.voltage_v / pin.impedance_ohm)[1] for pin in pins]
-            core = wound_transformer(driver, group, driver.ratio(group) * max(map(abs, through)) / sqrt(2.0))
+            most = float(np.abs(through[groups.current("out", group)]).max()) / sqrt(2.0)
+            most *= driver.ratio(group) if driver.kind == "push-pull" else 1.0  # of its secondary
+            core = wound_transformer(driver, group, most)
             if core is None:
                 continue
             self.cores[group], halves = core, 2.0 if driver.kind == "push-pull" else 1.0

@@ -91,6 +91,13 @@ def test_at_the_antiresonance_a_voltage_keeps_the_current(tmp_path: Path) -> Non
     assert by_hand(design, name, tmp_path, 19.0 * ohm) == pytest.approx(0.1, rel=0.02)
 
 
+def test_a_core_is_that_of_the_current_behind_the_network_of_a_kept_current(tmp_path: Path) -> None:
+    """The idle arm has 10 V there, not the 205 V under load, with which its current would be 24 A."""
+    device = fitted(tmp_path, "SMBLTD45F28H")
+    design = design_driver(device, spec_of(device, "llcc", power=50.0, load_range=(1.0, 20.0)))
+    assert design.cores["a"].name == "RM 12"
+
+
 def test_show_and_map_of_a_transducer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fitted(tmp_path, AIR)
     path = str(tmp_path / f"{AIR}.toml")
