@@ -30,7 +30,7 @@ from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, SHORT
 from pyspice_runner.drivers.magnetics import Wound, wound_transformer
 from pyspice_runner.drivers.matching import match_to_source
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
-from pyspice_runner.drivers.ratings import PartLoad, judged
+from pyspice_runner.drivers.ratings import TRANSFORMER, PartLoad, judged
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
@@ -316,6 +316,11 @@ class Design:
         both = tuple(judged(self.driver, part, self.cores) for part in most)
         starts = None if speed_rad_s is None else self._starts(speed_rad_s)
         notes = [*exceeded(both, self.driver), *depolarised(motor, volts)]
+        notes += [
+            f"No core of the list takes the {engineering(part.rms_current_a, 'A')} RMS of the {part.name}."
+            for part in both
+            if self.cores and part.name.startswith(TRANSFORMER) and part.rms_current_a and part.core is None
+        ]
         notes = [note for note in notes if note not in self.reason]  # of a driver that is not feasible
         short, turns = "", f"it turns at {speed_rad_s or 0.0:.3g} rad/s at the end of the run."
         if starts is False and missing_s > 0.0:

@@ -29,6 +29,8 @@ _LEAST_MAGNETISING = 1e-4  # H, of the library of transformers
 _RESIDUAL = 1e-5  # m, gap between ground faces: assumed; with it A_L of the sheets of RM 8 and ETD 34 within 15 %
 _HOTTEST = 40.0  # K, rise of a proposal
 _THINNEST = 1e-4  # m, wire
+_OF_RATIO = 5e-3  # largest error of whole turns against the ratio of a transformer
+_MORE_TURNS = 1.5  # times the turns of the smallest loss, up to which they are sought
 
 
 @dataclass(frozen=True)
@@ -48,16 +50,22 @@ class Wound:
     winding_w: float  # loss in all windings by that resistance; skin and proximity effect come on top
     ferrite_w: float  # loss in the core
     rise_k: float  # above the ambient
+    rms_a: float  # current for which it is, of a transformer that of the primary and of the secondary referred to it
+    instead_of: str = ""  # core of the design that does not take this current
 
     def words(self) -> str:
         """Return core, turns and losses for a summary."""
-        second = f" and {self.secondary_turns}" if self.secondary_turns else ""
+        second, ratio = "", self.secondary_turns / self.turns
+        if ratio:
+            second = f" and {self.secondary_turns} (1 : {ratio:.4g})"
         wire = "litz wire, copper as of" if self.skin_depths > 2.0 else "wire of"
         gap = f", gap {engineering(self.gap_m, 'm')}" if self.gap_m else ""
+        instead = f"; {self.instead_of} of the design does not take the RMS current" if self.instead_of else ""
         return (
             f"{self.name} {_data()['material']['name']}: {self.turns}{second} turns, {wire} "
             f"{engineering(self.wire_m, 'm')}{gap}; {engineering(self.peak_t, 'T')} at the peak; winding "
             f"{engineering(self.winding_w, 'W')}, core {engineering(self.ferrite_w, 'W')}, {self.rise_k:.3g} K warmer"
+            f"{instead}"
         )
 
 
@@ -67,17 +75,18 @@ def _data() -> dict[str, Any]:
 
 
 def wound(
-    peak_v_s: float, settled_v_s: float, rms_a: float, frequency: float, inductance: float = 0.0, ratio: float = 0.0
-) -> Wound | None:
+    peak_v_s: float, settled_v_s: float, rms_a: float, frequency: float, inductance: float = 0.0, ratio: float = 0.0,
+    kept: Wound | None = None,
+) -> Wound | None:  # fmt: skip
     """Return the smallest core for a coil of an inductance in H, or a transformer of a ratio secondary to primary.
 
     Flux linkages, at the peak and the settled amplitude, are those of the coil or the primary; the current is that of
-    the coil, or of the primary plus that of the secondary referred to it. ``None`` if no core of the list takes it, and
-    above the frequencies of the ferrite.
+    the coil, or of the primary plus that of the secondary referred to it. ``kept`` has the smallest core, and its turns
+    if it takes the current. ``None`` if no core of the list takes it, and above the frequencies of the ferrite.
     """
     iron, skin = _data()["material"], sqrt(_COPPER / (pi * frequency * _MU_0))
-    listed = _data()["cores"].items() if frequency <= iron["highest_hz"] else ()
-    for name, core in listed:
+    listed = list(_data()["cores"].items()) if frequency <= iron["highest_hz"] else []
+    for name, core in listed[[name for name, _ in listed].index(kept.name) if kept else 0 :]:
         path, turn = 1e-3 * core["path_mm"], 1e-3 * core["turn_mm"]
         area, copper = 1e-6 * core["area_mm2"], 1e-6 * core["window_mm2"] * _FILL
         if area * copper < peak_v_s * rms_a / (_CURRENT_DENSITY * iron["flux_density_t"]):
@@ -92,7 +101,11 @@ def wound(
         share = 0.5 if ratio else 1.0  # of the copper, in the primary
         most = 4.0 * share * copper / (pi * _THINNEST**2 * max(1.0, ratio))
         best = (iron["beta"] * loss / (2.0 * heat)) ** (1.0 / (iron["beta"] + 2.0))
-        turns = ceil(max(least, gapped, min(best, most)))
+        turns, secondary = ceil(max(least, gapped, min(best, most))), 0
+        if ratio:
+            turns, secondary = _turns(turns, ratio)
+        if kept and kept.name == name:
+            turns, secondary = kept.turns, kept.secondary_turns
         gap = _MU_0 * turns**2 * area / inductance - magnetic if inductance else 0.0
         winding_w, ferrite_w = heat * turns**2, loss / turns ** iron["beta"]
         wire = sqrt(4.0 * share * copper / (pi * turns))
@@ -100,15 +113,26 @@ def wound(
         rise = 53.0 * (1e6 * path * area) ** -0.54 * (winding_w + ferrite_w)
         if rise <= _HOTTEST and turns <= most + 1.0:
             return Wound(
-                name, turns, round(ratio * turns), gap, _MU_0 * turns**2 * area / (magnetic + (gap or _RESIDUAL)),
+                name, turns, secondary, gap, _MU_0 * turns**2 * area / (magnetic + (gap or _RESIDUAL)),
                 peak_v_s / (turns * area), settled_v_s / (turns * area), wire, wire / skin,
                 _COPPER * turn * turns**2 / (share * copper), winding_w, ferrite_w, rise,
+                rms_a, kept.name if kept and kept.name != name else "",
             )  # fmt: skip
     return None
 
 
-def wound_transformer(driver: Driver, group: str, rms_a: float) -> Wound | None:
-    """Return a core for the transformer of a group, by the RMS current in A of its primary.
+def _turns(least: int, ratio: float) -> tuple[int, int]:
+    """Return turns of the primary, at least as many, and of the secondary: the first within a tolerance of a ratio.
+
+    Without such, those of the smallest error.
+    """
+    pairs = [(turns, max(round(ratio * turns), 1)) for turns in range(least, ceil(_MORE_TURNS * least) + 1)]
+    errors = [abs(second / (ratio * first) - 1.0) for first, second in pairs]
+    return pairs[next((at for at, error in enumerate(errors) if error <= _OF_RATIO), errors.index(min(errors)))]
+
+
+def wound_transformer(driver: Driver, group: str, rms_a: float, kept: Wound | None = None) -> Wound | None:
+    """Return a core for the transformer of a group, by the RMS current in A of its primary; ``kept`` if it takes it.
 
     At power-up the flux starts at zero instead of its negative peak, and reaches up to twice its amplitude (1.16 times
     with bimodal40 and a supply that rises in 20 µs).
@@ -117,4 +141,6 @@ def wound_transformer(driver: Driver, group: str, rms_a: float) -> Wound | None:
     volts = high - low if driver.kind in ("full-bridge", "push-pull") else high
     linkage = volts / ((4.0 if driver.switched else 2.0 * pi) * driver.frequency)  # of a square or a sine wave
     both = 1.0 + sqrt(2.0) if driver.kind == "push-pull" else 2.0  # windings; each half for a half of the time
-    return wound(2.0 * linkage, linkage, both * rms_a, driver.frequency, ratio=driver.ratio(group))
+    if kept and both * rms_a <= kept.rms_a:
+        return kept
+    return wound(2.0 * linkage, linkage, both * rms_a, driver.frequency, ratio=driver.ratio(group), kept=kept)

@@ -106,7 +106,7 @@ def judged(driver: Driver, part: PartLoad, cores: Mapping[str, Wound] = MappingP
     rms, group = part.rms_current_a, part.name.partition("group ")[2][:1].lower()
     if part.name.startswith(TRANSFORMER) and rms:
         rms *= driver.ratio(group) if driver.kind == "push-pull" else 1.0  # of the secondary
-        return replace(part, core=cores.get(group) or wound_transformer(driver, group, rms))
+        return replace(part, core=wound_transformer(driver, group, rms, cores.get(group)))
     if part.unit == "H" and part.peak_current_a and rms and not part.name.startswith(CABLE):
         peak, settled = part.value * part.peak_current_a, sqrt(2.0) * part.value * rms
         return replace(part, core=wound(peak, settled, rms, driver.frequency, part.value))

@@ -17,7 +17,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.drivers import magnetics
 from pyspice_runner.drivers.magnetics import wound, wound_transformer
-from pyspice_runner.drivers.ratings import PartLoad, transistor_ratings
+from pyspice_runner.drivers.ratings import PartLoad, judged, transistor_ratings
 from pyspice_runner.drivers.report import DriveReport
 
 pytestmark = pytest.mark.xdist_group("drivers")
@@ -130,6 +130,34 @@ def test_a_transformer_has_the_turns_of_its_volt_seconds_and_the_permeance_of_it
     assert found.peak_t <= 0.3
     assert found.secondary_turns == round(3.42 * found.turns)
     assert found.inductance_h == pytest.approx(found.turns**2 * 4e-7 * pi * 36.6e-6 / (28.6e-3 / 2200.0 + 1e-5))
+
+
+def test_a_core_stays_with_its_turns_until_the_rms_current_of_a_run_is_too_large() -> None:
+    """RM 6 has 36.6 · 15 = 549 mm⁴; 0.25 A in both windings and 295 µV·s need 2 · 0.25 · 295e-6/480e3 = 307 mm⁴."""
+    settings = {"transformer.ratio": 3.42}
+    driver = pr.Driver(kind="full-bridge", voltage=100.0, frequency=40.7e3, supply_v=24.0, settings=settings)
+    design = wound_transformer(driver, "a", 0.25)
+    assert design is not None
+    assert wound_transformer(driver, "a", 0.1, design) is design
+    more, other = wound_transformer(driver, "a", 0.3, design), wound_transformer(driver, "a", 1.0, design)
+    assert (more.name, more.turns, more.instead_of) == (design.name, design.turns, "")
+    assert more.winding_w == pytest.approx(design.winding_w * (0.3 / 0.25) ** 2)
+    assert other.name == "RM 8"  # 2 · 1 A · 295 µV·s/480e3 = 1228 mm⁴; it has 64 · 30 = 1920 mm⁴
+    assert "; RM 6 of the design does not take the RMS current" in other.words()
+    transformer = PartLoad("transformer, group A", 3.42, "1", 100.0, 1.5, rms_current_a=1.0)
+    assert judged(driver, transformer, {"a": design}).core == other
+    assert wound_transformer(driver, "a", 100.0, design) is None
+
+
+@pytest.mark.parametrize("ratio", [0.789, 0.334, 2.61, 3.33, 15.4])
+def test_whole_turns_give_the_ratio_that_is_simulated(ratio: float) -> None:
+    """26 and 21 turns are 0.808, 2.4 % more than 0.789."""
+    driver = pr.Driver(kind="full-bridge", voltage=100.0, frequency=28e3, supply_v=48.0, settings={
+        "transformer.ratio": ratio
+    })  # fmt: skip
+    found = wound_transformer(driver, "a", 2.0)
+    assert found.secondary_turns / found.turns == pytest.approx(ratio, rel=5e-3)
+    assert f"(1 : {found.secondary_turns / found.turns:.4g})" in found.words()
 
 
 @pytest.mark.parametrize(("core", "nanohenries"), [("RM 8", 3300), ("RM 10", 4200), ("ETD 44/22/15", 3500)])
