@@ -483,10 +483,10 @@ def part_phasors(driver: Driver, points: tuple[RangePoint, ...]) -> dict[str, An
                     f"i(v.{instance}.vcoil)": stores["lseries"], f"i(v.{instance}.vparallel)": stores["lparallel"],
                 }  # fmt: skip
             line, through = before.volts, before.amperes
+        ratio = 1.0 if driver.kind == "push-pull" else driver.ratio(group)  # whose transformer is in the stage
         found |= {
-            f"v({group})": pin, groups.current("pin", group): amperes, groups.voltage("line", group): line,
-            groups.voltage("transformer", group): line,
-            groups.current("out", group): through * (1.0 if driver.kind == "push-pull" else driver.ratio(group)),
+            f"v({group})": pin, groups.current("pin", group): amperes, groups.voltage("line", group): line / ratio,
+            groups.voltage("transformer", group): line, groups.current("out", group): through * ratio,
         }  # fmt: skip
     return found
 

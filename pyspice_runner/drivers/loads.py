@@ -81,8 +81,6 @@ def settled_parts(
     found, several = [], (part_loads(driver, samples, measure) for measure in (_peak, window.rms, ripple))
     for peak, rms, swing in zip(*several, strict=True):
         volts, amperes, transistor = rms.peak_voltage_v, rms.peak_current_a, peak.name.startswith(TRANSISTOR)
-        # the transformer of a push-pull stage is in the stage, and has the current of its secondary
-        turns = peak.value if peak.name.startswith(TRANSFORMER) and driver.kind != "push-pull" else 1.0
         stage = f"_{peak.name.partition('group ')[2][:1].lower()}."
         lost = [
             loss for path, loss in losses_w.items() if stage in path and not path.startswith("driver")
@@ -90,8 +88,9 @@ def settled_parts(
         ]  # fmt: skip
         found.append(replace(
             peak, rms_voltage_v=None if transistor else volts, rms_current_a=amperes,
-            apparent_power_va=None if transistor or volts is None or amperes is None else volts * amperes / turns,
+            apparent_power_va=None if transistor or volts is None or amperes is None else volts * amperes,
             ripple_v=swing.peak_voltage_v if peak.unit == "F" else None,
+            primary_rms_voltage_v=rms.primary_peak_voltage_v, primary_rms_current_a=rms.primary_peak_current_a,
             loss_w=(max(lost) if transistor else sum(lost)) if lost else None,
         ))  # fmt: skip
     return tuple(judged(driver, part) for part in found)
@@ -124,8 +123,14 @@ def _of_part(
     """Yield the values of a part behind the stage of a group, between two voltages."""
     of_group = f"group {group.upper()}"
     if part.label == "transformer":
-        name = f"{TRANSFORMER}, {of_group}, turns secondary to primary"
-        yield PartLoad(name, part.values["ratio"], "1", measure(after), measure(samples[groups.current("out", group)]))
+        places = (f"i(v.xnetwork_{group}.vcurrent)", f"i(v.xcable_{group}.vcurrent)", groups.current("pin", group))
+        secondary = next(samples[name] for name in places if name in samples)
+        primary = before - samples.get(groups.voltage("return", group), 0.0)
+        yield PartLoad(
+            f"{TRANSFORMER}, {of_group}, turns secondary to primary", part.values["ratio"], "1", measure(after),
+            measure(secondary), primary_peak_voltage_v=measure(primary),
+            primary_peak_current_a=measure(samples[groups.current("out", group)]),
+        )  # fmt: skip
         yield from _winding(part, group, measure(after))
     elif part.label == CABLE:
         through = measure(samples[f"i(v.xcable_{group}.vcurrent)"])
@@ -145,15 +150,18 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array], measure:
             yield PartLoad(f"supply {rail}, {of_group}", volts, "V", abs(volts), measure(samples[current]))
     if driver.kind in BRIDGES:
         borne_v, current_a = driver.swing(group), measure(samples[groups.current("out", group)])
-        if driver.kind == "push-pull":
-            name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
-            line_v = measure(samples[groups.voltage("line", group)])
-            yield PartLoad(name, driver.ratio(group), "1", line_v, current_a)
-            yield from _winding(driver.parts(group)[0], group, line_v)
-            current_a *= driver.ratio(group)
         # beside the current of the output, a transistor withstands the reverse current of the diode that it commutates
         currents, voltages = ([measure(samples[name]) for name in names if name in samples] for names in
                               _drains(driver, group))  # fmt: skip
+        if driver.kind == "push-pull":
+            name = f"{TRANSFORMER}, {of_group}, turns secondary to a half of the primary"
+            turns, line_v = driver.ratio(group), measure(samples[groups.voltage("line", group)])
+            half_v, half_a = line_v / turns, max(currents or [turns * current_a])
+            yield PartLoad(
+                name, turns, "1", line_v, current_a, primary_peak_voltage_v=half_v, primary_peak_current_a=half_a
+            )
+            yield from _winding(driver.parts(group)[0], group, line_v)
+            current_a *= turns
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
         peaks = max([borne_v, *voltages]), max(currents or [current_a])
         yield PartLoad(name, BRIDGES[driver.kind], "1", *peaks)

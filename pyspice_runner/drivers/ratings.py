@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from math import inf, isfinite, sqrt
 from types import MappingProxyType
+from typing import Any
 
 from pyspice_runner.drivers.driver import RATED, Driver
 from pyspice_runner.drivers.magnetics import Wound, wound, wound_transformer
@@ -27,6 +28,7 @@ _OF_MODEL = {
     "bv": "breakdown_v", "id_max": "drain_pulsed_a", "te_max": "junction_c", "rthjc": "junction_case_k_per_w",
     "rthca": "case_ambient_k_per_w",
 }  # fmt: skip
+_PEAKS = ("peak_voltage_v", "peak_current_a", "primary_peak_voltage_v", "primary_peak_current_a")
 _MODEL = re.compile(r"^\.model\s+\S+\s+(?:vdmos|nmos)\b(.*)", re.I | re.M)
 _STATED = re.compile(rf"\b({'|'.join(_OF_MODEL)})\s*=\s*([^\s()=]*)", re.I)
 
@@ -54,6 +56,11 @@ class PartLoad:
     junction_c: float | None = None  # of a transistor, if its thermal resistances are known
     exceeds: tuple[str, ...] = ()  # values of a transistor above its ratings, with these
     core: Wound | None = None  # proposal for a coil or a transformer; ``None`` where no core of the list takes it
+    # of a transformer, whose other values are those of the secondary; of a push-pull stage those of a half
+    primary_peak_voltage_v: float | None = None
+    primary_peak_current_a: float | None = None
+    primary_rms_voltage_v: float | None = None
+    primary_rms_current_a: float | None = None
 
     def words(self) -> str:
         """Return value, maxima and RMS values for a summary."""
@@ -61,6 +68,8 @@ class PartLoad:
             "peak": {"V": self.peak_voltage_v, "A": self.peak_current_a},
             "RMS": {"V": self.rms_voltage_v, "A": self.rms_current_a, "VA": self.apparent_power_va},
             "ripple": {"V": self.ripple_v}, "loss": {"W": self.loss_w}, "junction": {"°C": self.junction_c},
+            "primary peak": {"V": self.primary_peak_voltage_v, "A": self.primary_peak_current_a},
+            "primary RMS": {"V": self.primary_rms_voltage_v, "A": self.primary_rms_current_a},
         }  # fmt: skip
         between = " to ".join(engineering(value, "A") for value in self.peak_range_a or ())
         words = [engineering(self.value, self.unit.removesuffix("1")).rstrip()]
@@ -72,16 +81,14 @@ class PartLoad:
 
     def largest(self, others: Iterable[PartLoad]) -> PartLoad:
         """Return the part with the largest voltage and current of several runs."""
-        volts, amperes = zip(*((one.peak_voltage_v, one.peak_current_a) for one in (self, *others)), strict=True)
-        return replace(
-            self,
-            peak_voltage_v=max((value for value in volts if value is not None), default=None),
-            peak_current_a=max((value for value in amperes if value is not None), default=None),
-        )
+        every = (self, *others)
+        several = {name: [value for one in every if (value := getattr(one, name)) is not None] for name in _PEAKS}
+        most: dict[str, Any] = {name: max(values, default=None) for name, values in several.items()}
+        return replace(self, **most)
 
     def settled(self, at: PartLoad) -> PartLoad:
         """Return the part with the RMS values, ripple and loss of another state."""
-        return replace(at, peak_voltage_v=self.peak_voltage_v, peak_current_a=self.peak_current_a)
+        return replace(at, **{name: getattr(self, name) for name in _PEAKS})
 
 
 def transistor_ratings(driver: Driver) -> dict[str, float]:
@@ -105,7 +112,8 @@ def judged(driver: Driver, part: PartLoad, cores: Mapping[str, Wound] = MappingP
         return _rated(driver, part)
     rms, group = part.rms_current_a, part.name.partition("group ")[2][:1].lower()
     if part.name.startswith(TRANSFORMER) and rms:
-        rms *= driver.ratio(group) if driver.kind == "push-pull" else 1.0  # of the secondary
+        own = None if driver.kind == "push-pull" else part.primary_rms_current_a  # one of the halves has no half of it
+        rms = driver.ratio(group) * rms if own is None else own
         return replace(part, core=wound_transformer(driver, group, rms, cores.get(group)))
     if part.unit == "H" and part.peak_current_a and rms and not part.name.startswith(CABLE):
         peak, settled = part.value * part.peak_current_a, sqrt(2.0) * part.value * rms

@@ -56,6 +56,19 @@ def test_rms_values_losses_and_ripple_of_a_network_are_those_of_its_elements() -
     assert "; RMS " in found.summary()["series coil, group A"]
 
 
+@pytest.mark.parametrize("kind", ["full-bridge", "push-pull"])
+def test_the_row_of_a_transformer_has_both_windings(kind: str) -> None:
+    """U₂ = n U₁ but for the leakage; n I₂ = I₁ but for the magnetising current; VA of the secondary."""
+    found = driven(kind, 3e-4)
+    one, coil = part(found, "transformer, group A"), part(found, "series coil, group A")
+    assert one.rms_current_a == pytest.approx(coil.rms_current_a, rel=1e-6)
+    assert one.apparent_power_va == pytest.approx(one.rms_voltage_v * one.rms_current_a)
+    assert one.rms_voltage_v == pytest.approx(one.value * one.primary_rms_voltage_v, rel=0.05)
+    if kind == "full-bridge":
+        assert one.primary_rms_current_a == pytest.approx(found.outputs["a"].current_rms_a, rel=1e-6)
+    assert "; primary RMS " in found.summary()[one.name]
+
+
 def test_a_transistor_of_a_half_bridge_carries_the_current_for_a_half_of_the_time() -> None:
     found = driven("half-bridge")
     mosfet, supply = part(found, "MOSFET IRF610, group A"), part(found, "supply vp, group A")
@@ -144,7 +157,7 @@ def test_a_core_stays_with_its_turns_until_the_rms_current_of_a_run_is_too_large
     assert more.winding_w == pytest.approx(design.winding_w * (0.3 / 0.25) ** 2)
     assert other.name == "RM 8"  # 2 · 1 A · 295 µV·s/480e3 = 1228 mm⁴; it has 64 · 30 = 1920 mm⁴
     assert "; RM 6 of the design does not take the RMS current" in other.words()
-    transformer = PartLoad("transformer, group A", 3.42, "1", 100.0, 1.5, rms_current_a=1.0)
+    transformer = PartLoad("transformer, group A", 3.42, "1", 100.0, 1.5, rms_current_a=0.3, primary_rms_current_a=1.0)
     assert judged(driver, transformer, {"a": design}).core == other
     assert wound_transformer(driver, "a", 100.0, design) is None
 
