@@ -16,7 +16,7 @@ from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import ceil, copysign, degrees, inf, pi, sqrt
+from math import ceil, copysign, degrees, floor, inf, log10, pi, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -25,12 +25,12 @@ from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers import parts as stock
-from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, Driver, NetworkKind
+from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, MOST_VOLTAGE, Driver, NetworkKind
 from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, SHORT_OF, exceeded, part_loads
-from pyspice_runner.drivers.magnetics import Wound, wound_transformer
+from pyspice_runner.drivers.magnetics import Wound, cores, wound_transformer
 from pyspice_runner.drivers.matching import match_to_source
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
-from pyspice_runner.drivers.ratings import TRANSFORMER, PartLoad, judged
+from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Load, TwoPhaseDrive, two_phases, two_phasors
@@ -649,7 +649,7 @@ def design_driver(
 
 
 def _possible(motor: Motor, spec: DriverSpec) -> str:
-    """Return in a sentence the largest value of a target that a design reaches, to two digits."""
+    """Return in a sentence the largest value of a target that a design reaches, rounded down to two digits."""
     ((name, value),), low, high = spec.targets.items(), _LEAST_SHARE, 1.0
     while high / low > _SETTLED:
         middle = sqrt(low * high)
@@ -661,7 +661,8 @@ def _possible(motor: Motor, spec: DriverSpec) -> str:
         low, high = (middle, high) if reached else (low, middle)
     if low == _LEAST_SHARE:
         return "No smaller value is possible either."
-    return f"{engineering(float(f'{low * value:.2g}'), unit_in(TARGETS[name]))} are possible."
+    digit = 10.0 ** (floor(log10(low * value)) - 1)
+    return f"{engineering(floor(low * value / digit) * digit, unit_in(TARGETS[name]))} are possible."
 
 
 def _positive(value: Any) -> bool:
@@ -808,10 +809,27 @@ class _Search:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
             _ = driver.equivalent  # raises if the resistance of the stage, times the ratio squared, is out of range
         except ParameterError as error:
-            way = "less, or " * bool(self.spec.targets) + "another stage, rail or MOSFET"
-            way = "the network llcc" if self.current and driver.network != "llcc" else way
-            raise _NotFeasibleError(f"{error} Take {way}.") from None
+            raise _NotFeasibleError(self._beyond(driver) or f"{error} Take another stage, rail or MOSFET.") from None
         return driver
+
+    def _beyond(self, driver: Driver) -> str:
+        """Return why no stage reaches a target; an empty text without one."""
+        if not self.spec.targets:
+            return ""
+        most = max(map(abs, self.pins.values()))
+        if self.spec.at == "parallel" and not self.idle and most > MOST_VOLTAGE:
+            return (
+                f"The device runs idle at its antiresonance, and its pins need {engineering(most, 'V')}; the limit is "
+                f"{engineering(MOST_VOLTAGE, 'V')}. Give it a load, by [load] in its file or --load-range, or take "
+                "--at series."
+            )
+        rail = f" at a rail of {self.rail:g} V" if self.rail else ""
+        way = (
+            "the network llcc"
+            if self.current and driver.network != "llcc"
+            else "less, or another stage, rail or MOSFET"
+        )
+        return f"The stage does not reach the target{rail}: its resistance takes the voltage. Take {way}."
 
     def _wanted(self, driver: Driver, group: str) -> tuple[complex, complex]:
         """Return voltage and current of the stage with the wanted voltage at the pin, at the operating point."""
@@ -985,7 +1003,12 @@ class _Search:
             most = float(np.abs(through[groups.current("out", group)]).max()) / sqrt(2.0)
             most *= driver.ratio(group) if driver.kind == "push-pull" else 1.0  # of its secondary
             core = wound_transformer(driver, group, most)
-            if core is None:
+            if core is None and cores(driver.frequency):
+                raise _NotFeasibleError(
+                    f"No core of the list takes the {engineering(most, 'A')} RMS of the primary of the transformer of "
+                    f"group {group.upper()}. Take less, or a higher rail."
+                )
+            if core is None:  # the windings of the library
                 continue
             self.cores[group], halves = core, 2.0 if driver.kind == "push-pull" else 1.0
             values = {
@@ -1042,6 +1065,8 @@ class _Search:
     def within(self, found: Design, driver: Driver, points: tuple[RangePoint, ...]) -> Design:
         """Return the design with the points behind its driver, and whether they are within limits."""
         parts = part_loads(driver, part_phasors(driver, points))
+        at = part_loads(driver, part_phasors(driver, tuple(one for one in points if one.state == OPERATING)))
+        parts = tuple(_conducting(driver, part, one.peak_current_a) for part, one in zip(parts, at, strict=True))
         peaks = {group: max(point.group(group).voltage_v for point in points) for group in self.pins}
         faults = [*self._off(driver, points), *exceeded(parts, driver), *depolarised(self.ideal.motor, peaks)]
         reason = (
@@ -1111,6 +1136,14 @@ class _Search:
                 f"voltages would change by more than {100.0 * PIN_BAND:.0f} %, or the power factor fall."
             )
         return notes
+
+
+def _conducting(driver: Driver, part: PartLoad, peak_a: float | None) -> PartLoad:
+    """Return a transistor with RMS current and loss of its channel, which has a sine wave for half of the time."""
+    if not part.name.startswith(TRANSISTOR) or driver.mosfet not in MOSFETS:
+        return part
+    rms = 0.5 * (peak_a or 0.0)
+    return replace(part, rms_current_a=rms, loss_w=stock.ratings(driver.mosfet).on_resistance_ohm * rms**2)
 
 
 def _largest(limit: float) -> float:

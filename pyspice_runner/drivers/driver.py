@@ -44,6 +44,7 @@ RATED = ("drain_a", "drain_pulsed_a", "junction_case_k_per_w", "case_ambient_k_p
 _TRANSIT = re.compile(r"\bTT\s*=\s*([\w.+-]+)", re.I)  # time of the body diode, in a model
 IRF610 = "IRF610"  # the MOSFET of a bridge by default
 START = "start_"  # of the names of parameters for the state at the start, which are no settings
+MOST_VOLTAGE = 1000.0  # V, amplitude of a stage
 HEADROOM = 3.0  # V between an amplifier's output and its rails, if it does not state another one
 LARGEST_DEAD_TIME = 0.2  # of a period; with a quarter the transistors do not conduct at all
 LARGEST_GATE_EDGE = 0.125  # of the dead time; a longer edge would begin before the comparator switches
@@ -121,7 +122,7 @@ class Driver(Stated, Source):
         description="power stage: ideal, linear, feedback, half-bridge, full-bridge, push-pull, or FILE:NAME of the "
         "user's own subcircuit"
     )
-    voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=1000.0)
+    voltage: float = quantity("amplitude of the stage's fundamental, group A", "V", ge=0.1, le=MOST_VOLTAGE)
     frequency: float = quantity("frequency", "Hz", ge=1e3, le=1e7)
     phase_deg: float = quantity("phase of group B ahead of group A", "°", default=90.0, ge=-360.0, le=360.0)
     ratio_b: float = quantity("amplitude of group B over that of group A", "1", default=1.0, ge=1e-3, le=1e3)

@@ -74,6 +74,11 @@ def _data() -> dict[str, Any]:
     return tomllib.loads((Path(__file__).parent / "cores.toml").read_text(encoding="utf-8"))
 
 
+def cores(frequency: float) -> list[tuple[str, dict[str, float]]]:
+    """Return names and dimensions of the cores for a frequency in Hz; none above the range of the ferrite."""
+    return list(_data()["cores"].items()) if frequency <= _data()["material"]["highest_hz"] else []
+
+
 def wound(
     peak_v_s: float, settled_v_s: float, rms_a: float, frequency: float, inductance: float = 0.0, ratio: float = 0.0,
     kept: Wound | None = None,
@@ -85,7 +90,7 @@ def wound(
     if it takes the current. ``None`` if no core of the list takes it, and above the frequencies of the ferrite.
     """
     iron, skin = _data()["material"], sqrt(_COPPER / (pi * frequency * _MU_0))
-    listed = list(_data()["cores"].items()) if frequency <= iron["highest_hz"] else []
+    listed = cores(frequency)
     for name, core in listed[[name for name, _ in listed].index(kept.name) if kept else 0 :]:
         path, turn = 1e-3 * core["path_mm"], 1e-3 * core["turn_mm"]
         area, copper = 1e-6 * core["area_mm2"], 1e-6 * core["window_mm2"] * _FILL
