@@ -569,7 +569,7 @@ _SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
 _LEAST_SHARE = 1e-3  # of a target, down to which a possible value is searched for
 _SETTLED = 1.01  # of a possible value, to which it is found
-_SLOW = 3.0  # decay times of the mode, in which the supply of a source of current rises
+_SLOW = 3.0  # decay times of the mode under load, in which the supply of a transducer with a load rises
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SECANTS = 4  # speeds at most at which no load is sought; two do where torque over speed is nearly a line
 _SLOWER = 4  # times as many for the low impedance of a transducer, against that of the stage times the ratio squared
@@ -662,7 +662,7 @@ def _possible(motor: Motor, spec: DriverSpec) -> str:
     if low == _LEAST_SHARE:
         return "No smaller value is possible either."
     digit = 10.0 ** (floor(log10(low * value)) - 1)
-    return f"{engineering(floor(low * value / digit) * digit, unit_in(TARGETS[name]))} are possible."
+    return f"{engineering(floor(low * value / digit) * digit, unit_in(TARGETS[name]))} are possible, before the run."
 
 
 def _positive(value: Any) -> bool:
@@ -959,7 +959,7 @@ class _Search:
         sources = {group: self._wanted(driver, group)[0] for group in self.pins}
         amplitudes = {group: abs(source) for group, source in sources.items()}
         changes: dict[str, Any] = {"voltage": amplitudes["a"]}
-        if self.current and "supply_rise_s" not in self.spec.parts:  # slower than the mode, or the coil rings up
+        if self.idle and "supply_rise_s" not in self.spec.parts:  # slower than the mode, or the coil rings up
             changes["supply_rise_s"] = min(_SLOW * self.ideal.motor.loaded_stator.decay_s, 1e-2)
         if "b" in sources:
             changes["ratio_b"] = amplitudes["b"] / amplitudes["a"]

@@ -78,7 +78,7 @@ def test_what_is_possible_is_said_and_is_possible(tmp_path: Path) -> None:
     device = fitted(tmp_path, "SMBLTD45F28H")
     found = design_driver(device, spec_of(device, current=1.0, load_range=(1.0, 20.0)))
     assert not found.feasible
-    assert found.reason.endswith("470\N{NO-BREAK SPACE}mA are possible.")
+    assert found.reason.endswith("470\N{NO-BREAK SPACE}mA are possible, before the run.")
     assert design_driver(device, spec_of(device, current=0.47, load_range=(1.0, 20.0))).feasible
 
 
@@ -111,6 +111,20 @@ def test_an_idle_device_at_its_antiresonance_asks_for_a_load(tmp_path: Path) -> 
     found = design_driver(device, spec_of(device, power=50.0, at="parallel"))
     assert found.reason.startswith("The device runs idle at its antiresonance, and its pins need 3.9")
     assert "by [load] in its file or --load-range, or take --at series." in found.reason
+
+
+def test_the_supply_of_a_device_with_a_load_in_its_file_rises_slowly(tmp_path: Path) -> None:
+    """With a rise of 20 µs the coil has 2.1 kV at power-up."""
+    fitted(tmp_path, "SMBLTD45F28H")
+    path = tmp_path / "SMBLTD45F28H.toml"
+    path.write_text(f"{path.read_text(encoding='utf-8')}\n[load]\nresistance_ohm = 381\n", encoding="utf-8")
+    device = pr.load_motor(path)
+    design = design_driver(device, spec_of(device, power=50.0, at="parallel"))
+    assert design.driver.supply_rise_s == pytest.approx(3.0 * device.loaded_stator.decay_s)
+    report = pr.drive_report(device, design)
+    assert report.design.feasible, report.design.reason
+    coil = next(part for part in report.bill if part.name.startswith("series coil"))
+    assert coil.peak_voltage_v < 1e3
 
 
 def test_a_core_is_that_of_the_current_behind_the_network_of_a_kept_current(tmp_path: Path) -> None:
