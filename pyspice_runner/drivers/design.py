@@ -809,13 +809,13 @@ class _Search:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
             _ = driver.equivalent  # raises if the resistance of the stage, times the ratio squared, is out of range
         except ParameterError as error:
-            raise _NotFeasibleError(self._beyond(driver) or f"{error} Take another stage, rail or MOSFET.") from None
+            ranged = self.spec.targets and "is not valid" in str(error)  # as ratio and network run away
+            reason = self._beyond(driver) if ranged else f"{error} Take another stage, rail or MOSFET."
+            raise _NotFeasibleError(reason) from None
         return driver
 
     def _beyond(self, driver: Driver) -> str:
-        """Return why no stage reaches a target; an empty text without one."""
-        if not self.spec.targets:
-            return ""
+        """Return why the stage does not reach its target."""
         most = max(map(abs, self.pins.values()))
         if self.spec.at == "parallel" and not self.idle and most > MOST_VOLTAGE:
             return (
@@ -824,11 +824,8 @@ class _Search:
                 "--at series."
             )
         rail = f" at a rail of {self.rail:g} V" if self.rail else ""
-        way = (
-            "the network llcc"
-            if self.current and driver.network != "llcc"
-            else "less, or another stage, rail or MOSFET"
-        )
+        current = self.current and driver.network != "llcc"
+        way = "the network llcc" if current else "less, or another stage, rail or MOSFET"
         return f"The stage does not reach the target{rail}: its resistance takes the voltage. Take {way}."
 
     def _wanted(self, driver: Driver, group: str) -> tuple[complex, complex]:
@@ -1003,12 +1000,13 @@ class _Search:
             most = float(np.abs(through[groups.current("out", group)]).max()) / sqrt(2.0)
             most *= driver.ratio(group) if driver.kind == "push-pull" else 1.0  # of its secondary
             core = wound_transformer(driver, group, most)
-            if core is None and cores(driver.frequency):
+            given = any(path.startswith(label) and path.endswith(".magnetizing") for path in self.spec.parts)
+            if core is None and cores(driver.frequency) and not given:
                 raise _NotFeasibleError(
                     f"No core of the list takes the {engineering(most, 'A')} RMS of the primary of the transformer of "
                     f"group {group.upper()}. Take less, or a higher rail."
                 )
-            if core is None:  # the windings of the library
+            if core is None:  # windings of the library or the user
                 continue
             self.cores[group], halves = core, 2.0 if driver.kind == "push-pull" else 1.0
             values = {
