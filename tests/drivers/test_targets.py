@@ -127,6 +127,14 @@ def test_the_supply_of_a_device_with_a_load_in_its_file_rises_slowly(tmp_path: P
     assert coil.peak_voltage_v < 1e3
 
 
+def test_a_transformer_that_no_core_takes_is_the_reason(tmp_path: Path) -> None:
+    device = fitted(tmp_path, "SMBLTD45F28H")
+    drive = pr.OnePhaseDrive(voltage=1.0, frequency=device.modes[0].frequency_hz)
+    found = design_driver(device, pr.DriverSpec(drive, "half-bridge", rail=400.0, power=2000.0), seeks=False)
+    assert found.driver is None
+    assert found.reason.startswith("No core of the list takes the 11.05\N{NO-BREAK SPACE}A RMS of the primary")
+
+
 def test_a_core_is_that_of_the_current_behind_the_network_of_a_kept_current(tmp_path: Path) -> None:
     """The idle arm has 10 V there, not the 205 V under load, with which its current would be 24 A."""
     device = fitted(tmp_path, "SMBLTD45F28H")
