@@ -38,7 +38,7 @@ def with_strip(folder: Path) -> pr.Motor:
 
 
 def point(motor: pr.Motor, volts: float, hertz: float, load: float) -> tuple[float, float, float, float]:
-    """Return both amplitudes at the electrode (V), that of the tip towards the rotor (m), and the speed (rad/s)."""
+    """Return both amplitudes at the electrode (V), the tip's motion towards the rotor (m), and the speed (rad/s)."""
     drive = pr.TwoPhaseDrive(voltage=volts, frequency=hertz, phase_deg=90.0)
     state = pr.steady_state(motor, drive, load_torque=load)
     sensed, electrode = state.sensed(), motor.feedback

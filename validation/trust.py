@@ -3,8 +3,8 @@
 
 The first 16 cases are spin-ups and steps of load, direction, preload, frequency and voltage of two motors at 30 to
 150 V. By them and the first drawn ones the parts and the margin of the estimate were chosen; it is validated on the
-last ones, drawn with another seed. True errors are those of samples of whole periods against the full motor, RMS. That
-of the mean torque follows from that of the speed δ: J dδ/dt + b δ, with the damping b of the bearing.
+last ones, drawn with another seed. True errors compare samples of whole periods with the full motor, RMS. The
+error of the mean torque follows from the error δ of the speed: J dδ/dt + b δ, with the damping b of the bearing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pyspice_runner.averaged.run import Array
 from pyspice_runner.units import linear_name
 from validation.campaign import Campaign
 
-SEED = 49  # of the first drawn cases; those of further draws have the next ones
+SEED = 49  # of the first drawn cases; further draws have the next seeds
 FRESH = 57  # number of the first case that was not looked at before
 DRAWS = (24, 41, FRESH)  # number of the first case of each further draw
 FLAGSHIP, PLATE = "bimodal40", str(Path(__file__).parents[1] / "examples" / "plate40.toml")
@@ -102,7 +102,7 @@ def outcome(index: int) -> dict[str, Any]:
 
 
 def _torque_error(motor: pr.Motor, error: Array, sample: float) -> float:
-    """Return the RMS error of the mean torque as a share, by those of the mean speed in samples of a time in s."""
+    """Return the RMS error of the mean torque as a share, by the errors of the mean speed in samples of a time in s."""
     at_ends = np.concatenate([[0.0], 0.5 * (error[1:] + error[:-1]), error[-1:]])
     torque = motor.rotor.inertia_kg_m2 * np.diff(at_ends) / sample + motor.rotor.bearing_damping_n_m_s * error
     limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m

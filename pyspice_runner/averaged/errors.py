@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 r"""Errors of an averaged run against the full motor at the same commands, estimated from a few of its steady states.
 
-The parts of the error of a curve may have one sign, so that their magnitudes are added:
+An error has three parts. They may have the same sign, so their magnitudes are added:
 
-- The difference from the same run with more phases and harmonics. The errors of the contact fall at least with the
-  number of phases, so that N times as many leave at most :math:`1/(N - 1)` of the difference, which is added.
-- What is then left of the difference from the full motor at operating points of the run, both held at the speed, drive,
-  preload and temperature there. The free shaft of the full motor, which swings within a period, has another speed under
-  the same load, by :math:`\Delta\omega`; :math:`(b - \partial T/\partial\omega)\,\Delta\omega` is then that in
-  torque. The same run with this load in addition, which counts as torque of the motor, has the errors that follow.
-- The change in half a period, which no average resolves: that of the torque is a load in addition, too; of currents the
-  part of that of their phasors in one of two directions counts, of the power that of their product with the voltages.
+1. Discretisation: the difference from the same run with N times as many phases and with more harmonics. The errors of
+   the contact fall in proportion to the number of phases or faster, so the remaining error has the upper bound
+   :math:`1/(N - 1)` of this difference, which is added.
+2. Averaging: the remaining difference from the full motor at operating points of the run, where both are held at the
+   same speed, drive, preload and temperature. The free shaft of the full motor swings within a period, so its speed
+   under the same load differs by :math:`\Delta\omega`, which is equivalent to the torque
+   :math:`(b - \partial T/\partial\omega)\,\Delta\omega`. A further run adds this torque to the load, and counts
+   it as torque of the motor; its curves show the errors.
+3. Resolution: the change in half a period, which an average does not resolve. The change of the torque is added to the
+   load of a further run. The change of a current is the RMS projection of the change of its phasor on one direction;
+   the change of the power is the product of these with the voltages.
 
-Over swings of the shaft that the motor excites itself these errors add up; they are not known then.
+If the motor makes its shaft swing, these errors accumulate and are not known.
 """
 
 from __future__ import annotations
@@ -36,14 +39,14 @@ from pyspice_runner.units import linear_name
 
 POINTS = 11  # operating points along a run
 DECAYS = 8.0  # decay times of the slowest mode, after which a held motor is settled
-# Factor on the first two parts, which are interpolated between the points. Without it the estimate is at least 0.82 of
-# the true error in 57 transients of two motors; validation/trust.py has these and others.
+# Factor on the first two parts, which are interpolated between the points. Without it the ratio of estimate to true
+# error has a minimum of 0.82 in 57 transients of two motors; validation/trust.py has these and others.
 MARGIN = 1.5
 # Share of the period in slip or open. Below it the contact sticks nearly throughout: the shaft of the full motor then
 # swings on the stiffness of the contact for seconds, and a held shaft has any torque up to the friction torque.
 HARDLY = 0.1
 ASIDE = 0.02  # of the maximum speed: between the two speeds of a slope
-NEAR = 5.0  # times :data:`ASIDE`, beyond which the speed of the full motor is that of another motion
+NEAR = 5.0  # times :data:`ASIDE`, beyond which the full motor has another motion
 FINER, FURTHER = 4, 2  # times as many phases, and so many more harmonics, in the motor for comparison
 STIFF = 1e3  # torque per deviation of a shaft that follows a speed, over friction torque per maximum speed
 MEANS = 20.0  # periods over which a mean is taken that is compared
@@ -176,7 +179,7 @@ def compare(run: AveragedPoint, rows: Mapping[str, Array], *, free: bool) -> lis
 
 
 def _away(points: Sequence[Point], torques: Sequence[float]) -> Array:
-    """Return held speeds minus those of the full motor's free shaft with a load of the torques in N·m; NaN if none."""
+    """Return held speeds minus speeds of the full motor's free shaft under the torques in N·m; NaN if none."""
     damping, speeds = points[0].motor.rotor.bearing_damping_n_m_s, np.array([point.load.speed for point in points])
     loads = [Load(None, load) for load in (torques - damping * speeds).tolist()]
     turning = [replace(point, load=load) for point, load in zip(points, loads, strict=True)]

@@ -67,7 +67,7 @@ WORDS = {
 class ErrorEstimate:
     """Estimated errors of an averaged run against the full motor, RMS over the run, by the names of its curves.
 
-    Without arguments it is that of a run of the full motor itself, without any error.
+    Without arguments it describes a run of the full motor itself, which has no error.
 
     Attributes:
         errors: of torque, speed of a free shaft, amplitudes of both currents, and power; empty if unknown. Of a held

@@ -141,7 +141,7 @@ def library_function(library: Library) -> LibraryFunction:
 
 @cache
 def evaluable(library: Library) -> bool:
-    """Return whether numpy can evaluate the equations of a library, such as that of a user's own law."""
+    """Return whether numpy can evaluate the equations of a library, for example of a user's own law."""
     with suppress(ValueError):
         return bool(library_function(library))
     return False

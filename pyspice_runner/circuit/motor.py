@@ -547,7 +547,7 @@ def add_motor(
 ) -> None:
     """Add a motor to a PySpice circuit. All copies of one motor share one definition.
 
-    ``nodes`` are those of the pins a, b, com, shaft, then f, temperature, heat, approach if the motor has them. A run
+    ``nodes`` connect the pins a, b, com, shaft, then f, temperature, heat, approach if the motor has them. A run
     with ``uic`` begins with the motion ``start``, by default preloaded rest; the initial voltages of the plates and the
     cells of a brush are not set here. ``settings`` are parameters of the X line, such as ``{"preload": 8}``; a text
     such as ``"{preload}"`` is an expression. ``written`` are further arguments of :class:`MotorSubCircuit`. A run of

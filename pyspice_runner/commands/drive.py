@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     ),
     load_range=option(
         str | None, None,
-        "Transducer: damping idle and under full load, over that of the file, as 1:20. The motional current is kept.",
+        "Transducer: damping idle and under full load, relative to the file, as 1:20. The motional current is kept.",
         metavar="IDLE:FULL",
     ),
     bom=option(Path | None, None, "File of the bill of materials of the driver, with peaks, ratings and cores, .csv."),

@@ -160,7 +160,7 @@ def _question(analysis: str, quantity: list[str] | None, motor: pr.Motor) -> dic
         return {"quantities": quantity or kept, "analysis": driver_state}
     if analysis == "drive":
         kept = ["motor_power_w", "driver_efficiency", "mean_rotor_speed_rad_s"]
-        if motor.is_transducer:  # those of the steady state
+        if motor.is_transducer:  # values of the steady state
             kept = ["load_power_w", "damping_loss_w", "motional_current_amplitude_a_a"]
         return {"quantities": quantity or kept, "analysis": pr.drive_report, "duration": 3e-3}
     return {"quantities": quantity or ["mean_rotor_speed_rad_s", "mean_torque_n_m"], "duration": common.DURATION}

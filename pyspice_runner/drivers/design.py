@@ -83,7 +83,7 @@ class RangePoint:
     a: GroupPoint
     b: GroupPoint | None  # not there for one channel
     motional_current_a: float | None = None  # amplitude of group A of a transducer
-    detuning: float = 0.0  # of the frequency, of that of the drive
+    detuning: float = 0.0  # relative to the frequency of the drive
 
     def group(self, name: str) -> GroupPoint:
         """Return group ``"a"`` or ``"b"``."""
@@ -127,7 +127,7 @@ class DriverSpec:
             without one into its arms; motional current of group A in A, or motion of the face in m, amplitudes.
         at: of a transducer, ``"series"``, ``"parallel"`` or ``"between"``: resonance under its load in place of the
             drive's frequency.
-        load_range: of a transducer, damping of its main mode idle and at the operating point, over that of the motor.
+        load_range: of a transducer, damping of its main mode idle and at the operating point, relative to the motor.
             The motional current is kept from one to the other.
 
     Raises:
@@ -400,13 +400,13 @@ def linear_point(name: str, motor: Motor, drive: TwoPhaseDrive, driver: Driver |
 
 
 def moved_by(motor: Motor, frequency: float, volts: Any) -> Any:
-    """Return the phasors in m of the modes of a transducer, for those of its pins in V."""
+    """Return the phasors in m of the modes of a transducer, for phasors in V at its pins."""
     stator = motor.loaded_stator
     return np.linalg.solve(stator.dynamic_stiffness(2.0 * pi * frequency), stator.coupling @ volts)
 
 
 def pin_voltages(motor: Motor, driver: Driver, sources: Any) -> Any:
-    """Return the phasors in V at the pins of a transducer behind a driver, for those of its stages without load."""
+    """Return the phasors in V at the pins of a transducer behind a driver, by the open-circuit ones of its stages."""
     series, across = np.array([network_of(driver, group) for group in motor.groups]).T
     shunt = cold_admittance(motor, driver.frequency) + np.diag(across)
     return np.linalg.solve(np.eye(len(sources)) + np.diag(series) @ shunt, sources)
@@ -572,7 +572,7 @@ _SETTLED = 1.01  # of a possible value, to which it is found
 _SLOW = 3.0  # decay times of the mode under load, in which the supply of a transducer with a load rises
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SECANTS = 4  # speeds at most at which no load is sought; two do where torque over speed is nearly a line
-_SLOWER = 4  # times as many for the low impedance of a transducer, against that of the stage times the ratio squared
+_SLOWER = 4  # times as many for a transducer, whose impedance is low compared with the stage's times the ratio squared
 _SPARE = 0.9  # of a load torque, which a motor with pins of a somewhat lower voltage must give at least
 _LEAST_STEP = 0.02  # of a ratio from 1, below which a half bridge needs no transformer
 _RATIOS = (0.1, 100.0)  # of a transformer, as in its library
@@ -885,7 +885,7 @@ class _Search:
     def _current_source(self, driver: Driver, group: str, clamped_f: float) -> dict[str, float]:
         """Return the settings of a coil that resonates with the capacitance across a group.
 
-        The motional current is then that of the stage's voltage in the reactance of the coil, whatever the resistance
+        The motional current is then the stage's voltage divided by the reactance of the coil, whatever the resistance
         of the arm. A parallel capacitor brings this reactance down to the largest resistance, where the coil has the
         voltage of the pin.
         """

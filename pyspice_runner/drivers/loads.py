@@ -73,7 +73,7 @@ def part_loads(driver: Driver, samples: Mapping[str, Array], measure: Measure | 
 def settled_parts(
     driver: Driver, samples: Mapping[str, Array], window: Window, losses_w: Mapping[str, float]
 ) -> tuple[PartLoad, ...]:
-    """Return the parts with RMS values, ripple and losses in a window; ``losses_w`` are those of a balance."""
+    """Return the parts with RMS values, ripple and losses in a window; ``losses_w`` come from a balance."""
 
     def ripple(values: Array) -> float:
         return float(np.ptp(window.cut(values)[window.time >= window.time[-1] - window.period]))
@@ -462,9 +462,9 @@ def driver_events(
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Return the maxima of a run, as :func:`.maxima`, for each event, from the vectors that it takes.
 
-    The load steps from nothing to its torque, or to that of friction under the preload, which stalls the motor. A shaft
-    that is held has no step. That of a transducer steps from that of ``idle``, with its motion in the steady state
-    there, and back. The sweep covers a ``share`` of the frequency to both sides, from a ``motion``, by default rest.
+    The load steps from nothing to its torque, or to the friction torque under the preload, which stalls the motor. A
+    held shaft has no step. A transducer steps from the load of ``idle``, in its steady state there, to its own, and
+    back. The sweep covers a ``share`` of the frequency to both sides, from a ``motion``, by default rest.
     Raise SimulationError if ngspice fails or its result cannot be trusted.
     """
     motor = setup.motor

@@ -2,10 +2,10 @@
 """Proposals of cores for coils and transformers: area product, turns, gap, flux density, losses, temperature.
 
 A core takes the flux linkage λ of its peak and the current I of its winding if its area product A_e A_w is at least
-λ I/(k_u J B), with λ = L Î of a coil and, of a transformer, I of the primary plus that of the secondary referred to it
+λ I/(k_u J B), with λ = L Î of a coil; for a transformer, I is the sum of the primary and the referred secondary current
 (C. W. T. McLyman, Transformer and Inductor Design Handbook, 4th ed., chapters 7 and 8; R. W. Erickson, D. Maksimović,
-Fundamentals of Power Electronics, 2nd ed., chapters 14 and 15). The turns are those of the smallest loss, and at least
-those of the flux density and the gap. Cores and ferrite are in ``cores.toml``.
+Fundamentals of Power Electronics, 2nd ed., chapters 14 and 15). The turns give the smallest loss, within the
+limits of flux density and gap. Cores and ferrite are in ``cores.toml``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MU_0 = 4e-7 * pi  # H/m
 _COPPER = 2.0e-8  # Ω·m at 60 °C
 _FILL = 0.4  # k_u, copper in the winding area: assumed, round enamelled wire and insulation
 _CURRENT_DENSITY = 4e6  # J, A/m²: assumed, usual without a fan
-_LEAST_GAP = 1e-4  # m, of a coil: below, its inductance hangs on the permeability, which scatters by 25 %
+_LEAST_GAP = 1e-4  # m, of a coil: below, its inductance depends on the permeability, which scatters by 25 %
 _LEAST_MAGNETISING = 1e-4  # H, of the library of transformers
 _RESIDUAL = 1e-5  # m, gap between ground faces: assumed; with it A_L of the sheets of RM 8 and ETD 34 within 15 %
 _HOTTEST = 40.0  # K, rise of a proposal
@@ -44,13 +44,13 @@ class Wound:
     inductance_h: float  # of turns and gap; of a transformer the magnetising inductance
     peak_t: float  # flux density at the peak
     settled_t: float  # its amplitude in the settled state
-    wire_m: float  # diameter of the copper, of a transformer that of the primary
+    wire_m: float  # diameter of the copper, in the primary of a transformer
     skin_depths: float  # diameter over the skin depth; from 2 on litz wire is needed
     winding_ohm: float  # resistance of the coil or primary to direct current, at 60 °C
     winding_w: float  # loss in all windings by that resistance; skin and proximity effect come on top
     ferrite_w: float  # loss in the core
     rise_k: float  # above the ambient
-    rms_a: float  # current for which it is, of a transformer that of the primary and of the secondary referred to it
+    rms_a: float  # current for which it is; of a transformer the sum of primary and referred secondary
     instead_of: str = ""  # core of the design that does not take this current
 
     def words(self) -> str:
@@ -85,8 +85,8 @@ def wound(
 ) -> Wound | None:  # fmt: skip
     """Return the smallest core for a coil of an inductance in H, or a transformer of a ratio secondary to primary.
 
-    Flux linkages, at the peak and the settled amplitude, are those of the coil or the primary; the current is that of
-    the coil, or of the primary plus that of the secondary referred to it. ``kept`` has the smallest core, and its turns
+    The coil or the primary has these flux linkages, at the peak and the settled amplitude; the current is that of
+    the coil, or the sum of primary and referred secondary current. ``kept`` has the smallest core, and its turns
     if it takes the current. ``None`` if no core of the list takes it, and above the frequencies of the ferrite.
     """
     iron, skin = _data()["material"], sqrt(_COPPER / (pi * frequency * _MU_0))
@@ -129,7 +129,7 @@ def wound(
 def _turns(least: int, ratio: float) -> tuple[int, int]:
     """Return turns of the primary, at least as many, and of the secondary: the first within a tolerance of a ratio.
 
-    Without such, those of the smallest error.
+    If there are none, return the turns with the smallest error.
     """
     pairs = [(turns, max(round(ratio * turns), 1)) for turns in range(least, ceil(_MORE_TURNS * least) + 1)]
     errors = [abs(second / (ratio * first) - 1.0) for first, second in pairs]

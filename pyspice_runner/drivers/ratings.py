@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a part of a driver withstands, the core of a coil or transformer, and the ratings of transistors.
 
-Ratings are those of a data sheet, by the ``RATING`` lines of a library, or of the user's ``.model``. Fields of the
-driver, as ``drain_a``, take their place.
+Ratings come from a data sheet, by the ``RATING`` lines of a library, or from the user's ``.model``. Fields of the
+driver, such as ``drain_a``, replace them.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ _STATED = re.compile(rf"\b({'|'.join(_OF_MODEL)})\s*=\s*([^\s()=]*)", re.I)
 class PartLoad:
     """A part of a driver, with its value and what it must withstand; ``None`` where that does not apply.
 
-    RMS values, ripple and loss are those of a settled state: of a design at its operating point, else of the last
-    periods of a run. Of several transistors they are those of the one with the largest.
+    RMS values, ripple and loss describe a settled state: the operating point of a design, else the last periods of a
+    run. Of several transistors the one with the largest values counts.
     """
 
     name: str  # with its group
@@ -52,11 +52,11 @@ class PartLoad:
     rms_current_a: float | None = None
     apparent_power_va: float | None = None  # RMS voltage times RMS current
     ripple_v: float | None = None  # voltage of a capacitor from peak to peak in the last period
-    loss_w: float | None = None  # mean loss, of a transistor that of one
+    loss_w: float | None = None  # mean loss, of one of several transistors
     junction_c: float | None = None  # of a transistor, if its thermal resistances are known
     exceeds: tuple[str, ...] = ()  # values of a transistor above its ratings, with these
     core: Wound | None = None  # proposal for a coil or a transformer; ``None`` where no core of the list takes it
-    # of a transformer, whose other values are those of the secondary; of a push-pull stage those of a half
+    # of a transformer, whose other values describe the secondary; in a push-pull stage of a half
     primary_peak_voltage_v: float | None = None
     primary_peak_current_a: float | None = None
     primary_rms_voltage_v: float | None = None
@@ -107,7 +107,7 @@ def transistor_ratings(driver: Driver) -> dict[str, float]:
 
 
 def judged(driver: Driver, part: PartLoad, cores: Mapping[str, Wound] = MappingProxyType({})) -> PartLoad:
-    """Return a transistor with its ratings, a coil or a transformer with a core; ``cores`` has those of a design."""
+    """Return a transistor with its ratings, a coil or a transformer with a core; ``cores`` are a design's."""
     if part.name.startswith(TRANSISTOR):
         return _rated(driver, part)
     rms, group = part.rms_current_a, part.name.partition("group ")[2][:1].lower()

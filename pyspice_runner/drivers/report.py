@@ -218,7 +218,7 @@ class DriveReport(Balance, Result):
 
     @property
     def bill(self) -> tuple[PartLoad, ...]:
-        """Parts with their maxima: those of the design, else those of the run."""
+        """Parts with their maxima, of the design if there is one, else of the run."""
         return self.design.parts if self.design else tuple(PartLoad(**load) for load in self.maxima["parts"])
 
     @property
@@ -491,8 +491,8 @@ def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple
     """Return what is measured at the operating point behind the real stage; ``None`` where it is not known.
 
     A motor needs a design, and its shaft is held. The run of a transducer starts with its motion behind the fundamental
-    of the stages, and again with that behind what these were in the run, amplitudes in V that are returned, too; an
-    amplifier at its limit of current may not come to an end.
+    of the stages. It is repeated with the fundamental that the stages had in the run, until this no longer changes;
+    these phasors in V are returned as well. An amplifier at its limit of current may not converge.
     """
     driver, setup = setup.drive, replace(setup, source=setup.drive.updated({"supply_rise_s": loads.AT_ONCE}))
     sources, orbit = np.zeros(0, complex), design.behind if design else None

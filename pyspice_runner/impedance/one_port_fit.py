@@ -39,8 +39,8 @@ from pyspice_runner.motor.numerics import one_thread_of_scipy
 from pyspice_runner.result import Result
 from pyspice_runner.units import engineering, unit_in
 
-_LEAST_LINE = 0.01  # capacitance of a cable over the clamped capacitance: that of the best calibrations
-# a peak within 1 % of its maximum turns by 16°, that of a maximally flat pair of resonances by 62°
+_LEAST_LINE = 0.01  # capacitance of a cable over the clamped capacitance, which the best calibrations leave
+# within 1 % of its maximum a peak turns by 16°, a maximally flat pair of resonances by 62°
 _LEVEL, _TURN = 0.01, np.radians(75.0)
 MOST_MODES = 20  # that may be given
 _ANALYSER = 1e-3  # twice the accuracy of the best impedance analysers
@@ -414,7 +414,7 @@ def _uncertain_arms(spectrum: Spectrum, arms: tuple[FittedArm, ...]) -> Iterator
 
 
 def _leads(circuit: EquivalentCircuit, outcome: Outcome, reflected: bool) -> Iterator[str]:
-    """Yield cautions for leads at their limits, and for those of a reflection that may be a cable."""
+    """Yield cautions for leads at their limits, and for leads of a reflection that may be a cable."""
     if any(item.note == LEADS_AT_LIMIT for item in outcome.candidates):
         ohm, henry = map(engineering, PLAUSIBLE_LEADS, ("Ω", "H"))
         yield (
@@ -425,9 +425,9 @@ def _leads(circuit: EquivalentCircuit, outcome: Outcome, reflected: bool) -> Ite
     capacitance = delay / REFERENCE_OHM
     if reflected and capacitance > _LEAST_LINE * circuit.clamped_capacitance_f:
         yield (
-            f"The inductance of the leads is also that of a {REFERENCE_OHM:g} Ω cable of {engineering(delay, 's')}, "
-            f"whose {engineering(capacitance, 'F')} the clamped capacitance then includes. If there is a cable between "
-            "the calibrated port and the device, specify its delay (fit --port-extension)."
+            f"The inductance of the leads equals that of a {REFERENCE_OHM:g} Ω cable of {engineering(delay, 's')}; "
+            f"its {engineering(capacitance, 'F')} would be part of the clamped capacitance. If there is a cable "
+            "between the calibrated port and the device, specify its delay (fit --port-extension)."
         )
 
 

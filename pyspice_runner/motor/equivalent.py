@@ -15,7 +15,7 @@ with frequency (a conductance in parallel), one rises (the resistance R₀ in se
 of R–C branches (:func:`~.dielectric.lossy_capacitance`) from f₀/100 to 100 f₀, whose capacitance falls slowly with
 frequency. A further part is constant with the same capacitance at all frequencies, as in the models of instruments; no
 network of passive elements has it, and netlists have the ladder of the same tangent instead. The characteristic
-frequencies are those of IEEE 176, of the device behind its leads.
+frequencies are defined by IEEE 176, for the device behind its leads.
 """
 
 from __future__ import annotations

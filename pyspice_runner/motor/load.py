@@ -384,7 +384,8 @@ def _with_feedback(
     if given := [name for name in ("couplings_n_per_v", "share_a", "share_b") if name in table]:
         raise ParameterError(f"{where}: feedback.{given[0]} follows from [solid]; leave it out.")
     if "capacitance_f" not in table:
-        raise ParameterError(f"{where}: feedback.capacitance_f is missing. Give that of cable and amplifier, in F.")
+        words = "Specify the capacitance of cable and amplifier, in F."
+        raise ParameterError(f"{where}: feedback.capacitance_f is missing. {words}")
     total = float(capacitance[2, 2])
     total += limited(Feedback, "capacitance_f", table.get("capacitance_f"), "feedback.capacitance_f", where)
     shares = -capacitance[:2, 2] / total

@@ -670,7 +670,7 @@ def _toml(document: Mapping[str, Any], provenance: Mapping[str, Provenance], hea
 
 
 def _written(value: object) -> str:
-    """Return a number, a text or a table of them as TOML; the syntax of one is that of JSON, except for DEL."""
+    """Return a number, a text or a table of them as TOML; a text has the syntax of JSON, except for DEL."""
     if isinstance(value, Mapping):
         return f"{{ {', '.join(f'{_written(key)} = {_written(one)}' for key, one in value.items())} }}"
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

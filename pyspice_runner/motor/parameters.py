@@ -292,7 +292,7 @@ class Feedback(Parameters):
     """
 
     capacitance_f: float = quantity(
-        "capacitance C_F, clamped, with that of cable and amplifier", "F", gt=MIN_CAPACITANCE, le=1e-3
+        "clamped capacitance C_F, including cable and amplifier", "F", gt=MIN_CAPACITANCE, le=1e-3
     )
     # with a larger one a charge would stay for more than minutes
     resistance_ohm: float = quantity(
@@ -361,7 +361,7 @@ class Contact(Parameters):
         default=0.0,
     )  # fmt: skip
     worn_flat_radius_m: float = quantity(
-        "radius of the flat worn on the tip; K_N and K_t are those of the new tip", "m",
+        "radius of the flat worn on the tip; K_N and K_t describe the new tip", "m",
         ge=0.0, le=0.01, default=0.0,
     )  # fmt: skip
     # for a worn tip, and for pressure, tension and wear, which need more than its stiffness

@@ -242,7 +242,7 @@ class Point:
         keep_partial: bool = False,
         start: Motion | None = None,
     ) -> Outcome:
-        """Run it from rest or a motion; the arguments are those of :func:`~pyspice_runner.run.kernel.transient`."""
+        """Run it from rest or a motion; for the arguments see :func:`~pyspice_runner.run.kernel.transient`."""
         return transient(
             self.bench(start), vectors, step=self.step, duration=duration, record_from=record_from,
             timeout=self.solver.timeout, progress=progress, keep_partial=keep_partial, uniform=self.source.uniform,

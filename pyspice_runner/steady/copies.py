@@ -335,8 +335,8 @@ class Plant:
     def store_phasors(self, pins: Mapping[str, complex], currents: Mapping[str, complex]) -> list[complex]:
         """Return the phasors of the stores of network and transformer in a linear steady state; else 0.
 
-        ``pins`` has the phasor of the voltage in V at the pin of each group, ``currents`` that of the current in A. The
-        core of a transformer has the alternating flux alone; the halves of a primary share its current.
+        ``pins`` has the phasors of the voltages in V at the pins of the groups, ``currents`` of their currents in A.
+        The core of a transformer has the alternating flux alone; the halves of a primary share its current.
         """
         omega, of_devices = 2.0 * pi * self.front.frequency, dict[tuple[str, str], complex]()
         for group, stage in two_phasors(self.front).items():

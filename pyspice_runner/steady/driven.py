@@ -251,7 +251,7 @@ def running(setup: Point, start: Orbit, periods: int, vectors: Sequence[str]) ->
 
 
 def _inside(vector: str) -> str:
-    """Return a vector of a run of one motor as that of the first copy of a bench."""
+    """Return the name that a vector of a run of one motor has in the first copy of a bench."""
     return re.sub(r"^(v|i)\((v\.)?", lambda at: f"{at[1]}({'v.' if at[1] == 'i' else ''}{copy_name(0)}.", vector)
 
 

@@ -73,7 +73,7 @@ class Course:
 
 
 def differentiable(plant: Plant) -> bool:
-    """Return whether the equations of a plant are known: those of a user's own law if numpy can evaluate them."""
+    """Return whether the equations of a plant are known; a user's own law has them if numpy can evaluate it."""
     return plant.law is not None and evaluable(contact_library(plant.law, plant.motor.contact))
 
 

@@ -260,7 +260,7 @@ def steady_state(
 
 
 def settled(point: Point, accuracy: float = ACCURACY, *, averages: bool = True) -> SteadyState:
-    """Return the steady state of an operating point, with waveforms; settings are those of :func:`steady_states`."""
+    """Return the steady state of an operating point, with waveforms; for the settings see :func:`steady_states`."""
     (state,) = steady_states([point], accuracy=accuracy, waveforms=True, averages=averages)
     check_runs([state])
     return state

@@ -111,8 +111,8 @@ class Report(Result):
     def key_figures(self) -> dict[str, float | None]:
         """The values at the top of a data sheet, at the highest drive; ``None`` for a value that is not settled.
 
-        Speed, currents and powers without load are those of the free rotor's steady state; stall torque and best
-        efficiency are those of settled points of the curve. Of a transducer they are those of its steady state.
+        Speed, currents and powers without load are from the free rotor's steady state; stall torque and best
+        efficiency are from settled points of the curve. The values of a transducer are from its steady state.
         """
         if isinstance(self.free, TransducerState):
             return self.free.quantities

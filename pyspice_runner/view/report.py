@@ -58,7 +58,7 @@ def report(
     progress: Progress | None = None,
     timeout: float | None = None,
 ) -> Report:
-    """Run the analyses of a motor's data sheet; that of a transducer has no curves.
+    """Run the analyses of a motor's data sheet; the data sheet of a transducer has no curves.
 
     The curves have twice the time step of the run. Their error is four times ``discretisation_error``, that of the run.
 

@@ -374,7 +374,7 @@ def test_the_error_of_a_motor_that_swings_on_its_contact_is_unknown() -> None:
 
 
 def test_the_error_of_a_shaft_that_swings_to_and_fro_is_unknown() -> None:
-    """The full motor excites such swings, too, with another frequency: after two of them it is 5 % of the speed off."""
+    """The full motor excites such swings at another frequency: after two of them it is 5 % of the speed off."""
     run = simulate_averaged(
         pr.load_motor(PLATE), pr.TwoPhaseDrive(voltage=50.0, frequency=41e3, phase_deg=70.0), duration=20e-3
     )

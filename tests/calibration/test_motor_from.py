@@ -173,7 +173,7 @@ BENCHES = {
 }
 LOW = {"bimodal40": 80.0, PLATE40: 100.0}  # V, at which the loops are designed
 VOLTAGES = {"bimodal40": (60.0, 80.0, 100.0), PLATE40: (80.0, 100.0, 120.0)}
-BANDS = {"bimodal40": (30e3, 50e3), PLATE40: (15e3, 50e3)}  # Hz; that of the plate has a mode that no group drives
+BANDS = {"bimodal40": (30e3, 50e3), PLATE40: (15e3, 50e3)}  # Hz; the plate's band has a mode that no group drives
 SET_POINTS = {"bimodal40": 0.05, PLATE40: 5e-3}  # rad, m; plate40 hunts by 0.4 mm, also with the loop of the truth
 LOOP: dict[str, Any] = {"quantity": "position", "crossover": 20.0, "margin": 90.0, "sample_time": 0.5e-3}
 GAIN = 1.5  # factor of the gains: a loop with a gain margin of 6 dB keeps half of it

@@ -76,8 +76,8 @@ def measured(
 ) -> dict[str, complex]:
     """Return the fundamentals of the vectors of a deck over its last whole periods, and as ``mean …`` their means.
 
-    The shaft is held at a speed in rad/s; with ``None`` it starts from rest. With a duration in s the transistors are
-    those of :data:`TRANSISTORS`.
+    The shaft is held at a speed in rad/s; with ``None`` it starts from rest. With a duration in s the deck has
+    the transistors of :data:`TRANSISTORS`.
     """
     pr.export_motor(motor, folder / "motor.lib")
     text = (DECKS / f"{name}.cir").read_text(encoding="utf-8")
@@ -231,7 +231,7 @@ def test_a_deck_written_by_hand_has_the_voltages_currents_power_and_torque_of_th
 
 
 def transistor_losses(deck: dict[str, complex], losses_w: dict[str, float]) -> tuple[float, float]:
-    """Return the loss of all transistors without that of their gates, in a deck and in a report."""
+    """Return the loss of all transistors without their gates, in a deck and in a report."""
     lost = sum(value.real for vector, value in deck.items() if vector.startswith("mean @"))
     ours = sum(
         loss for key, loss in losses_w.items()

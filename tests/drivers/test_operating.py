@@ -30,7 +30,7 @@ def designed(name: str) -> Design:
 
 @pytest.mark.parametrize("name", MOTORS)
 def test_no_load_is_a_free_shaft_behind_the_network_and_the_verdict_covers_it(name: str) -> None:
-    """Its torque is that of the bearing, within 1 % of that of friction; the real bridge leaves the same speed."""
+    """Its torque is the bearing's, within 1 % of the friction torque; the real bridge leaves the same speed."""
     motor, design = pr.load_motor(name), designed(name)
     idle = next(point for point in design.points if point.state == "no load")
     friction = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m

@@ -182,7 +182,7 @@ def test_the_permeance_of_a_core_is_that_of_its_data_sheet(core: str, nanohenrie
 
 
 def test_a_design_takes_its_transformers_from_their_cores_unless_they_are_given() -> None:
-    """The magnetising inductance of the other group stays that of its core: N² A_L, not the default of 5 mH."""
+    """The magnetising inductance of the other group still follows from its core: N² A_L, not the default of 5 mH."""
     drive, parts = pr.TwoPhaseDrive(voltage=50.0, frequency=FREQUENCY), {"transformer_a.magnetizing": 4e-3}
     design = pr.design(pr.load_motor("andersen2002"), pr.DriverSpec(drive, "full-bridge", rail=24.0, parts=parts))
     assert design.driver is not None

@@ -68,7 +68,7 @@ POINTS = [
 def test_model_exchange_runs_with_the_default_tolerance(voltage: float, torque: float, units: dict[int, Path]) -> None:
     """From standstill to an open contact, by CVODE and its 500 steps between two outputs.
 
-    3e-3 rad/s is the larger of the two errors, that of CVODE: 2.9e-3 at 150 V and 4 mN·m, where its tolerance of 1e-6
+    3e-3 rad/s bounds the error of CVODE, the larger of the two: 2.9e-3 at 150 V and 4 mN·m, where its tolerance of 1e-6
     comes within 1.3e-4 of the other one.
     """
     start = {"amplitude_a": voltage, "amplitude_b": voltage, "load_torque": torque}

@@ -286,7 +286,7 @@ def test_the_small_signals_of_recommended_drives_are_accurate(name: str) -> None
     assert isinstance(drive, pr.TwoPhaseDrive)
     found = small_signals(motor, drive, frequencies=[0.02, *np.geomspace(10.0, 3e3, 6)])
     assert not any("transfer functions" in caution for caution in found.cautions)
-    # differences over a phase or a voltage have errors of 1 to 50 % by those of the steady states
+    # differences over a phase or a voltage have errors of 1 to 50 %, because the steady states have errors
     ends = [Point.of(motor, drive.updated({"frequency": drive.frequency + shift})) for shift in (-1.0, 1.0)]
     low, high = (state.speed_rad_s for state in steady_states(ends, accuracy=2e-5))
     assert found.transfer("speed", "frequency")[0].real == pytest.approx(0.5 * (high - low), rel=0.01)

@@ -15,11 +15,11 @@ from pyspice_runner.impedance.identify.descent import Complexes, Vector
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT
 from pyspice_runner.motor.equivalent import constant_loss
 
-# parameters before those of the arms: ln C₀; tan δ that falls, stays, rises with frequency, stays without dispersion;
+# parameters before the arms: ln C₀; tan δ that falls, stays, rises with frequency, stays without dispersion;
 # R_ℓ, L_ℓ
 GLOBALS = 7
 LOSSES, LEADS = (1, 2, 3, 4), (5, 6)  # their places
-CAUSAL, FLAT = 2, 4  # those of the parts that are constant, with and without dispersion
+CAUSAL, FLAT = 2, 4  # constant parts, with and without dispersion
 _TERMS = 10  # of the polynomials in the loss tangent, for an accuracy of 1e-10
 COST = attrgetter("cost")
 

@@ -18,7 +18,7 @@ async function steadyState(engine, motor, s) {
   return { ...vibrationOf(motor, s, v, 1 / s.frequency, deck), model: "steady", start };
 }
 
-/** Run a transducer from its steady state, block after block, until its power is that of the block before. */
+/** Run a transducer from its steady state, block after block, until its power is equal to the power of the block before. */
 async function vibration(engine, motor, s, quick, tell, progress) {
   const window = WINDOW / s.frequency, stop = BLOCK / s.frequency, { step } = motor;
   let { start } = quick, before = quick, result;
