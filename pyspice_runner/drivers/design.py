@@ -570,6 +570,7 @@ SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the 
 _LEAST_SHARE = 1e-3  # of a target, down to which a possible value is searched for
 _SETTLED = 1.01  # of a possible value, to which it is found
 _SLOW = 3.0  # decay times of the mode under load, in which the supply of a transducer with a load rises
+_SLOWEST_RISE = 1e-2  # s, the upper limit of supply_rise_s
 _ROUNDS = 4  # of transformer ratio and network, each of which depends on the other
 _SECANTS = 4  # speeds at most at which no load is sought; two do where torque over speed is nearly a line
 _SLOWER = 4  # times as many for a transducer, whose impedance is low compared with the stage's times the ratio squared
@@ -957,7 +958,7 @@ class _Search:
         amplitudes = {group: abs(source) for group, source in sources.items()}
         changes: dict[str, Any] = {"voltage": amplitudes["a"]}
         if self.idle and "supply_rise_s" not in self.spec.parts:  # slower than the mode, or the coil rings up
-            changes["supply_rise_s"] = min(_SLOW * self.ideal.motor.loaded_stator.decay_s, 1e-2)
+            changes["supply_rise_s"] = min(_SLOW * self.ideal.motor.loaded_stator.decay_s, _SLOWEST_RISE)
         if "b" in sources:
             changes["ratio_b"] = amplitudes["b"] / amplitudes["a"]
             changes["phase_deg"] = degrees(phase(sources["b"] / sources["a"]))
