@@ -412,11 +412,22 @@ def pin_voltages(motor: Motor, driver: Driver, sources: Any) -> Any:
     return np.linalg.solve(np.eye(len(sources)) + np.diag(series) @ shunt, sources)
 
 
-def moving(motor: Motor, driver: Driver, sources: Any) -> Motion:
-    """Return the motion of a transducer at t = 0 in that steady state."""
-    moved = moved_by(motor, driver.frequency, pin_voltages(motor, driver, sources))
-    velocities = 2j * pi * driver.frequency * moved
-    return Motion(tuple(moved.imag.tolist()), tuple(velocities.imag.tolist()))
+def moving(motor: Motor, driver: Driver, sources: Any) -> tuple[Driver, Motion]:
+    """Return the driver and the motion of a transducer at t = 0 in that steady state.
+
+    The capacitors in series are charged as well, or an offset of the pins would decay through their bleeders.
+    """
+    pins, omega = pin_voltages(motor, driver, sources), 2.0 * pi * driver.frequency
+    moved = moved_by(motor, driver.frequency, pins)
+    currents = cold_admittance(motor, driver.frequency) @ pins
+    volts = {
+        group: float(before.stores["cseries"].imag)
+        for group, voltage, current in zip(driver.groups, pins, currents, strict=True)
+        for _, before in driver.passed(group, voltage, current, omega)
+        if "cseries" in before.stores
+    }
+    motion = Motion(tuple(moved.imag.tolist()), tuple((1j * omega * moved).imag.tolist()))
+    return driver.charged(volts), motion
 
 
 def _point_of(
@@ -560,10 +571,12 @@ _FILTER = 0.6
 # of a transducer, largest reactance of that coil over the impedance at its pin. The coil and the clamped capacitance
 # resonate at an even multiple of the drive, where a square wave has nothing
 _TUNED = 3.0
+_EVEN = 2.0  # the first even multiple, beyond which all harmonics of a square wave are weakened
 MISTUNED = 0.005  # of the frequency, to both sides, at which the design of a target is computed as well
 # of a bleeder over the reactance of its capacitor: it takes a hundredth of the current, and an offset of the pin decays
 # in 100 (1 + C of the group over C in series) / ω, a few tens of periods
 BLED = 100.0
+_BLED_SLOWLY = 1000.0  # of a transducer, whose supply rises slowly and leaves no offset: a thousandth of the current
 _PAIR = 2.0  # coil of an LLCC that transforms over that of the match; a capacitor takes the rest, and isolates
 _SMALLEST = {"inductor": stock.SMALLEST_INDUCTANCE, "llcc": 1e-5}  # H, smallest series coil of a design
 SPIKE = 2.0  # of the transistors of a push-pull stage over their swing, by the leakage between the halves: assumed
@@ -738,6 +751,7 @@ class _Search:
         self.rail, self.pins = self.spec.rail, {group: phasors[group] for group in self.driver.groups}  # wanted
         self.omega = 2.0 * pi * self.driver.frequency
         self.middle = next(point for point in self.points if point.state == OPERATING)
+        self.bled = _BLED_SLOWLY if self.ideal.motor.is_transducer else BLED  # bleeder over the reactance
         flows = [point.motional_current_a or 0.0 for point in self.points if not point.detuning]
         # a voltage that is kept does not keep the current
         self.current = self.spec.load_range is not None and max(flows) > (1.0 + PIN_BAND) * min(flows)
@@ -810,8 +824,8 @@ class _Search:
                     driver = driver.updated({"mosfet": self._mosfet(driver)})
             _ = driver.equivalent  # raises if the resistance of the stage, times the ratio squared, is out of range
         except ParameterError as error:
-            ranged = self.spec.targets and "is not valid" in str(error)  # as ratio and network run away
-            reason = self._beyond(driver) if ranged else f"{error} Take another stage, rail or MOSFET."
+            # the parts that are given were valid; with a target ratio and network run away
+            reason = self._beyond(driver) if self.spec.targets else f"{error} Take another stage, rail or MOSFET."
             raise _NotFeasibleError(reason) from None
         return driver
 
@@ -849,7 +863,8 @@ class _Search:
         for group in self.pins:
             most = stock.largest_inductance(driver.frequency, driver.winding(group))
             label, leakage = groups.named(driver.network, group), driver.leakage(group)
-            wanted = -share * load_of(driver, group, self.middle.group(group).impedance_ohm).imag
+            load = load_of(driver, group, self.middle.group(group).impedance_ohm)
+            wanted = -share * load.imag
             filtering = driver.switched or driver.network == "llcc"
             clamped = self.ideal.motor.piezo.capacitance_f(group)
             clamped += driver.values(group, CABLE).get("capacitance", 0.0)
@@ -860,6 +875,10 @@ class _Search:
             coil = least = _SMALLEST[driver.network]
             if total - leakage > least:
                 coil = min(nearest(total - leakage, stock.E12), _largest(most))
+            if driver.network == "llcc":
+                values |= self._across(group, most, coil + leakage, clamped)
+                if self.ideal.motor.is_transducer:  # the series pair cancels what the capacitor adds
+                    wanted = -(1.0 / (1.0 / load + 1j * omega * values[f"{label}.parallel_capacitance"])).imag
             excess = omega * (coil + leakage) - wanted
             capacitor = NO_CAPACITOR
             if excess > _DETUNED * omega * (coil + leakage) and excess > 0.0 and (filtering or wanted < 0.0):
@@ -867,10 +886,8 @@ class _Search:
             values[f"{label}.{prefix}inductance"] = coil
             values[f"{label}.{prefix}resistance"] = max(omega * coil / stock.WINDING_QUALITY, 1e-2)
             values[f"{label}.{prefix}capacitance"] = capacitor
-            if driver.network == "llcc":
-                values |= self._across(group, most)
             isolated = capacitor != NO_CAPACITOR and values.get(f"{label}.parallel_inductance", NO_COIL) == NO_COIL
-            bled = nearest(max(BLED / (omega * capacitor), _LEAST_BLEEDER), stock.E12)
+            bled = nearest(max(self.bled / (omega * capacitor), _LEAST_BLEEDER), stock.E12)
             values[f"{label}.bleeder"] = bled if isolated else NO_BLEEDER
         return values
 
@@ -880,7 +897,9 @@ class _Search:
         if not self.ideal.motor.is_transducer:
             return _FILTER * capacitive
         most = _TUNED * abs(load_of(self.driver, group, self.middle.group(group).impedance_ohm))
-        multiple = 2.0 * max(ceil(0.5 * sqrt(1.0 + capacitive / most)), 1.0)
+        if self.driver.network == "llcc":  # a capacitor across the group tunes it
+            return min(most, capacitive / _EVEN**2)
+        multiple = _EVEN * max(ceil(0.5 * sqrt(1.0 + capacitive / most)), 1.0)
         return capacitive / (multiple**2 - 1.0)
 
     def _current_source(self, driver: Driver, group: str, clamped_f: float) -> dict[str, float]:
@@ -921,7 +940,7 @@ class _Search:
                 match = match_to_source(load, max(source_ohm - resistance, 0.5 * source_ohm), driver.frequency)
                 coil = match["series_inductance"] * (1.0 if self.spec.network == "l" else _PAIR)
                 excess, across = coil - match["series_inductance"], match.get("parallel_inductance", NO_COIL)
-                bled = BLED * omega * excess if excess and across == NO_COIL else NO_BLEEDER
+                bled = self.bled * omega * excess if excess and across == NO_COIL else NO_BLEEDER
                 lost = 0.0 if across == NO_COIL else 1.0 / (omega * across * stock.WINDING_QUALITY)
                 resistance = omega * coil / stock.WINDING_QUALITY + (omega * excess) ** 2 / bled
             found = {
@@ -936,13 +955,18 @@ class _Search:
             values |= {f"llcc_{group}.{name}": float(f"{value:.3g}") for name, value in found.items()}
         return values
 
-    def _across(self, group: str, most: float) -> dict[str, float]:
-        """Return the settings of the pair across a group, which cancels the middle of its susceptances."""
+    def _across(self, group: str, most: float, series_h: float, clamped_f: float) -> dict[str, float]:
+        """Return the settings of the pair across a group, which cancels the middle of its susceptances.
+
+        At a transducer it is a capacitor that tunes the series coil to the first even multiple of the drive.
+        """
         loads = [load_of(self.driver, group, point.group(group).impedance_ohm) for point in self.points]
         susceptances = [(1.0 / load).imag for load in loads]
         middle, omega = 0.5 * (min(susceptances) + max(susceptances)), self.omega
         coil, capacitor = NO_COIL, -middle / omega
-        if middle > 0.0:
+        if self.ideal.motor.is_transducer:
+            capacitor = 1.0 / ((_EVEN * omega) ** 2 * series_h) - clamped_f
+        elif middle > 0.0:
             coil = _largest(min(most, 1.0 / (omega * middle)))
             capacitor = 1.0 / (omega**2 * coil) - middle / omega
         capacitor = NO_PARALLEL if capacitor < stock.SMALLEST_CAPACITANCE else nearest(capacitor, stock.E24)

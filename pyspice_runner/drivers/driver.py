@@ -461,6 +461,11 @@ class Driver(Stated, Source):
         changed._transistor = replace(library, subcircuit=text)
         return changed
 
+    def charged(self, volts: Mapping[str, float]) -> Self:
+        """Return the driver whose capacitors in series with the groups have voltages in V at the start of a run."""
+        name = {"inductor": "start_voltage", "llcc": "start_series_voltage"}.get(self.network)
+        return self.updated({f"{self.network}_{group}.{name}": value for group, value in volts.items() if name})
+
     @property
     def given(self) -> Self:
         """The driver itself."""
@@ -609,7 +614,9 @@ class Driver(Stated, Source):
         values = {
             parameter.name: self._setting(label, parameter.name, group, parameter.default)
             for parameter in library.parameters
-            if label == _OWN or not parameter.name.startswith(START)
+            if label == _OWN
+            or not parameter.name.startswith(START)
+            or f"{label}_{group}.{parameter.name}" in self.settings
         }
         if label == _OWN:
             phase_deg = self.phase_deg if group == "b" else 0.0

@@ -64,9 +64,10 @@ def part_loads(driver: Driver, samples: Mapping[str, Array], measure: Measure | 
     """Return the parts of both groups, from the supply to the pin, with the maxima over a run, or another measure."""
     found, measure = list[PartLoad](), measure or _peak
     for group in driver.groups:
-        found += _of_stage(driver, group, samples, measure)
+        of_group = [*_of_stage(driver, group, samples, measure)]
         for part, before, after in _behind(driver, group):
-            found += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples, measure)
+            of_group += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples, measure)
+        found += [replace(load, group=group) for load in of_group]
     return tuple(found)
 
 
@@ -81,9 +82,8 @@ def settled_parts(
     found, several = [], (part_loads(driver, samples, measure) for measure in (_peak, window.rms, ripple))
     for peak, rms, swing in zip(*several, strict=True):
         volts, amperes, transistor = rms.peak_voltage_v, rms.peak_current_a, peak.name.startswith(TRANSISTOR)
-        stage = f"_{peak.name.partition('group ')[2][:1].lower()}."
         lost = [
-            loss for path, loss in losses_w.items() if stage in path and not path.startswith("driver")
+            loss for path, loss in losses_w.items() if f"_{peak.group}." in path and not path.startswith("driver")
             and peak.name.startswith(_LOSSES.get(path.partition(".")[2], "?"))
         ]  # fmt: skip
         found.append(replace(
@@ -248,7 +248,7 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
     for part in parts:
         volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
-            winding = [driver.winding(part.name[-1].lower())] if part.name.startswith("series") else []
+            winding = [driver.winding(part.group)] if part.name.startswith("series") else []
             notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, *winding)
     return notes
 
@@ -457,14 +457,14 @@ _BEGIN, _LASTS, _SWEEPS = 1e-3, 0.5e-3, 2e-3  # s: power-up, each event, a sweep
 
 
 def driver_events(
-    setup: Point, driver: Driver, vectors: Sequence[str], idle: tuple[Motor, Motion] | None = None,
-    share: float = SWEPT, motion: Motion | None = None,
+    setup: Point, driver: Driver, vectors: Sequence[str], idle: tuple[Motor, Driver, Motion] | None = None,
+    share: float = SWEPT, moving: tuple[Driver, Motion] | None = None,
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Return the maxima of a run, as :func:`.maxima`, for each event, from the vectors that it takes.
 
     The load steps from nothing to its torque, or to the friction torque under the preload, which stalls the motor. A
     held shaft has no step. A transducer steps from the load of ``idle``, in its steady state there, to its own, and
-    back. The sweep covers a ``share`` of the frequency to both sides, from a ``motion``, by default rest.
+    back. The sweep covers a ``share`` of the frequency to both sides, from what is ``moving``, by default from rest.
     Raise SimulationError if ngspice fails or its result cannot be trusted.
     """
     motor = setup.motor
@@ -473,18 +473,21 @@ def driver_events(
     if steps and not torque:
         torque = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
     stops = _BEGIN + (_LASTS if steps else 0.0)
-    tool, start = list[tuple[float, float]](), None
+    tool, start, charged = list[tuple[float, float]](), None, driver
     if idle:  # on until the mode has settled under the load, then off
-        begin, (light, start) = _IDLE_PERIODS * driver.period, idle
+        begin, (light, charged, start) = _IDLE_PERIODS * driver.period, idle
         off = begin + max(_BUILT_UP * motor.loaded_stator.decay_s, _IDLE_PERIODS * driver.period)
         stops = off + 2.0 * _IDLE_PERIODS * driver.period
         ohms = light.load_resistance_n_s_per_m, motor.load_resistance_n_s_per_m
         tool = [(0.0, ohms[0]), (begin, ohms[0]), (begin + _EDGE, ohms[1]), (off, ohms[1]), (off + _EDGE, ohms[0])]
-    if motion:
-        driver = driver.updated({"supply_rise_s": AT_ONCE})
-    stopped = EventfulDriver(driver, Events(_BEGIN if steps else None, torque, stops, tool=tool))
+    low, motion = moving or (driver, None)
+    if moving:
+        driver, charged, low = (one.updated({"supply_rise_s": AT_ONCE}) for one in (driver, charged, low))
+    stopped = EventfulDriver(charged, Events(_BEGIN if steps else None, torque, stops, tool=tool))
     first = (1.0 - share) * driver.frequency
-    swept = EventfulDriver(driver, Events(first=first, rate=2.0 * share * driver.frequency / _SWEEPS))
+    swept = EventfulDriver(
+        low.updated({"frequency": driver.frequency}), Events(first=first, rate=2.0 * share * driver.frequency / _SWEEPS)
+    )
     load = Load() if steps else setup.load
     runs = [(replace(setup, source=stopped, load=load), stops + _LASTS), (replace(setup, source=swept), _SWEEPS)]
     with ThreadPoolExecutor() as pool:

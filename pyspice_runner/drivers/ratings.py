@@ -41,7 +41,7 @@ class PartLoad:
     run. Of several transistors the one with the largest values counts.
     """
 
-    name: str  # with its group
+    name: str  # with its group, for a table
     value: float  # in its unit
     unit: str  # H, F, Ω, V, s, or 1 for a ratio of turns or a number of pieces
     peak_voltage_v: float | None  # largest voltage across it
@@ -61,6 +61,7 @@ class PartLoad:
     primary_peak_current_a: float | None = None
     primary_rms_voltage_v: float | None = None
     primary_rms_current_a: float | None = None
+    group: str = ""  # a or b
 
     def words(self) -> str:
         """Return value, maxima and RMS values for a summary."""
@@ -110,11 +111,11 @@ def judged(driver: Driver, part: PartLoad, cores: Mapping[str, Wound] = MappingP
     """Return a transistor with its ratings, a coil or a transformer with a core; ``cores`` are a design's."""
     if part.name.startswith(TRANSISTOR):
         return _rated(driver, part)
-    rms, group = part.rms_current_a, part.name.partition("group ")[2][:1].lower()
+    rms = part.rms_current_a
     if part.name.startswith(TRANSFORMER) and rms:
         own = None if driver.kind == "push-pull" else part.primary_rms_current_a  # one of the halves has no half of it
-        rms = driver.ratio(group) * rms if own is None else own
-        return replace(part, core=wound_transformer(driver, group, rms, cores.get(group)))
+        rms = driver.ratio(part.group) * rms if own is None else own
+        return replace(part, core=wound_transformer(driver, part.group, rms, cores.get(part.group)))
     if part.unit == "H" and part.peak_current_a and rms and not part.name.startswith(CABLE):
         peak, settled = part.value * part.peak_current_a, sqrt(2.0) * part.value * rms
         return replace(part, core=wound(peak, settled, rms, driver.frequency, part.value))
@@ -155,7 +156,7 @@ def rating_notes(driver: Driver, parts: Iterable[PartLoad]) -> list[str]:
 
 def bill_of_materials(parts: Iterable[PartLoad]) -> list[list[str]]:
     """Return the rows of a table of parts to buy or to wind, the names of its columns first; SI units."""
-    own = [one.name for one in fields(PartLoad) if one.name not in ("core", "exceeds", "peak_range_a")]
+    own = [one.name for one in fields(PartLoad) if one.name not in ("core", "exceeds", "group", "peak_range_a")]
     rows = [["quantity", *own, "exceeds", *(f"core_{one.name}" for one in fields(Wound))]]
     for part in parts:
         if part.unit not in ("V", "s"):  # of supplies and dead times

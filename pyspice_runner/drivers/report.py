@@ -49,6 +49,7 @@ _REACHED = 80  # periods of the run of a transducer from near its steady state; 
 _CORRECTIONS = 4  # of the sources from which it starts, at most
 _STEADY = 2e-3  # of the sources, by which they change: a fifth of a percent of the motional current
 _START_PERIODS = 250, 2000  # of all channels, at most, of a transducer's start: 4 s of CPU; not of a bridge the second
+SQUARE_THD = float(np.sqrt(np.pi**2 / 8.0 - 1.0))  # of a square wave: RMS of its harmonics over its fundamental
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
 
 
@@ -239,6 +240,14 @@ class DriveReport(Balance, Result):
                 )
         if self.design and not self.design.feasible:
             yield f"Do not build this driver. {self.design.reason}"
+        for group, port in (self.operating or self).groups.items() if self.driver["network"] != "none" else ():
+            if port.voltage_thd > SQUARE_THD:
+                worst = max(port.harmonics[1:], key=lambda harmonic: harmonic.voltage_v)
+                yield (
+                    f"The pin of group {group.upper()} has a THD of {100.0 * port.voltage_thd:.3g} %, more than a "
+                    f"square wave ({100.0 * SQUARE_THD:.0f} %): the network amplifies harmonic {worst.order} at "
+                    f"{engineering(worst.frequency_hz, 'Hz')}. Take the network llcc, or another inductance."
+                )
         overloads = [] if self.design else self.maxima["exceeded"]  # a design has them in its reason
         yield from (*overloads, *self.event_faults, *self.ceramic.get("cautions", ()))
 
@@ -483,7 +492,7 @@ def _starts(setup: Point, design: Design | None, sources: Array) -> tuple[Any, .
     if design is None or not design.targets:
         return ()
     low = setup.drive.updated({"frequency": (1.0 - linear.MISTUNED) * setup.drive.frequency})
-    idle = (design.idle, linear.moving(design.idle, setup.drive, sources)) if design.idle else None
+    idle = (design.idle, *linear.moving(design.idle, setup.drive, sources)) if design.idle else None
     return idle, linear.MISTUNED, linear.moving(setup.motor, low, sources)
 
 
@@ -511,8 +520,9 @@ def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple
     sources = np.array([phasors[group] for group in driver.groups])
     series, across = np.array([linear.network_of(driver, group) for group in driver.groups]).T
     for _ in range(_CORRECTIONS):
-        start, before = linear.moving(setup.motor, driver, sources), sources
-        found = measured(setup.run(_REACHED * driver.period, vectors, start=start).vectors())
+        before, (charged, start) = sources, linear.moving(setup.motor, setup.drive, sources)
+        begun = replace(setup, source=charged)
+        found = measured(begun.run(_REACHED * driver.period, vectors, start=start).vectors())
         volts, amperes = np.array([found.pin(group) for group in driver.groups]).T
         sources = volts + series * (amperes + across * volts)
         if np.abs(sources - before).max() < _STEADY * np.abs(before).max():

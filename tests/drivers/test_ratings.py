@@ -157,7 +157,9 @@ def test_a_core_stays_with_its_turns_until_the_rms_current_of_a_run_is_too_large
     assert more.winding_w == pytest.approx(design.winding_w * (0.3 / 0.25) ** 2)
     assert other.name == "RM 8"  # 2 · 1 A · 295 µV·s/480e3 = 1228 mm⁴; it has 64 · 30 = 1920 mm⁴
     assert "; RM 6 of the design does not take the RMS current" in other.words()
-    transformer = PartLoad("transformer, group A", 3.42, "1", 100.0, 1.5, rms_current_a=0.3, primary_rms_current_a=1.0)
+    transformer = PartLoad(
+        "transformer, group A", 3.42, "1", 100.0, 1.5, rms_current_a=0.3, primary_rms_current_a=1.0, group="a"
+    )
     assert judged(driver, transformer, {"a": design}).core == other
     assert wound_transformer(driver, "a", 100.0, design) is None
 
