@@ -29,7 +29,8 @@ FARTHEST_DEG = 60.0  # of a target
 @command(
     "motor tracker mode disturb event voltage ratio_b phase frequency span offset target bandwidth period step_size",
     "reverse no_restart restart_after load_torque load_factor preload_change supply_change target_step drift",
-    "drift_time all_drift compensate", DRIVER, "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
+    "drift_time all_drift compensate no_copies sense_ohm magnetizing", DRIVER,
+    "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
     tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
     mode=option(str | None, None, "Name of the mode to track; default: the last.", "--mode", metavar="NAME"),
     disturb=option(DisturbanceKind, "start", "Disturbance of the motor."),
@@ -69,6 +70,11 @@ FARTHEST_DEG = 60.0  # of a target
     compensate=option(
         bool, False, "The copies of the clamped capacitances follow the stator's temperature.", "--compensate"
     ),
+    no_copies=option(
+        bool, False, "The sensed current includes that of the clamped capacitances.", "--no-copies"
+    ),
+    sense_ohm=option(float, 0.0, "Sense resistor, or burden of a current transformer referred to the line, ohm."),
+    magnetizing=option(float, 0.0, "Magnetising inductance of this transformer, referred to the line, H."),
     driver=option(str | None, None, f"Driver between tracker and motor: {DRIVERS}; default: none."),
     begin=option(float | None, None, "Start of the disturbance, s."),
     averaged=option(bool, False, "Track the averaged motor: minutes of motor time in seconds.", "--averaged"),
@@ -92,10 +98,11 @@ def track(call: Call) -> None:
     offset = START_OFFSET if call.disturb == "start" and not call.event else 0.0
     tracker = pr.Tracker(
         **tone, offset=offset if call.offset is None else call.offset, polarity=-1 if call.reverse else 1,
-        restart=not call.no_restart,
+        restart=not call.no_restart, copies=not call.no_copies,
         copies_drift_per_k=pr.Thermal.of(motor).capacitance_drift_per_k if call.compensate else 0.0,
         **call.pick("span", kind="tracker", target_deg="target", bandwidth_hz="bandwidth", period_s="period",
-                    step_hz="step_size", restart_after_s="restart_after"),
+                    step_hz="step_size", restart_after_s="restart_after", sense_ohm="sense_ohm",
+                    magnetizing_h="magnetizing"),
     )  # fmt: skip
     if call.voltage is None and motor.drive is not None:
         usual = _usual_voltage(motor, tracker, mode, motor.drive["frequency"], contact=call.law is not None)

@@ -55,7 +55,8 @@ def averaged_front(source: TrackedSource) -> AveragedDrive:
 def _loop_values(motor: Motor, source: TrackedSource) -> dict[str, float]:
     tracker = source.tracker
     return {
-        "drift": tracker.copies_drift_per_k, **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
+        "drift": tracker.copies_drift_per_k, "sense_corner": tracker.sense_corner_hz,
+        **sensing(motor, tracker, source.mode), **tracker.tuned_hz,
         "current": tracker.pump_current_a, "polarity": tracker.polarity, "rail": RAIL, **(source.restart or {}),
     }  # fmt: skip
 

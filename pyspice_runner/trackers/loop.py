@@ -202,7 +202,8 @@ def _turns(
     frequency, weights = drive.frequency, sensing(known, source.tracker, source.mode)
     currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
     pins = volts(drive)
-    motional = complex(currents @ (drawn - copies(weights, frequency) @ pins))
+    share = source.tracker.sensed_share
+    motional = complex(currents @ (share(frequency) * drawn - copies(weights, frequency) @ pins))
     harmonics = np.array([forces @ pins]) if force is None else force
     orders = np.arange(1, len(harmonics) + 1)
     wanted = harmonics * _reference(source, orders * frequency)
@@ -218,7 +219,8 @@ def _turns(
     # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
     moved = np.linalg.solve(np.eye(4) + series * (inner + across * np.eye(4)), emf[:, np.newaxis])
     sides = [part.reshape(-1, 2, 2, 1) for part in (inner @ moved, moved)]
-    current = (sides[0] - copies(weights, bands) @ sides[1])[..., 0] @ currents
+    seen = share(bands)[..., np.newaxis, np.newaxis] * sides[0]
+    current = (seen - copies(weights, bands) @ sides[1])[..., 0] @ currents
     turned = sides[1][..., 0] @ forces * _reference(source, bands)
     ahead = current @ np.array([1.0 / motional, 1.0 / motional.conjugate()])
     ahead -= (turned @ np.exp([1j * edge, -1j * edge]) + follows) / slope
@@ -261,7 +263,11 @@ def by_group(values: Mapping[str, float], name: str) -> Array:
 
 
 def _network(source: TrackedSource, frequency: float) -> Complex:
-    """Return the series impedances of both groups, and the admittances across their pins."""
-    driver = source.driver
+    """Return the series impedances of both groups, and the admittances across their pins.
+
+    The voltage of a resistor that senses the current counts where there is no driver.
+    """
+    driver, tracker = source.driver, source.tracker
     driven = driver.groups if driver else ()
-    return np.array([network_of(driver, one, frequency) if driver and one in driven else (0j, 0j) for one in GROUPS]).T
+    line = complex(tracker.sense_ohm * tracker.sensed_share(frequency)), 0j
+    return np.array([network_of(driver, one, frequency) if driver and one in driven else line for one in GROUPS]).T

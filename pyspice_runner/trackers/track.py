@@ -769,7 +769,7 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     weights = sensing(motor, tracker, run.source.mode)
     taken = copies(weights, frequency) @ pins
     charging = by_group(weights, "current") @ taken
-    motional = by_group(weights, "current") @ (currents - taken)
+    motional = by_group(weights, "current") @ (tracker.sensed_share(frequency) * currents - taken)
     turn = -degrees((drift * charging / motional).imag)  # the loop turns the mode back
     wanted = tracker.target_deg + disturbances.last("target")
     moved = run.lag.detuning_hz(wanted + turn) - run.lag.detuning_hz(wanted)

@@ -150,6 +150,7 @@ TRACKER_OPTIONS = {"reltol": "1e-5", "vntol": "1e-7", "abstol": "1e-8", "trtol":
 BRIDGE_OPTIONS = {**SWITCHED_OPTIONS, "abstol": "3e-6", "chgtol": "1e-9", "trtol": "7", "xtrtol": "7"}
 ROUNDING = 1e-9  # relative, of times
 STEP_TIME = 0.2e-3  # s, rise time of a step of load, preload or supply: short for the loop, long for the modes
+_NO_COPY = 1e-6  # of a clamped capacitance, where its current is sensed as well
 LOST_DEG = 60.0  # phase error with which lock is lost: half the amplitude
 LOST_PERIODS = 5.0  # time constant of the mean by which a loss of lock is seen: the ripple at 2 f is 1.6 %
 HELD_LAGS = 10.0  # duration of a restart in time constants of the mode: what rang before it has decayed by e^-10
@@ -195,6 +196,17 @@ class Tracker(Stated, Excitation):
     capacitance_error: float = quantity(
         "error of the copies of the clamped capacitances, relative", "1", default=0.0, ge=-0.9, le=2.0
     )
+    copies: bool = Field(
+        default=True, description="whether copies of the clamped capacitances are subtracted from the sensed currents"
+    )
+    sense_ohm: float = quantity(
+        "resistor in each line that senses its current, or burden of a current transformer, referred to the line; 0: "
+        "an ideal ammeter", "Ω", default=0.0, ge=0.0, le=1e4,
+    )  # fmt: skip
+    magnetizing_h: float = quantity(
+        "magnetising inductance of this current transformer, referred to the line; 0: a resistor",
+        "H", default=0.0, ge=0.0, le=1e3,
+    )  # fmt: skip
     copies_drift_per_k: float = quantity(
         "relative drift with which these copies follow the temperature of the stator", "1/K",
         default=0.0, ge=-0.02, le=0.02,
@@ -207,6 +219,15 @@ class Tracker(Stated, Excitation):
                 f"Tracker: offset = {self.offset:g} is not valid; the oscillator reaches {self.span:g} either way, so "
                 "widen its span."
             )
+
+    @property
+    def sense_corner_hz(self) -> float:
+        """Frequency in Hz below which a current transformer no longer passes the current; 0 of a resistor."""
+        return self.sense_ohm / (2.0 * pi * self.magnetizing_h) if self.magnetizing_h else 0.0
+
+    def sensed_share(self, frequency: Any) -> Any:
+        """Return what is sensed of a current at a frequency in Hz, or at an array of them: it leads by the corner."""
+        return 1.0 / (1.0 - 1j * self.sense_corner_hz / np.asarray(frequency))
 
     @property
     def gain_hz_per_v(self) -> float:
@@ -457,7 +478,8 @@ def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
         drawn = matrix[at, at] + (matrix[1 - at, at] * cross / weight if weight else 0.0)
         impedance = 1.0 / complex(drawn)
         capacitance = -1.0 / (2.0 * pi * tracker.frequency * impedance.imag)
-        copies[groups.named("capacitance", group)] = capacitance * (1.0 + tracker.capacitance_error)
+        share = 1.0 + tracker.capacitance_error if tracker.copies else _NO_COPY
+        copies[groups.named("capacitance", group)] = capacitance * share
         copies[groups.named("resistance", group)] = max(impedance.real, 1e-9)  # a capacitance without loss
     return copies | weighted
 
@@ -560,7 +582,7 @@ class TrackedSource(Source):
         instantiate(
             circuit, "sense", "tracker_sense",
             (
-                lines[0], pins[0], lines[1], pins[1], circuit.gnd, "motional", "force", "ahead", "power",
+                *self._sensed(circuit, lines, pins), circuit.gnd, "motional", "force", "ahead", "power",
                 "temperature" if disturbances.of("temperature") else circuit.gnd,
             ),
             frequency=tracker.frequency, drift=tracker.copies_drift_per_k, **sensing(motor, tracker, self.mode),
@@ -568,6 +590,23 @@ class TrackedSource(Source):
         circuit.V("inject", "tuning", "control", self.inject or "DC 0")
         self._add_control(circuit, motor)
         disturbances.add(circuit, motor)
+
+    def _sensed(self, circuit: Circuit, lines: Sequence[str], pins: Sequence[str]) -> list[str]:
+        """Add the resistor or current transformer of each line; return the nodes between which its current is sensed.
+
+        The magnetising inductance takes its current past the sensing circuit.
+        """
+        tracker, found = self.tracker, list[str]()
+        for group, line, pin in zip(GROUPS, lines, pins, strict=True):
+            if tracker.sense_ohm:
+                drawn, sensed = groups.named("drawn", group), groups.named("meter", group)
+                circuit.V(drawn, line, drawn, "DC 0")
+                circuit.R(groups.named("sense", group), drawn, sensed, tracker.sense_ohm)
+                if tracker.magnetizing_h:
+                    circuit.L(groups.named("sense", group), drawn, pin, f"{tracker.magnetizing_h!r} ic=0")
+                line = sensed
+            found += [line, pin]
+        return found
 
     def _add_control(self, circuit: Circuit, motor: Motor) -> None:
         """Add what sets the control voltage: a constant, detector and filter, or an observer."""
@@ -646,7 +685,7 @@ Clost lost 0 {smoothed!r} ic={-conductance!r}
 
     def current(self, group: str) -> tuple[str, float]:
         """Return the vector of the current into a pin, and its sign."""
-        return groups.current(".xsense.vline", group), 1.0
+        return groups.current("drawn" if self.tracker.sense_ohm else ".xsense.vline", group), 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return tracker, mode and driver, JSON-ready."""
