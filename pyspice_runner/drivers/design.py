@@ -196,7 +196,10 @@ class DriverSpec:
             if per_volt is None:
                 words = f"{name} is not known of {motor.name}: give its arms velocity_per_current, or a current"
                 raise ParameterError(f"{words} as the target.")
-            drive = drive.updated({"voltage": (value / per_volt) ** (0.5 if name == "power" else 1.0)})
+            try:
+                drive = drive.updated({"voltage": (value / per_volt) ** (0.5 if name == "power" else 1.0)})
+            except ParameterError as error:
+                raise ParameterError(f"{name} = {value:.4g} is not possible: {error} Ask for less.") from None
         return replace(self, drive=drive), motor, idle
 
     @property

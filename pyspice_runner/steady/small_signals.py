@@ -166,7 +166,9 @@ class SmallSignals(Result):
 
     def summary(self) -> dict[str, str]:
         """Return the transfer functions at the lowest frequency, and the admittances next to the drive's."""
-        found = {"modulation": f"{self.modulation_hz[0]:.4g} to {self.modulation_hz[-1]:.4g} Hz"}
+        found = {
+            "modulation": f"{self.modulation_hz[0]:.4g} to {self.modulation_hz[-1]:.4g} Hz; transfers at the lowest"
+        }
         found |= contact_row(self.state.provenance["run"])
         for (output, of), values in self.transfers.items():
             error = f"{self.errors[output, of][0]:.1g} {self.unit(output, of)}"

@@ -38,6 +38,7 @@ from pyspice_runner.steady.transducer import heavier
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, replayed, run_averaged
 from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
 from pyspice_runner.trackers.tracker import (
+    CHANGED,
     LOST_DEG,
     SMOOTHED_PERIODS,
     Disturbance,
@@ -53,7 +54,7 @@ from pyspice_runner.trackers.tracker import (
     sensed_modes,
     sensing,
 )
-from pyspice_runner.units import engineering
+from pyspice_runner.units import engineering, unit_in
 
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its largest amplitude or more
 BUILT_UP = 3.0  # time constants after which a mode's amplitude is within 5 % of its end
@@ -296,11 +297,13 @@ class Tracking(Estimated, Result):
 
     def summary(self) -> dict[str, str]:
         """Return lock, phase error, and the speeds before and after the disturbance."""
+        tracker = self.settings["tracker"]
         rows = {
             "transducer" if self.of_transducer else "motor": str(self.settings["motor"]["name"]),
-            "tracker": str(self.settings["tracker"]["kind"]),
+            "tracker": str(tracker["kind"]),
             "mode": str(self.settings["motor"]["modes"][self.settings["run"]["mode"]]["name"]),
-            "disturbance": ", ".join(one["kind"] for one in self.settings["disturbances"]),
+            "drive": f"{engineering(tracker['voltage'], 'V')}, target {tracker['target_deg']:g}°",
+            "disturbance": ", ".join(map(_event_words, self.settings["disturbances"])),
             **contact_row(self.settings["run"]),
             "locked": "yes" if self.locked else "no",
             "lock time": "–" if self.lock_time_s is None else engineering(self.lock_time_s, "s"),
@@ -324,7 +327,7 @@ class Tracking(Estimated, Result):
             rows |= self._trust()
         if self.stall_torque_n_m is not None:
             rows["stall torque"] = engineering(self.stall_torque_n_m, "N·m")
-        if self.settings["tracker"]["kind"] == "pll":
+        if tracker["kind"] == "pll":
             rows["loop filter"] = ", ".join(map(engineering, asdict(self.loop_filter).values(), ("Ω", "F", "F")))
         if self.sensing is not None:
             drift = engineering(self.sensing.frequency_drift_hz_per_k, "Hz")
@@ -734,6 +737,16 @@ def _check_duration(setup: Point, source: TrackedSource, duration: float) -> Non
     least = max(100.0 * setup.shortest_period, (2 * SMOOTHED_PERIODS + 2) * longest_period)
     most = MOST_POINTS * setup.step
     require(least <= duration <= most, "duration", duration, f"from {least:.3g} to {most:.3g} s", unit="s")
+
+
+def _event_words(event: Mapping[str, Any]) -> str:
+    """Return kind, size and beginning of a disturbance."""
+    name = "load_change_n_s_per_m" if event.get("load_change_n_s_per_m") else CHANGED.get(event["kind"], "")
+    if not (size := event.get(name)):
+        return str(event["kind"])
+    unit = "N·s/m" if name.endswith("n_s_per_m") else unit_in(name)
+    words = f"{100.0 * size:+.3g} %" if unit == "1" else engineering(size, unit)
+    return f"{event['kind']} {words} at {engineering(event['begin_s'], 's')}"
 
 
 def _edges(vectors: Mapping[str, Array]) -> Array:

@@ -56,7 +56,9 @@ def test_a_loop_holds_what_its_transformer_shows_at_the_target(changes: dict[str
     frequency = found.end_frequency_hz
     running = AveragedMotor(motor)
     preload, friction = motor.contact.preload_n, motor.contact.friction
-    running.begin(amplitude_a=60.0, amplitude_b=60.0, phase=90.0, frequency=frequency, preload=preload, friction=friction)
+    running.begin(
+        amplitude_a=60.0, amplitude_b=60.0, phase=90.0, frequency=frequency, preload=preload, friction=friction
+    )
     running.settle()
     pins, currents = np.array([60.0, 60.0j]), np.zeros(2, complex)
     for at, group in enumerate("ab"):  # a phase is that ahead of the group's voltage
