@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handling of SIGINT (Ctrl-C), SIGTERM (``kill``) and SIGHUP (a closed terminal).
+"""Handling of SIGINT (Ctrl-C), SIGTERM (``kill``), SIGHUP (a closed terminal) and SIGBREAK (Ctrl-Break in Windows).
 
 Python runs a signal's handler between any two steps of the program, for example after a process is started and before
 its number is stored, or while its files are being removed. :func:`held` delays signals in such places. :func:`raised`
@@ -19,7 +19,9 @@ from types import FrameType
 from typing import Any
 
 NOTHING_DONE = "piezomotor: interrupted; nothing was written.\n"
-_ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+# the signals of a terminal's keys and of its end; Windows has no SIGHUP, and only Windows has SIGBREAK
+TERMINAL = [getattr(signal, name) for name in ("SIGINT", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
+_ENDING = [*TERMINAL, signal.SIGTERM]
 _REMIND = 0.01  # s; delay before a signal received where no exception can be raised is sent again
 
 
@@ -71,7 +73,7 @@ class _Keeper:
         for number, before in self._handlers.items():
             signal.signal(number, before)
         for number in (*self._fatal, *(number for number in self._came if not callable(self._handlers[number]))):
-            os.kill(os.getpid(), number)
+            signal.raise_signal(number)
         self._raise_what_came()
 
     def _note(self, number: int, frame: FrameType | None) -> None:
@@ -157,7 +159,18 @@ def raised() -> Iterator[list[int]]:
 
 
 def _send_again(number: int) -> None:
-    threading.Timer(_REMIND, os.kill, (os.getpid(), number)).start()
+    threading.Timer(_REMIND, to_main_thread, (number,)).start()
+
+
+def to_main_thread(number: int) -> None:
+    """Send a signal to the main thread, which runs its handler; a system call that it waits in ends at once.
+
+    Windows sends no signals between threads: there the handler runs after the call, for SIGINT at once.
+    """
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
 
 
 def _comes_of_a_signal(error: BaseException | None) -> bool:

@@ -56,7 +56,7 @@ def kills_its_worker_at_7_n(motor: pr.Motor, drive: Drive, **run: float) -> dict
 def kills_one_worker(motor: pr.Motor, drive: Drive, *, mark: str, **run: float) -> dict[str, Any]:
     """Takes its worker down if it is the first of all, by the file that it leaves."""
     try:
-        Path(mark).open("x").close()
+        Path(mark).open("x", encoding="utf-8").close()
     except FileExistsError:
         return formula(motor, drive, **run)
     os.kill(os.getpid(), signal.SIGKILL)

@@ -90,7 +90,8 @@ def test_every_command_that_reads_a_spectrum_takes_columns(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     rows = Path(measured).read_text(encoding="utf-8").splitlines()[1:]
-    Path("bare.csv").write_text("\n".join(row.replace(",", ";").replace(".", ",") for row in [*rows, ""]))
+    bare = "\n".join(row.replace(",", ";").replace(".", ",") for row in [*rows, ""])
+    Path("bare.csv").write_text(bare, encoding="utf-8")
     columns = ["--columns", "frequency_hz, conductance_s, susceptance_s"]
     assert run(["fit", "bare.csv"]) == 2
     assert "or the columns given by --columns frequency_hz,magnitude_ohm,phase_deg" in capsys.readouterr().err

@@ -347,7 +347,8 @@ class Firmware:
 
     def __init__(self, path: str | Path, drive: TwoPhaseDrive, sample_time: float) -> None:
         try:
-            with tempfile.TemporaryDirectory(prefix="piezomotor-") as folder:
+            # Windows keeps the file of a library that is loaded
+            with tempfile.TemporaryDirectory(prefix="piezomotor-", ignore_cleanup_errors=True) as folder:
                 self._c = ctypes.CDLL(str(shutil.copy(path, folder)))
             self._single = hasattr(self._c, "firmware_step")
             step = self._c.firmware_step if self._single else self._c.step

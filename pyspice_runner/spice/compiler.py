@@ -88,9 +88,14 @@ def cached_library(name: str, texts: Mapping[str, str], folder: Path) -> Path:
 
 
 def _is_private(path: Path) -> bool:
-    """Return whether a file exists, it and its folder belong to this user, and no one else can write them."""
+    """Return whether a file exists, it and its folder belong to this user, and no one else can write them.
+
+    Windows gives no owner; there the folder is in the user's own.
+    """
     try:
         found = [place.stat() for place in (path, path.parent)]
     except OSError:
         return False
-    return all(status.st_uid == os.getuid() and not status.st_mode & 0o022 for status in found)
+    return not hasattr(os, "getuid") or all(
+        status.st_uid == os.getuid() and not status.st_mode & 0o022 for status in found
+    )

@@ -23,7 +23,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from pyspice_runner.errors import require
-from pyspice_runner.interrupts import held
+from pyspice_runner.interrupts import TERMINAL, held, to_main_thread
 
 Task = Callable[[], dict[str, Any]]
 Outcome = dict[str, Any] | BaseException
@@ -31,6 +31,7 @@ Outcome = dict[str, Any] | BaseException
 _TRIES = 2  # for each task
 _MOST_DEATHS = 8  # consecutive deaths after which the remaining tasks are given up
 _SAFE_PATH = "PYTHONSAFEPATH"
+_MASKS = hasattr(signal, "pthread_sigmask")  # not in Windows
 _GRACE = 2.0  # s for a worker whose sweep has ended to stop ngspice and remove its files
 _LONGEST_END = 20.0  # s for a worker to end, including the imports of one that is just starting
 
@@ -113,11 +114,11 @@ def _receive(worker: Connection) -> Outcome | None:
 def _start_of_workers() -> Iterator[None]:
     """Set the environment that new worker processes inherit.
 
-    SIGINT is blocked: only the sweep reacts to Ctrl-C. PYTHONSAFEPATH keeps the working directory out of a worker's
-    module path until it has received that of this process; without it, Python would execute a file named signal.py or
-    pickle.py there.
+    SIGINT is blocked where the system can do that: only the sweep reacts to Ctrl-C. PYTHONSAFEPATH keeps the working
+    directory out of a worker's module path until it has received that of this process; without it, Python would execute
+    a file named signal.py or pickle.py there.
     """
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if _MASKS else set()
     safe_path = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:
@@ -127,7 +128,8 @@ def _start_of_workers() -> Iterator[None]:
             del os.environ[_SAFE_PATH]
         else:
             os.environ[_SAFE_PATH] = safe_path
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if _MASKS:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 @contextmanager
@@ -136,7 +138,8 @@ def _processes() -> Iterator[Callable[[], Connection]]:
     spawn = multiprocessing.get_context("spawn")
     theirs, ours = spawn.Pipe(duplex=False)
     with _start_of_workers():
-        resource_tracker.ensure_running()  # it unblocks SIGINT, so not at the start of the first worker
+        if _MASKS:  # Windows has no such process
+            resource_tracker.ensure_running()  # it unblocks SIGINT, so not at the start of the first worker
     started: list[tuple[BaseProcess, Connection]] = []
 
     def start() -> Connection:
@@ -171,13 +174,15 @@ def _work(tasks: Connection, sweep_lives: Connection) -> None:
     """Run tasks until the pipe closes. If the sweep ends first, stop ngspice, remove its files and exit."""
 
     def watch() -> None:
-        sweep_lives.poll(None)  # returns when the other end is closed, however the sweep ended
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)  # even while it waits for ngspice
+        with suppress(OSError):  # Windows raises one where the pipe is closed already
+            sweep_lives.poll(None)  # returns when the other end is closed, however the sweep ended
+        to_main_thread(signal.SIGTERM)  # even while it waits for ngspice
         time.sleep(_GRACE)
         os._exit(1)
 
     try:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # only the sweep reacts to a closed terminal
+        for number in TERMINAL:  # only the sweep reacts to Ctrl-C and a closed terminal
+            signal.signal(number, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, _end_task)
         threading.Thread(target=watch, daemon=True).start()
         while True:

@@ -168,8 +168,8 @@ def test_a_law_that_does_not_exist_is_an_error(contact: str, sentence: str) -> N
 
 
 def test_a_law_without_damping_cannot_take_a_coefficient_of_restitution(law: Path) -> None:
-    law.write_text(re.sub(r"^\* PAR  damping.*\n", "", tutorial_law().replace(" damping={damping}", ""), flags=re.M))
-    law.write_text(law.read_text().replace(" damping=0", ""))
+    text = re.sub(r"^\* PAR  damping.*\n", "", tutorial_law().replace(" damping={damping}", ""), flags=re.M)
+    law.write_text(text.replace(" damping=0", ""), encoding="utf-8")
     motor = pr.load_motor("andersen2002").updated({"contact.restitution": 0.8})
     with pytest.raises(pr.ParameterError, match=r"has no parameter damping\. Set contact.restitution to 1"):
         pr.simulate(motor, DRIVE, duration=1e-4, contact=str(law))

@@ -109,7 +109,7 @@ with KeptProcesses() as kept:
     ends = time.monotonic() + 20.0
     while time.monotonic() < ends:
         state = Path(f"/proc/{ours}/stat")
-        if not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z":
+        if not state.exists() or state.read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z":
             return
         time.sleep(0.05)
     pytest.fail("ngspice is still there")

@@ -132,7 +132,8 @@ def write_41(path: Path, mesh: Any) -> Path:
         + [" ".join(map(repr, point)) for point in points],
         "Elements": [f"{len(entities)} {total} 1 {total}", *elements],
     }
-    path.write_text("".join("\n".join([f"${name}", *lines, f"$End{name}\n"]) for name, lines in sections.items()))
+    text = "".join("\n".join([f"${name}", *lines, f"$End{name}\n"]) for name, lines in sections.items())
+    path.write_text(text, encoding="utf-8")
     return path
 
 
