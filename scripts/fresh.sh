@@ -1,11 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Runs make targets of the last commit on a minimal Debian, as on a machine that has just been installed.
+# Runs make targets of the last commit on a minimal Debian or Ubuntu, as on a machine that has just been installed.
 #
 #   scripts/fresh.sh RELEASE [TARGET…]      e.g. scripts/fresh.sh trixie demo test
 #
-# RELEASE: bookworm, trixie. The system is made by debootstrap in ${TMPDIR:-/var/tmp}/fresh-RELEASE, entered by chroot, and
+# RELEASE: bookworm, trixie, forky, or noble (Ubuntu 24.04) with MIRROR=URL of a mirror of Ubuntu. The system is made by debootstrap in ${TMPDIR:-/var/tmp}/fresh-RELEASE, entered by chroot, and
 # removed when every target succeeds. Mirror, proxy and certificates are those of this machine; MIRROR=URL chooses
 # another mirror. Needs root and util-linux. All mounts live in a mount namespace, which ends with this script, however
 # that ends.
@@ -40,13 +40,22 @@ mirror() { # prints the mirror of this system's apt sources
     apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 'Label: Debian' | head -n 1
 }
 
+case $release in # components, and the script of debootstrap for a release that it does not know
+    noble)
+        [ -n "${MIRROR:-}" ] || die "Ubuntu is made from a mirror of its own: make fresh RELEASE=noble MIRROR=URL"
+        components=main,universe script=gutsy
+        ;;
+    *) components=main script=sid ;;
+esac
 command -v debootstrap >/dev/null 2>&1 || { apt-get update -q && apt-get install -q -y debootstrap; }
 MIRROR=${MIRROR:-$(mirror)}
 [ -n "$MIRROR" ] || die "apt knows no mirror of Debian. Run 'apt-get update', or give one: make fresh MIRROR=URL"
 
 say "making a minimal $release in $root"
 rm -rf --one-file-system "$root"
-debootstrap --variant=minbase --include=ca-certificates,make,git "$release" "$root" "$MIRROR" >"$root.log" 2>&1 ||
+[ ! -e "/usr/share/debootstrap/scripts/$release" ] || script=$release
+debootstrap --variant=minbase --components="$components" --include=ca-certificates,make,git \
+    "$release" "$root" "$MIRROR" "$script" >"$root.log" 2>&1 ||
     { tail -n 5 "$root.log" >&2; die "debootstrap failed; see $root.log"; }
 
 # --- what it takes from this machine: names, certificates, proxies ---
