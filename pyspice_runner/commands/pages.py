@@ -95,10 +95,9 @@ def _tracked(call: Call) -> Tracking:
 
 
 def _check_tools() -> None:
-    """Check before any run that the tools for the page are installed."""
-    for name in ("plotly", "jinja2"):
-        if find_spec(name) is None:
-            raise pr.ParameterError(f"A report needs {name}. Install it: `pip install 'piezomotor[report]'`.")
+    """Check before any run that the tool for the charts is installed."""
+    if find_spec("plotly") is None:
+        raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
 
 
 @command(
