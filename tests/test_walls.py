@@ -34,7 +34,7 @@ WALLS = {
     "result": {"display", "errors", "files", "units"},
     "datasets": {"files", "result", "units"},
     "motor": {"display", "errors", "files", "units"},
-    "spice": {"errors", "interrupts", "units"},
+    "spice": {"errors", "files", "interrupts", "units"},
     "circuit": {"errors", "motor", "spice", "units"},
     "run": CORE,
     "steady": CORE | {"datasets", "drivers"},

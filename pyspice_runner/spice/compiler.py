@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.spice.process import answer
+from pyspice_runner.spice.program import answer
 
 FOR_WINDOWS = "x86_64-w64-mingw32-gcc"  # of mingw-w64
 COMPILERS = ("cc", "gcc", "clang")  # the first of them on the PATH is used

@@ -32,9 +32,11 @@ from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.interrupts import held
+from pyspice_runner.spice import wasm
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.process import FREE_SPACE, KeptProcesses, end, new_folder, start, version_of
+from pyspice_runner.spice.process import KeptProcesses, engine_version, uses_wasm
 from pyspice_runner.spice.process import find_ngspice as find_ngspice
+from pyspice_runner.spice.program import FREE_SPACE, Child, new_folder
 from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
@@ -59,7 +61,8 @@ _CHATTER = re.compile(
     r"Using (?:SPARSE|KLU)|Operating point simulation skipped|now using transient initial|No\. of Data Columns|"
     r"Initial Transient Solution|Node +Voltage|Reference value|or no active circuit available|-+ *-*$|"
     r"\S+ +-?(?:\d[\d.]*(?:e[-+]\d+)?|nan|inf)$|Total (?:analysis|elapsed)|Total DRAM|DRAM currently|.* program size =|"
-    r"Shared ngspice pages|Text \(code\) pages|Stack =|Library pages|ngspice-\d+ done"
+    r"Shared ngspice pages|Text \(code\) pages|Stack =|Library pages|ngspice-\d+ done|"
+    r"fopen\(\"/proc/|Warning: can't find the initialization file spinit"  # WebAssembly has neither
 )
 _STEPPING = re.compile(r"(Trying gmin =|Supplies reduced to) *\S+ *")  # the outcome follows on the same line
 
@@ -75,12 +78,8 @@ class SpiceRun:
 
 
 def ngspice_version() -> str:
-    """Return ngspice's version, such as "39".
-
-    Raises:
-        SimulationError: if ngspice is missing, does not answer, or is older than version 36.
-    """
-    return version_of(find_ngspice())
+    """Return the version of the ngspice that runs decks; see :func:`.engine_version`."""
+    return engine_version()
 
 
 def run_deck(
@@ -106,12 +105,12 @@ def run_deck(
         SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
         Interrupted: for ``keep_partial``, when interrupted; ``partial`` is a :class:`SpiceRun` that ended too early.
     """
-    fault = silent_fault(deck)
+    in_wasm = uses_wasm()
+    fault = silent_fault(deck) or (wasm.refused(deck) if in_wasm else None)
     verified = partial(_verified, vectors, stop_time, stop_frequency)
     if processes and not fault and (found := processes.run(deck, verified)):
         return found
-    executable = find_ngspice()
-    version = version_of(executable)
+    version = engine_version()
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
         folder = new_folder()
         deck_path = folder / "deck.cir"
@@ -122,7 +121,7 @@ def run_deck(
                 raise SimulationError(fault)
             started = time.perf_counter()
             try:
-                status, log, seconds = _execute(executable, folder, deck_path, timeout, progress, stop_time, listening)
+                status, log, seconds = _execute(in_wasm, folder, timeout, progress, stop_time, listening)
             except KeyboardInterrupt as interrupt:
                 if not keep_partial:
                     raise
@@ -147,9 +146,8 @@ def run_deck(
 
 
 def _execute(
-    executable: str,
+    in_wasm: bool,
     folder: Path,
-    deck: Path,
     timeout: float | None,
     progress: Callable[[float], object] | None,
     stop_time: float | None,
@@ -158,13 +156,7 @@ def _execute(
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
     started = time.perf_counter()
     with (folder / "log").open("w+b") as log_file:
-        try:
-            process = start(
-                [executable, "-b", "-n", "-r", "out.raw", deck.name], folder,
-                stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT,
-            )  # fmt: skip
-        except OSError as error:
-            raise SimulationError(f"{executable} does not run: {error.strerror}.") from None
+        process = wasm.Batch(folder) if in_wasm else _native(folder, log_file)
         try:
             with listening():
                 status = _wait(process, timeout, progress, stop_time, log_file)
@@ -173,12 +165,22 @@ def _execute(
                 f"ngspice did not finish within {timeout:g} s and was stopped.", log=_read(log_file)
             ) from None
         finally:
-            end(process)
+            process.end()
         return status, _read(log_file), time.perf_counter() - started
 
 
+def _native(folder: Path, log_file: IO[bytes]) -> Child:
+    """Start the native ``ngspice -b`` in a folder."""
+    executable = find_ngspice()
+    command = [executable, "-b", "-n", "-r", "out.raw", "deck.cir"]
+    try:
+        return Child(command, folder, stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT)
+    except OSError as error:
+        raise SimulationError(f"{executable} does not run: {error.strerror}.") from None
+
+
 def _wait(
-    process: subprocess.Popen[bytes],
+    process: Child | wasm.Batch,
     timeout: float | None,
     progress: Callable[[float], object] | None,
     stop_time: float | None,
@@ -200,7 +202,9 @@ def _wait(
         except subprocess.TimeoutExpired:
             if ends is not None and time.monotonic() >= ends:
                 raise
-        tail = os.pread(log_file.fileno(), 200, max(os.fstat(log_file.fileno()).st_size - 200, 0))
+        with Path(log_file.name).open("rb") as log:  # log_file's position is also that of ngspice
+            log.seek(max(os.fstat(log_file.fileno()).st_size - 200, 0))
+            tail = log.read()
         reached = re.findall(rb"Reference value : +(\d\S*e\S+)", tail)
         if reached and reached[-1] != last:
             last, now = reached[-1], float(reached[-1])

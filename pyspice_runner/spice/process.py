@@ -6,38 +6,41 @@ A process that stays is ``ngspice -p``, which takes commands on its standard inp
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
-import selectors
 import shutil
 import signal
-import subprocess
-import tempfile
-import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
-from pyspice_runner.errors import SimulationError, quoted
+from pyspice_runner.errors import ParameterError, SimulationError, quoted
 from pyspice_runner.interrupts import held
+from pyspice_runner.spice import wasm
 from pyspice_runner.spice.deck_lint import silent_fault
+from pyspice_runner.spice.program import PIPES, Child, Listener, answer, new_folder
 
-FREE_SPACE = "Free some space or set TMPDIR."
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
 _VERSION_TIMEOUT = 20.0  # s; ngspice answers within about 5 ms
-_INSTALL_HINT = "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS)."
+_INSTALL_HINT = (
+    "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS); or, on every system "
+    "and without root, `pip install 'piezomotor[engine]'`, then `piezomotor engine install`."
+)
+# on Windows ngspice.exe has a window, and ngspice_con.exe has none
+_NAMES = ("ngspice_con", "ngspice") if os.name == "nt" else ("ngspice",)
+_CHOICE = "PIEZOMOTOR_ENGINE"  # of the environment: native or wasm
 
-_HANDSHAKE = 5.0  # s in which a new process must answer; it takes 10 ms
+_HANDSHAKE = 20.0  # s in which a new process must answer; ngspice takes 10 ms, Node.js 150 ms
 _LONGEST = 600.0  # s for a run or between two samples
 _MOST_FAILURES = 3  # processes that failed, after which no further one is started
 
 _TROUBLE = re.compile(r"error|singular|too small|no such|unrecognized|cannot|can't|aborted|not available", re.I)
-_ECHO = re.compile(r"ngspice \d+ -> ")  # ngspice 46 repeats a command behind its prompt
-_HARMLESS = "no graphics interface"  # a message of ngspice where there is no display
+_ECHO = re.compile(r"ngspice \d+ ->")  # ngspice 46 repeats a command behind its prompt
+# ngspice without a display; WebAssembly without start file and /proc
+_HARMLESS = re.compile(r"no graphics interface|initialization file spinit|fopen\(\"/proc")
 _NAME = re.compile(r"[a-z][a-z0-9_]*", re.ASCII)
 _VECTOR = re.compile(r"[vi]\([a-z][a-z0-9_.]*\)", re.ASCII)
 _STOPPED = re.compile(r"(\d+) *: condition met: stop")
@@ -45,29 +48,36 @@ _ALMOST = 1.0 - 1e-9  # of a sample time: ngspice's own sum of steps may end a r
 T = TypeVar("T")
 
 
-# --- programs ---
+# --- the engine ---
 
 
-def answer(
-    command: Sequence[str], *, timeout: float, hint: str, what: str = "", folder: Path | None = None
-) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end and return its output.
+def uses_wasm() -> bool:
+    """Return whether decks run in ngspice as WebAssembly: by choice, or where there is no native ngspice.
 
-    ``timeout`` is wall time in s; a message names the program as ``what`` and ends in ``hint``. Raise SimulationError
-    if the program does not start, or does not end in time.
+    Raise ParameterError for another value of the environment variable PIEZOMOTOR_ENGINE than native and wasm.
     """
-    try:
-        return subprocess.run(
-            command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=timeout,
-            stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise SimulationError(f"{what or command[0]} does not run: {error}. {hint}") from error
+    stated = os.environ.get(_CHOICE, "")
+    if stated not in ("", "native", "wasm"):
+        raise ParameterError(f"{_CHOICE} is {stated!r}; set it to native or wasm, or leave it out.")
+    return stated == "wasm" or (not stated and _native() is None and wasm.ready())
+
+
+def engine_version() -> str:
+    """Return the version of the ngspice that runs decks, such as "39", or "45.2 (WebAssembly)".
+
+    Raises:
+        SimulationError: if ngspice is missing, does not answer, or is older than version 36.
+    """
+    return wasm.version() if uses_wasm() else version_of(find_ngspice())
+
+
+def _native() -> str | None:
+    return next(filter(None, map(shutil.which, _NAMES)), None)
 
 
 def find_ngspice() -> str:
     """Return the path of the ngspice executable. Raise SimulationError if there is none on the PATH."""
-    found = shutil.which("ngspice")
+    found = _native()
     if found is None:
         raise SimulationError(f"ngspice is not on the PATH. {_INSTALL_HINT}")
     return str(Path(found).absolute())  # an entry of PATH may be relative, and a run has a working folder of its own
@@ -95,50 +105,6 @@ def version_of(executable: str) -> str:
     return match.group(1) + match.group(2).rstrip("+.")
 
 
-def new_folder() -> Path:
-    """Return a new temporary folder for one run of ngspice. Raise SimulationError if it cannot be created."""
-    try:
-        return Path(tempfile.mkdtemp(prefix="piezomotor-"))
-    except OSError as error:
-        raise SimulationError(f"Cannot write the netlist: {error.strerror}. {FREE_SPACE}") from error
-
-
-def start(
-    command: Sequence[str], folder: Path, *, ends_with_thread: bool = True, **streams: Any
-) -> subprocess.Popen[bytes]:
-    """Start ngspice in a folder, as the leader of a process group of its own.
-
-    Only the main thread receives signals (:func:`.held`); a run of another thread ends with that thread, where
-    ``setpriv`` of util-linux is installed, unless it may outlive the thread.
-
-    Without a HOME ngspice 39 crashes; the user's own start-up file must not be read.
-    """
-    own = ("SPICE", "NGSPICE", "LC_")
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(own)}
-    environment |= {"LC_ALL": "C", "HOME": str(folder)}
-    if ends_with_thread and threading.current_thread() is not threading.main_thread():
-        command = [*_ending_with_thread(), *command]
-    return subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **streams)
-
-
-@cache
-def _ending_with_thread() -> tuple[str, ...]:
-    """Return the words before a command by which Linux kills it at the end of the thread that started it."""
-    words = (shutil.which("setpriv") or "", "--pdeathsig", "KILL")
-    with contextlib.suppress(OSError):
-        if subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0:
-            return words
-    return ()
-
-
-def end(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process of :func:`start` and its children, unless it has ended."""
-    if process.poll() is None:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-
-
 # --- a process that stays ---
 
 
@@ -152,21 +118,23 @@ class Server:
     """
 
     def __init__(self, timeout: float = _HANDSHAKE) -> None:
-        executable = find_ngspice()
-        self.version = version_of(executable)
+        self.version = engine_version()
         self.timeout = timeout
         self._marks = 0
-        self._buffer = b""
         self.folder = new_folder()
+        self._terminal: int | None = None
+        self._process = wasm.dialogue(self.folder) if uses_wasm() else self._native()
+        self._answers = Listener(self._process.stdout)
+
+    def _native(self) -> Child:
+        command = [find_ngspice(), "-p", "-n"]
+        if os.name != "posix":
+            return Child(command, self.folder, ends_with_thread=False, **PIPES)
         # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
-        self._terminal: int | None
         self._terminal, terminal = os.openpty()
         try:
-            self._process = start(
-                ["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), executable, "-p", "-n"],
-                self.folder, ends_with_thread=False, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-            )  # fmt: skip
+            shell = ["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal)]
+            return Child([*shell, *command], self.folder, ends_with_thread=False, **PIPES)
         finally:
             os.close(terminal)
 
@@ -178,14 +146,10 @@ class Server:
 
     def close(self) -> None:
         """End ngspice and delete its files. A second call closes nothing, since the descriptor may be another's."""
-        end(self._process)
+        self._process.end()
         if self._terminal is not None:
             os.close(self._terminal)
             self._terminal = None
-        for stream in (self._process.stdin, self._process.stdout):
-            with contextlib.suppress(OSError):
-                if stream is not None:
-                    stream.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def send(self, *commands: str) -> list[str]:
@@ -196,33 +160,27 @@ class Server:
         try:
             self._process.stdin.write("".join(f"{command}\n" for command in (*commands, f"echo {mark}")).encode())
             self._process.stdin.flush()
-        except BrokenPipeError:
+        except OSError:  # a broken pipe
             raise self.failure("ngspice ended", []) from None
         output = self._listen(mark)
-        complaint = [line for line in output if _TROUBLE.search(line) and _HARMLESS not in line]
+        complaint = [line for line in output if _TROUBLE.search(line) and not _HARMLESS.search(line)]
         if complaint:
             raise self.failure("ngspice complained", complaint)
         return output
 
     def _listen(self, mark: str) -> list[str]:
-        assert self._process.stdout is not None
         ends, output = time.monotonic() + self.timeout, list[str]()
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._process.stdout, selectors.EVENT_READ)
-            while True:
-                while b"\n" in self._buffer:
-                    line, _, self._buffer = self._buffer.partition(b"\n")
-                    text = line.decode(errors="replace").strip()
-                    if text == mark:
-                        return output
-                    if not _ECHO.match(text):
-                        output.append(text)
-                if not selector.select(max(ends - time.monotonic(), 0.0)):
-                    raise self.failure(f"ngspice did not answer within {self.timeout:g} s", output)
-                chunk = os.read(self._process.stdout.fileno(), 1 << 16)
-                if not chunk:
-                    raise self.failure("ngspice ended", output)
-                self._buffer += chunk
+        while True:
+            try:
+                line = self._answers.line(max(ends - time.monotonic(), 0.0))
+            except TimeoutError:
+                raise self.failure(f"ngspice did not answer within {self.timeout:g} s", output) from None
+            if line is None:
+                raise self.failure("ngspice ended", output)
+            if line == mark:
+                return output
+            if not _ECHO.match(line):
+                output.append(line)
 
     def failure(self, what: str, output: Sequence[str]) -> SimulationError:
         """End ngspice and return the error to raise, with ngspice's output."""
@@ -258,7 +216,7 @@ class KeptProcesses:
 
         ``None`` if a process or ``verified`` fails: only a run of its own reports why.
         """
-        if self._failures >= _MOST_FAILURES:
+        if self._failures >= _MOST_FAILURES or uses_wasm():  # whose processes stay in any case
             return None
         try:
             with held() as listening:  # an interrupt waits until the process is among the idle ones, or ended
@@ -309,11 +267,13 @@ class Session(Server):
                 raise SimulationError(
                     f"The vector {name!r} cannot be read in a session: it must be v(node) or i(source)."
                 )
-        super().__init__(_LONGEST if timeout is None else timeout)
+        super().__init__()
         self._vectors = list(vectors)
         self._command = "run"
         (self.folder / "deck.cir").write_text(deck, encoding="utf-8")
         try:
+            self.send()
+            self.timeout = _LONGEST if timeout is None else timeout
             self.send("source deck.cir", "set numdgt=15")
         except BaseException:
             self.close()
@@ -325,7 +285,8 @@ class Session(Server):
         Raises:
             SimulationError: if ngspice fails, stops early, or takes longer than the timeout.
         """
-        output = self.send(f"stop when time >= {until * _ALMOST!r}", self._command)
+        # WebAssembly takes no >= here
+        output = self.send(f"stop when time ge {until * _ALMOST!r}", self._command)
         self._command = "resume"
         stop = next((match.group(1) for line in output if (match := _STOPPED.search(line))), None)
         if stop is None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import mmap
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ class RawFile:
     # lower-case vector name → values (real, or complex for AC), in the file's order; views of the file.
     vectors: dict[str, NDArray[np.generic]]
     _table: NDArray[np.generic] | None = field(default=None, repr=False, compare=False)  # of the vectors, (points, n)
-    _pages: mmap.mmap | None = field(default=None, repr=False, compare=False)
+    _pages: mmap.mmap | bytes | None = field(default=None, repr=False, compare=False)
 
     @property
     def points(self) -> int:
@@ -72,7 +73,7 @@ class RawFile:
         size = max(_CHUNK // multiple, 1) * multiple
         for start in range(0, self.points, size):
             yield slice(start, min(start + size, self.points))
-            if self._pages is not None and hasattr(mmap, "MADV_DONTNEED"):
+            if isinstance(self._pages, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
                 self._pages.madvise(mmap.MADV_DONTNEED)
 
 
@@ -118,8 +119,12 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
         raise RawFileError(f"the raw file is cut short: it announces {points} points of {count} vectors")
     if excess > 0:
         raise RawFileError("the raw file holds more than one analysis")
-    with path.open("rb") as file:
-        pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    pages: mmap.mmap | bytes
+    if os.name == "posix":
+        with path.open("rb") as file:
+            pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    else:  # a file that is mapped cannot be deleted
+        pages = path.read_bytes()
     table = np.frombuffer(pages, dtype=kind, count=count * points, offset=start).reshape(points, count)
     return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)}, table, pages)
 

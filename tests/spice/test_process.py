@@ -38,6 +38,7 @@ Run = Callable[..., SpiceRun]
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[KeptProcesses]:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setenv("PIEZOMOTOR_ENGINE", "native")  # the processes of WebAssembly stay in any case
     with KeptProcesses() as several:
         yield several
     assert not list(tmp_path.iterdir())
@@ -99,7 +100,7 @@ with KeptProcesses() as kept:
     print(kept._idle[0]._process.pid, flush=True)
     time.sleep(60.0)
 """
-    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    environment = os.environ | {"TMPDIR": str(tmp_path), "PIEZOMOTOR_ENGINE": "native"}
     owner = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, env=environment, text=True)
     assert owner.stdout is not None
     ours = int(owner.stdout.readline())
