@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Installs what is missing and nothing else: ngspice, Python's venv module, this package (editable) in .venv, and for
-# the tests Chromium and a C compiler.
+# the tests Chromium, a C compiler and ngspice as WebAssembly. The last, which needs no root, is also what `make demo`
+# takes where ngspice cannot be installed.
 #
 #   scripts/setup.sh            what `make demo` needs
 #   scripts/setup.sh docs       what `make docs` needs
@@ -72,15 +73,22 @@ ngspice_command() { # prints how ngspice is installed on a system that has no ap
     esac
 }
 
-need_ngspice() {
+engine= # or the extra of the package that has one
+
+need_ngspice() { # EXTRA…
     if ! have ngspice; then
-        if have apt-get; then
+        command=$(ngspice_command)
+        case " $* " in *" test "*) tests=yes ;; *) tests=no ;; esac
+        if have apt-get && { [ $tests = yes ] || [ "$(id -u)" -eq 0 ] || have sudo; }; then
             apt_install ngspice
-        else
-            command=$(ngspice_command)
+        elif [ $tests = yes ]; then
             [ -n "$command" ] ||
                 die "ngspice is missing. Install it, then try again: https://ngspice.sourceforge.io"
             die "ngspice is missing. Run this, then try again:" "  $command"
+        else
+            say "ngspice is missing; installing it as WebAssembly, for this user${command:+. A faster one: $command}"
+            engine=engine
+            return
         fi
     fi
     ngspice --version </dev/null >/dev/null 2>&1 || die "ngspice is installed, but 'ngspice --version' fails."
@@ -209,6 +217,11 @@ need_package() { # EXTRA…
     printf '%s\n' "$wanted" >"$stamp"
 }
 
+need_engine() { # ngspice as WebAssembly, in the user's cache
+    $python -m pyspice_runner engine install >/dev/null ||
+        die "ngspice as WebAssembly could not be installed; see the message above."
+}
+
 unreachable() {
     die "pip could not install the package with the dependencies that pyproject.toml lists; see its message above." \
         "  It needs a network with a package index; PIP_INDEX_URL, PIP_PROXY or PIP_FIND_LINKS (a folder of wheels" \
@@ -234,6 +247,7 @@ case "${1:-}" in
     target) shift && need_target ;;
     windows) shift && need_windows ;;
 esac
-need_ngspice
+need_ngspice "$@"
 case " $* " in *" test "*) need_browser; need_compiler ;; esac
-need_package "$@"
+need_package "$@" $engine
+case " $* $engine " in *" test "* | *" engine "*) need_engine ;; esac

@@ -13,6 +13,7 @@ import pytest
 import typer
 
 from pyspice_runner.cli import app, run
+from tests.processes import other_cache
 
 pytestmark = pytest.mark.slow  # among the first, since the commands run in order
 
@@ -39,7 +40,7 @@ def parse(words: str) -> None:
 
 def test_the_commands_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", other_cache(tmp_path / "cache"))
     for words in COMMANDS:
         arguments = shlex.split(words)[1:]
         assert run(arguments) == 0, words

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -73,3 +74,21 @@ def test_the_demo_says_how_long_it_takes_before_anything_else() -> None:
     assert "a minute or two" in first
     assert setup == "sh scripts/setup.sh"  # no extra: the page of the command report is not part of the demo
     assert work == ".venv/bin/python figures/demo.py --output demo"
+
+
+def test_without_ngspice_and_root_the_demo_gets_ngspice_as_webassembly(
+    tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tools = tree.parent / "tools"
+    tools.mkdir()
+    for name in re.findall(r"\w+", "sh dirname uname id grep cksum mktemp rm mkdir rmdir cp cat tr sleep flock"):
+        (tools / name).symlink_to(str(shutil.which(name)))
+    (tree.parent / "bin" / "ngspice").unlink()
+    monkeypatch.setenv("PATH", f"{tree.parent / 'bin'}{os.pathsep}{tools}")
+    ended = subprocess.run(["sh", "scripts/setup.sh"], cwd=tree, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "installing it as WebAssembly, for this user" in ended.stdout
+    assert (tree / "installed").read_text(encoding="utf-8").endswith(" -e .[engine]\n")
+    ended = subprocess.run(["sh", "scripts/setup.sh", "test"], cwd=tree, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert "ngspice is missing. Install it" in ended.stderr  # the tests need the native one

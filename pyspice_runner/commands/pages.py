@@ -13,6 +13,7 @@ from pyspice_runner.commands import common
 from pyspice_runner.commands.measured import reader
 from pyspice_runner.commands.options import CHANGES, DRIVE, TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import Connection
+from pyspice_runner.spice.wasm import engine_facts
 
 if TYPE_CHECKING:
     from pyspice_runner.trackers.track import Tracking
@@ -50,7 +51,7 @@ def report(call: Call) -> None:
     target = Path(f"{loaded.name}.html") if call.output is None and not call.as_json else call.output
     common.check_targets(target, (".html", ".json"), call.plot, [call.motor, call.calibration])
     if target is not None and target.suffix == ".html":
-        _check_tools()
+        _check_tools(loaded)
     spectrum = reader(call.columns, call.through)(call.measured) if call.measured else None
     tracking = None
     if call.tracker is not None:
@@ -94,8 +95,10 @@ def _tracked(call: Call) -> Tracking:
         return pr.track(motor, centred, timeout=call.timeout)
 
 
-def _check_tools() -> None:
-    """Check before any run that the tool for the charts is installed."""
+def _check_tools(motor: pr.Motor) -> None:
+    """Check before any run that the tool for the charts is installed, and the engine of the live page."""
+    if not motor.is_transducer:
+        engine_facts()
     if find_spec("plotly") is None:
         raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
 
@@ -108,8 +111,9 @@ def live(call: Call) -> None:
 
     Example: piezomotor live bimodal40 --output live.html
     """
-    from pyspice_runner.view.live import engine_facts, save_live_page
+    from pyspice_runner.view.live import save_live_page
 
+    facts = engine_facts()
     if call.plot is not None:
         raise pr.ParameterError("The page draws its own charts: leave --plot out.")
     loaded = call.loaded
@@ -120,7 +124,6 @@ def live(call: Call) -> None:
         save_live_page(loaded, target)
     for sentence in dict.fromkeys(str(one.message) for one in caught):
         common.complain(f"piezomotor: {sentence}", style="yellow")
-    facts = engine_facts()
     document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
     shown = {"page": str(target), "engine": f"ngspice {facts['ngspice']}, {facts['package']}"}
     common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), call.as_json)

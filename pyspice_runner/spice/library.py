@@ -125,7 +125,7 @@ def check_name(name: str) -> str:
 
 
 def data_path(folder: str) -> Path:
-    """Return the folder ``behavioral`` or ``netlists``: inside an installed package, or in the source tree."""
+    """Return the folder ``behavioral``, ``netlists`` or ``figures``: in the installed package or the source tree."""
     package = Path(__file__).resolve().parents[1]
     for candidate in (package / "_data" / folder, package.parent / folder):
         if candidate.is_dir():

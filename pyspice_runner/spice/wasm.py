@@ -201,7 +201,7 @@ def refused(deck: str) -> str | None:
         return None
     return (
         f"The deck has a digital part ({found.group()[:40]}), which ngspice as WebAssembly does not have. Install a "
-        "native ngspice."
+        "native ngspice, or track with the averaged motor (`track --averaged`), which has none."
     )
 
 

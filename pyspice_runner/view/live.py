@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live page of a motor or transducer: ngspice as WebAssembly runs its decks in the browser, without a network.
 
-``live_page/`` contains the template, the scripts and the engine, which ``scripts/live_engine.py`` rebuilds. The scripts
-fill the numbers into the decks of :mod:`pyspice_runner.view.live_circuit` and show the results.
+``live_page/`` contains the template and the scripts, which fill the numbers into the decks of
+:mod:`pyspice_runner.view.live_circuit` and show the results. The engine is that of :mod:`pyspice_runner.spice.wasm`.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.ngspice import run_deck
+from pyspice_runner.spice.wasm import engine_facts, engine_file
 from pyspice_runner.steady.steady import steady_state
 from pyspice_runner.steady.transducer import heavier, resonance
 from pyspice_runner.units import engineering
@@ -60,8 +61,10 @@ Rb b_in b 20
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     """Return the page as HTML, with a motor and others to select: by default the bundled ones, of a transducer none.
 
-    Raise ParameterError for motors together with transducers.
+    Raise ParameterError for motors together with transducers, SimulationError if ngspice as WebAssembly is not
+    installed.
     """
+    engine = engine_facts()
     if others is None:
         others = [] if motor.is_transducer else [load_motor(name) for name in available_motors()]
     motors = [motor, *(other for other in others if other.name != motor.name)]
@@ -69,7 +72,8 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         raise ParameterError("A page has motors or transducers, not both: write one page for each kind.")
     script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
     style = (ASSETS / "live.css").read_text(encoding="utf-8")
-    worker = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in ("ngspice.js", "worker.js"))
+    parts = (engine_file("ngspice.js"), ASSETS / "worker.js")
+    worker = "\n".join(path.read_text(encoding="utf-8") for path in parts)
     assert "</script" not in script + worker
     return rendered(
         "live.html.j2",
@@ -78,9 +82,9 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         script=script,
         worker=worker,
         data=packed(json.dumps(page_data(motors)).encode()),
-        wasm=base64.b64encode((ASSETS / "ngspice.wasm.gz").read_bytes()).decode("ascii"),
-        engine=engine_facts(),
-        licence=(ASSETS / "LICENSE").read_text(encoding="utf-8"),
+        wasm=base64.b64encode(engine_file("ngspice.wasm.gz").read_bytes()).decode("ascii"),
+        engine=engine,
+        licence=engine_file("LICENSE").read_text(encoding="utf-8"),
         version=version("piezomotor"),
         transducer=motor.is_transducer,
     )
@@ -96,12 +100,6 @@ def rendered(template: str, **values: Any) -> str:
     pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     pages.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %"}
     return pages.get_template(template).render(values)
-
-
-def engine_facts() -> dict[str, Any]:
-    """Return versions, licences and hashes of the engine."""
-    facts: dict[str, Any] = json.loads((ASSETS / "engine.json").read_text(encoding="utf-8"))
-    return facts
 
 
 def content_policy(script: str, style: str) -> str:

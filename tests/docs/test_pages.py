@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 
 from pyspice_runner.cli import run
+from tests.processes import other_cache
 from tests.test_readme import COMMANDS as README_COMMANDS
 from tests.test_readme import parse
 
@@ -32,7 +33,8 @@ def _folder(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatc
     """An empty folder, and a store of sweeps for all tests: the Python of a page may sweep as its command did."""
     base = tmp_path_factory.getbasetemp()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"))
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    monkeypatch.setenv("XDG_CACHE_HOME", other_cache(base / "cache"))
 
 
 def commands(page: Path) -> list[str]:

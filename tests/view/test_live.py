@@ -20,8 +20,9 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.spice.wasm import engine_facts, engine_file
 from pyspice_runner.view import live
-from pyspice_runner.view.live import ASSETS, engine_facts, half_load, live_page, page_data, save_live_page
+from pyspice_runner.view.live import half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
 from tests.motors import BEAM40, sliding
 from tests.run.test_transducer import TWO
@@ -104,12 +105,11 @@ def typed(page: Page, name: str, value: float) -> Callable[[], None]:
 
 def test_the_engine_is_the_stated_one() -> None:
     facts = engine_facts()
-    wasm = gzip.decompress((ASSETS / "ngspice.wasm.gz").read_bytes())
+    wasm = engine_file("ngspice.wasm").read_bytes()
+    assert wasm == gzip.decompress(engine_file("ngspice.wasm.gz").read_bytes())
     assert (len(wasm), hashlib.sha256(wasm).hexdigest()) == (facts["wasm_bytes"], facts["wasm_sha256"])
-    assert hashlib.sha256((ASSETS / "ngspice.js").read_bytes()).hexdigest() == facts["loader_sha256"]
-    script = (Path(__file__).parents[2] / "scripts" / "live_engine.py").read_text(encoding="utf-8")
-    assert facts["package_sha512_base64"] in script
-    assert (ASSETS / "LICENSE").read_text(encoding="utf-8").startswith("MIT License")
+    assert hashlib.sha256(engine_file("ngspice.js").read_bytes()).hexdigest() == facts["loader_sha256"]
+    assert engine_file("LICENSE").read_text(encoding="utf-8").startswith("MIT License")
 
 
 def test_the_page_is_small_states_its_engine_and_paints_before_its_first_answer(
