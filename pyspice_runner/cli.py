@@ -36,7 +36,7 @@ GROUPS = {
         "calibrate": "calibrate",
     },
     "Files": {"export": "motors", "new": "motors"},
-    "First steps": {"demo": "first", "engine": "first"},
+    "First steps": {"demo": "pages", "engine": "pages"},
 }  # fmt: skip
 MODULES = {name: module for commands in GROUPS.values() for name, module in commands.items()}
 FUNCTIONS = {"map": "map_points"}  # of commands whose function has another name

@@ -9,6 +9,7 @@ import io
 import json
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -96,9 +97,9 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
 
 def cache_folder(part: str, no_home: Exception) -> Path:
     """Return a folder in the user's cache, which may not exist yet; a user without a home folder gets the error."""
-    stated = os.environ.get("XDG_CACHE_HOME")
+    stated = os.environ.get("XDG_CACHE_HOME") or (os.environ.get("LOCALAPPDATA") if os.name == "nt" else None)
     try:
-        cache = Path(stated) if stated else Path.home() / ".cache"
+        cache = Path(stated) if stated else Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
     except RuntimeError:  # neither HOME nor an entry of this user in the passwd file
         raise no_home from None
     return cache / "piezomotor" / part

@@ -111,6 +111,17 @@ def test_every_command_prints_json_and_a_table(tmp_path: Path, capsys: pytest.Ca
     assert "bimodal40" in [motor["name"] for motor in json.loads(capsys.readouterr().out)["motors"]]
 
 
+def test_the_demo_runs_its_scripts_and_prints_one_json_object(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "demo.py").write_text("def draw(at):\n    print('drawn')\n    return [at.name]\n", encoding="utf-8")
+    monkeypatch.setattr("pyspice_runner.commands.pages.data_path", lambda _: tmp_path)
+    assert run(["demo", "--output", str(tmp_path / "made"), "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"folder": str(tmp_path / "made"), "results": ["made"]}
+    assert said.err.startswith("drawn")
+
+
 def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:
     assert run([*SHORT, "--output", str(tmp_path / "run.cir")]) == 0
     done = subprocess.run(

@@ -76,9 +76,7 @@ def test_the_demo_says_how_long_it_takes_before_anything_else() -> None:
     assert work == ".venv/bin/python figures/demo.py --output demo"
 
 
-def test_without_ngspice_and_root_the_demo_gets_ngspice_as_webassembly(
-    tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_ngspice_and_root_the_demo_gets_webassembly(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tools = tree.parent / "tools"
     tools.mkdir()
     for name in re.findall(r"\w+", "sh dirname uname id grep cksum mktemp rm mkdir rmdir cp cat tr sleep flock"):
@@ -89,6 +87,3 @@ def test_without_ngspice_and_root_the_demo_gets_ngspice_as_webassembly(
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "installing it as WebAssembly, for this user" in ended.stdout
     assert (tree / "installed").read_text(encoding="utf-8").endswith(" -e .[engine]\n")
-    ended = subprocess.run(["sh", "scripts/setup.sh", "test"], cwd=tree, capture_output=True, text=True, check=False)
-    assert ended.returncode == 1
-    assert "ngspice is missing. Install it" in ended.stderr  # the tests need the native one

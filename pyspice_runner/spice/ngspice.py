@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
 import re
 import shutil
 import signal
@@ -34,8 +33,9 @@ from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, 
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice import wasm
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.process import KeptProcesses, engine_version, uses_wasm
+from pyspice_runner.spice.process import KeptProcesses, uses_wasm
 from pyspice_runner.spice.process import find_ngspice as find_ngspice
+from pyspice_runner.spice.process import ngspice_version as ngspice_version
 from pyspice_runner.spice.program import FREE_SPACE, Child, new_folder
 from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
@@ -77,11 +77,6 @@ class SpiceRun:
     ngspice_version: str  # version of ngspice
 
 
-def ngspice_version() -> str:
-    """Return the version of the ngspice that runs decks; see :func:`.engine_version`."""
-    return engine_version()
-
-
 def run_deck(
     deck: str,
     *,
@@ -110,7 +105,7 @@ def run_deck(
     verified = partial(_verified, vectors, stop_time, stop_frequency)
     if processes and not fault and (found := processes.run(deck, verified)):
         return found
-    version = engine_version()
+    version = ngspice_version()
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away
         folder = new_folder()
         deck_path = folder / "deck.cir"
@@ -156,7 +151,11 @@ def _execute(
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
     started = time.perf_counter()
     with (folder / "log").open("w+b") as log_file:
-        process = wasm.Batch(folder) if in_wasm else _native(folder, log_file)
+        words = ("-b", "-n", "-r", "out.raw", "deck.cir")
+        try:
+            process = wasm.Batch(folder, *words) if in_wasm else Child([find_ngspice(), *words], folder, log_file)
+        except OSError as error:
+            raise SimulationError(f"{error.filename} does not run: {error.strerror}.") from None
         try:
             with listening():
                 status = _wait(process, timeout, progress, stop_time, log_file)
@@ -167,16 +166,6 @@ def _execute(
         finally:
             process.end()
         return status, _read(log_file), time.perf_counter() - started
-
-
-def _native(folder: Path, log_file: IO[bytes]) -> Child:
-    """Start the native ``ngspice -b`` in a folder."""
-    executable = find_ngspice()
-    command = [executable, "-b", "-n", "-r", "out.raw", "deck.cir"]
-    try:
-        return Child(command, folder, stdin=subprocess.DEVNULL, stdout=log_file, stderr=subprocess.STDOUT)
-    except OSError as error:
-        raise SimulationError(f"{executable} does not run: {error.strerror}.") from None
 
 
 def _wait(
@@ -202,9 +191,7 @@ def _wait(
         except subprocess.TimeoutExpired:
             if ends is not None and time.monotonic() >= ends:
                 raise
-        with Path(log_file.name).open("rb") as log:  # log_file's position is also that of ngspice
-            log.seek(max(os.fstat(log_file.fileno()).st_size - 200, 0))
-            tail = log.read()
+        tail = Path(log_file.name).read_bytes()[-200:]  # log_file's own position is also that of ngspice
         reached = re.findall(rb"Reference value : +(\d\S*e\S+)", tail)
         if reached and reached[-1] != last:
             last, now = reached[-1], float(reached[-1])

@@ -6,10 +6,12 @@ A process that stays is ``ngspice -p``, which takes commands on its standard inp
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
 import signal
+import subprocess
 import time
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -21,7 +23,7 @@ from pyspice_runner.errors import ParameterError, SimulationError, quoted
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice import wasm
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.program import PIPES, Child, Listener, answer, new_folder
+from pyspice_runner.spice.program import Child, answer, new_folder
 
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
 _VERSION_TIMEOUT = 20.0  # s; ngspice answers within about 5 ms
@@ -29,9 +31,6 @@ _INSTALL_HINT = (
     "Install it: `sudo apt-get install ngspice` (Debian, Ubuntu), `brew install ngspice` (macOS); or, on every system "
     "and without root, `pip install 'piezomotor[engine]'`, then `piezomotor engine install`."
 )
-# on Windows ngspice.exe has a window, and ngspice_con.exe has none
-_NAMES = ("ngspice_con", "ngspice") if os.name == "nt" else ("ngspice",)
-_CHOICE = "PIEZOMOTOR_ENGINE"  # of the environment: native or wasm
 
 _HANDSHAKE = 20.0  # s in which a new process must answer; ngspice takes 10 ms, Node.js 150 ms
 _LONGEST = 600.0  # s for a run or between two samples
@@ -56,13 +55,17 @@ def uses_wasm() -> bool:
 
     Raise ParameterError for another value of the environment variable PIEZOMOTOR_ENGINE than native and wasm.
     """
-    stated = os.environ.get(_CHOICE, "")
+    stated = os.environ.get("PIEZOMOTOR_ENGINE", "")
     if stated not in ("", "native", "wasm"):
-        raise ParameterError(f"{_CHOICE} is {stated!r}; set it to native or wasm, or leave it out.")
-    return stated == "wasm" or (not stated and _native() is None and wasm.ready())
+        raise ParameterError(f"PIEZOMOTOR_ENGINE is {stated!r}; set it to native or wasm, or leave it out.")
+    if stated or _native():
+        return stated == "wasm"
+    with contextlib.suppress(SimulationError):
+        return bool(wasm.version())
+    return False
 
 
-def engine_version() -> str:
+def ngspice_version() -> str:
     """Return the version of the ngspice that runs decks, such as "39", or "45.2 (WebAssembly)".
 
     Raises:
@@ -72,7 +75,7 @@ def engine_version() -> str:
 
 
 def _native() -> str | None:
-    return next(filter(None, map(shutil.which, _NAMES)), None)
+    return shutil.which("ngspice_con") or shutil.which("ngspice")  # on Windows only the first is without a window
 
 
 def find_ngspice() -> str:
@@ -118,25 +121,22 @@ class Server:
     """
 
     def __init__(self, timeout: float = _HANDSHAKE) -> None:
-        self.version = engine_version()
+        self.version = ngspice_version()
         self.timeout = timeout
         self._marks = 0
         self.folder = new_folder()
         self._terminal: int | None = None
         self._process = wasm.dialogue(self.folder) if uses_wasm() else self._native()
-        self._answers = Listener(self._process.stdout)
 
     def _native(self) -> Child:
         command = [find_ngspice(), "-p", "-n"]
         if os.name != "posix":
-            return Child(command, self.folder, ends_with_thread=False, **PIPES)
+            return Child(command, self.folder)
         # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
         self._terminal, terminal = os.openpty()
-        try:
-            shell = ["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal)]
-            return Child([*shell, *command], self.folder, ends_with_thread=False, **PIPES)
-        finally:
-            os.close(terminal)
+        child = Child(["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), *command], self.folder)
+        os.close(terminal)
+        return child
 
     def __enter__(self) -> Self:
         return self
@@ -156,10 +156,8 @@ class Server:
         """Write commands and return ngspice's output until they are done."""
         self._marks += 1
         mark = f"done-{self._marks}."
-        assert self._process.stdin is not None
         try:
-            self._process.stdin.write("".join(f"{command}\n" for command in (*commands, f"echo {mark}")).encode())
-            self._process.stdin.flush()
+            self._process.write("".join(f"{command}\n" for command in (*commands, f"echo {mark}")))
         except OSError:  # a broken pipe
             raise self.failure("ngspice ended", []) from None
         output = self._listen(mark)
@@ -172,8 +170,8 @@ class Server:
         ends, output = time.monotonic() + self.timeout, list[str]()
         while True:
             try:
-                line = self._answers.line(max(ends - time.monotonic(), 0.0))
-            except TimeoutError:
+                line = self._process.line(max(ends - time.monotonic(), 0.0))
+            except subprocess.TimeoutExpired:
                 raise self.failure(f"ngspice did not answer within {self.timeout:g} s", output) from None
             if line is None:
                 raise self.failure("ngspice ended", output)

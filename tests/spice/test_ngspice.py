@@ -380,20 +380,24 @@ RUN_IN_A_THREAD = "threading.Thread(target=run_deck, args=[sys.stdin.read()], kw
 
 @linux
 @pytest.mark.parametrize(
-    ("run", "number", "last"),
+    ("run", "number", "last", "engine"),
     [
-        (RUN, signal.SIGINT, "KeyboardInterrupt"),
-        (RUN, signal.SIGTERM, ""),
-        (RUN_IN_A_THREAD, signal.SIGTERM, ""),  # as steady states of several points; no thread is told of the signal
+        (RUN, signal.SIGINT, "KeyboardInterrupt", "native"),
+        (RUN, signal.SIGTERM, "", "native"),
+        # as steady states of several points; no thread is told of the signal
+        (RUN_IN_A_THREAD, signal.SIGTERM, "", "native"),
+        (RUN_IN_A_THREAD, signal.SIGTERM, "", "wasm"),
     ],
 )
-def test_a_signal_to_a_script_ends_ngspice(run: str, number: signal.Signals, last: str, scratch: Path) -> None:
+def test_a_signal_to_a_script_ends_ngspice(
+    run: str, number: signal.Signals, last: str, engine: str, scratch: Path
+) -> None:
     script = (
         "import signal, sys, threading; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"from pyspice_runner.spice.ngspice import run_deck\n{run}\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", script], env=os.environ | {"TMPDIR": str(scratch)},
+        [sys.executable, "-c", script], env=os.environ | {"TMPDIR": str(scratch), "PIEZOMOTOR_ENGINE": engine},
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as python:  # fmt: skip
         try:

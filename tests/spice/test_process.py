@@ -138,8 +138,10 @@ Vclock clock 0 PULSE(0 1 0 0.5m 0.2m 0.2m 1m)
 """
 
 
-def test_samples_follow_the_closed_form_while_the_source_is_altered() -> None:
+@pytest.mark.parametrize("engine", ["native", "wasm"])
+def test_samples_follow_the_closed_form_while_a_source_is_altered(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Trapezoidal rule with 500 steps a time constant: (1/500)²/12 a time constant, below 1e-6."""
+    monkeypatch.setenv("PIEZOMOTOR_ENGINE", engine)
     expected = 0.0
     with Session(STEPPED, ["v(out)", "v(in)"]) as session:
         for number in range(1, 6):
