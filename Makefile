@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures docs test pytest soak fuzz validation bench lint format clean fresh kicad ngspice46 verilog-a firmware windows
+.PHONY: help setup demo figures docs test pytest soak fuzz validation bench lint format clean fresh kicad ngspice46 verilog-a firmware webassembly windows
 
 PY := .venv/bin/python
 JOBS ?= 3
@@ -74,6 +74,9 @@ verilog-a: ## compile the Verilog-A motor and run it in ngspice 46 and VACASK, b
 firmware: ## compile the example of firmware for a Cortex-M4, and run it in qemu beside this computer (600 MB)
 	@sh scripts/setup.sh target test dev
 	$(PY) -m pytest -s tests/tools/firmware.py
+
+webassembly: setup ## run the tests of the engine in ngspice as WebAssembly
+	PIEZOMOTOR_ENGINE=wasm $(PY) -m pytest -n $(JOBS) tests/spice tests/steady/test_steady.py tests/control/test_simulate.py
 
 windows: ## run the Functional Mock-up Unit's binary for Windows under wine (500 MB)
 	@sh scripts/setup.sh windows test dev

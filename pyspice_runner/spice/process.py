@@ -23,7 +23,7 @@ from pyspice_runner.errors import ParameterError, SimulationError, quoted
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice import wasm
 from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.program import Child, answer, new_folder
+from pyspice_runner.spice.program import POSIX, Child, answer, new_folder
 
 OLDEST_VERSION = 36  # behavioural sources and subcircuit parameters as the libraries use them
 _VERSION_TIMEOUT = 20.0  # s; ngspice answers within about 5 ms
@@ -130,7 +130,7 @@ class Server:
 
     def _native(self) -> Child:
         command = [find_ngspice(), "-p", "-n"]
-        if os.name != "posix":
+        if not POSIX:
             return Child(command, self.folder)
         # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
         self._terminal, terminal = os.openpty()

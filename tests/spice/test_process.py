@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.spice import process
+from pyspice_runner.spice import process, program
 from pyspice_runner.spice.ngspice import SpiceRun, run_deck
 from pyspice_runner.spice.process import KeptProcesses, Server, Session
 
@@ -35,8 +35,10 @@ C1 out 0 1u
 Run = Callable[..., SpiceRun]
 
 
-@pytest.fixture
-def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[KeptProcesses]:
+@pytest.fixture(params=[True, False], ids=["posix", "like Windows"])  # which has neither terminals nor process groups
+def kept(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[KeptProcesses]:
+    for module in (process, program):
+        monkeypatch.setattr(module, "POSIX", request.param)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setenv("PIEZOMOTOR_ENGINE", "native")  # the processes of WebAssembly stay in any case
     with KeptProcesses() as several:

@@ -23,7 +23,6 @@ from tests.spice.test_ngspice import ENDLESS, GOOD
 
 @pytest.fixture(autouse=True)
 def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The engine, with an empty place for its folders."""
     monkeypatch.setenv("PIEZOMOTOR_ENGINE", "wasm")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     yield
