@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +21,10 @@ from tests.spice.test_ngspice import ENDLESS, GOOD
 
 
 @pytest.fixture(autouse=True)
-def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wasm._end_idle()  # of other tests
     monkeypatch.setenv("PIEZOMOTOR_ENGINE", "wasm")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    yield
-    wasm._end_idle()
 
 
 def run(deck: str, **settings: object) -> dict[str, np.ndarray]:
