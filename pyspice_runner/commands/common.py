@@ -39,7 +39,7 @@ _ELSEWHERE = " Choose another place."  # the end of the sentence about a file th
 _SCALES = {"p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "meg": 1e6, "G": 1e9, "": 1.0}
 _UNITS = {  # as it is typed → as the help of an option names it
     "Hz": "Hz", "s": "s", "V": "V", "N.m": "N.m", "Nm": "N.m", "N·m": "N.m", "N": "N", "rad/s": "rad/s", "m/s": "m/s",
-    "deg": "degrees", "°": "degrees", "ohm": "Ω", "Ω": "Ω", "A": "A",
+    "deg": "degrees", "°": "degrees", "ohm": "Ω", "Ω": "Ω", "A": "A", "m": "m",
 }  # fmt: skip
 _NUMBER = re.compile(
     rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(meg|[pnuµμmkG]?)({'|'.join(map(re.escape, _UNITS))})?"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``piezomotor fit``: one port, several spectra of one device, or both groups of a motor."""
+"""``piezomotor fit`` and ``constants``: circuits, motors and material constants of measured spectra."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pyspice_runner.commands.measured import FIT, INPUT
 from pyspice_runner.commands.options import TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import Connection
 
+_CONNECTION = option(Connection, "A", "Connection of the groups, for a two-port.")
 _ARMS_TRIED = "{} of at most {} arms"
 _OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm port_extension"
 _OF_SERIES = "series voltages temperatures"
@@ -19,7 +20,7 @@ _OF_GROUPS = "two_port other both difference mass velocity tips base"
 
 @command(
     "file", INPUT, _OF_ONE_PORT, _OF_SERIES, _OF_GROUPS, FIT, TARGETS,
-    connection=option(Connection, "A", "Connection of the groups, for a two-port."),
+    connection=_CONNECTION,
     timeout=option(float | None, None, "Time limit of the fit of a spectrum, s."),
 )  # fmt: skip
 def fit(call: Call) -> None:
@@ -117,6 +118,41 @@ def _fit_groups(call: Call) -> None:
     document = {**result.to_dict(), "motor": motor.to_dict() if motor else None}
     call.write(document, table, lambda path: result.save(path, **calibration))
     measured.note(result.cautions, call)
+
+
+@command(
+    "file", INPUT, "as_json output",
+    connection=_CONNECTION,
+    shape=option(str, ..., "Body: bar (needs length, width, thickness), disc (diameter, thickness; radial modes), rod "
+                 "(length, and diameter or width and thickness; poled along it), plate (thickness, diameter or length "
+                 "and width; mode of the thickness).", metavar="bar|disc|rod|plate"),
+    length=option(float | None, None, "Length, m."),
+    width=option(float | None, None, "Width, m."),
+    thickness=option(float | None, None, "Thickness, m."),
+    diameter=option(float | None, None, "Diameter, m."),
+    density=option(float, ..., "Density, kg/m3."),
+    share=option(list[str] | None, None, "Standard error of a size or the density, by ratio: length=0.1%. Repeatable.",
+                 "--tolerance", metavar="NAME=SHARE"),
+    base=option(str, "PZT-4", "Card with the other constants: a ceramic of the library, or a .toml file."),
+)  # fmt: skip
+def constants(call: Call) -> None:
+    """Determine the constants of a ceramic from the spectrum of a bar, disc, rod or plate. Writes .toml, .json, .csv.
+
+    The .toml is a card for the library of solids. As --base of the next shape it collects the constants.
+
+    Example: piezomotor constants bar.csv --shape bar --length 20mm --width 3mm --thickness 1mm --density 7.8k
+    """
+    from pyspice_runner.impedance.constants import material_constants
+
+    call.check(".toml", ".json", ".csv", inputs=[call.file, call.base])
+    tolerances = {}
+    for name, text in common.pairs_of("--tolerance", call.share, "is not NAME=SHARE; write it as length=0.1%."):
+        tolerances[name] = common.number(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    sizes = {name: value for name, value in call.pick("length width thickness diameter").items() if value is not None}
+    with common.busy("fitting"):
+        spectrum = measured.read_one_port(call, call.file)
+        result = material_constants(spectrum, call.shape, sizes, call.density, tolerances=tolerances, base=call.base)
+    measured.deliver(call, result, f"{result.source}: constants of the {call.shape}; ± one standard error")
 
 
 def _calibration(call: Call) -> dict[str, Any]:

@@ -11,6 +11,7 @@ The equations are those of IEEE Std 176 in the e-form, with Voigt's order 11, 22
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -54,14 +55,19 @@ class Material:
 
 
 @cache
+def cards() -> dict[str, Any]:
+    """Return the cards of the library by name, as they are written."""
+    return tomllib.loads((Path(__file__).parent / "cards.toml").read_text(encoding="utf-8"))
+
+
+@cache
 def materials() -> dict[str, Material]:
     """Return the materials of the library by name."""
-    cards = tomllib.loads((Path(__file__).parent / "cards.toml").read_text(encoding="utf-8"))
-    return {name: _material(name, card) for name, card in cards.items()}
+    return {name: material_of(name, card) for name, card in cards().items()}
 
 
-def _material(name: str, card: dict[str, Any]) -> Material:
-    """Return a material in the e-form: c = s⁻¹, e = d c, εˢ = εᵀ − d eᵀ."""
+def material_of(name: str, card: Mapping[str, Any]) -> Material:
+    """Return the material of a card in the e-form: c = s⁻¹, e = d c, εˢ = εᵀ − d eᵀ."""
     compliance = _isotropic(card["youngs_modulus_pa"], card["poisson"]) if "poisson" in card else _poled(card)
     charge = np.zeros((3, 6))
     if "charge" in card:
@@ -77,7 +83,7 @@ def _material(name: str, card: dict[str, Any]) -> Material:
     return Material(name, *inertial, stiffness, stress, permittivity - charge @ stress.T, card["source"])
 
 
-def _poled(card: dict[str, Any]) -> Array:
+def _poled(card: Mapping[str, Any]) -> Array:
     """Return the compliance of a ceramic poled along axis 3, with s₆₆ = 2(s₁₁ − s₁₂), in 1/Pa."""
     s11, s12, s13, s33, s44 = (card["compliance"][name] for name in ("s11", "s12", "s13", "s33", "s44"))
     compliance = np.diag([s11, s11, s33, s44, s44, 2.0 * (s11 - s12)])
