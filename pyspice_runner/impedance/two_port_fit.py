@@ -42,6 +42,7 @@ _GLOBALS = 4  # ln C_A, ln C_B, tan δ, C_AB
 _PER_MODE = 4  # ln f, ln Q, couplings to A and B
 _VALUES = ("series_resonance_hz", "quality_factor", "coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
 _PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent", "capacitance_ab_f")
+_LOSSES = None, 15, 0  # branches of a motor; three a decade, with a ripple of 1e-5; no dispersion
 _SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
 
 
@@ -66,6 +67,7 @@ class TwoPortFit(Fit):
         capacitance_a_f: clamped capacitance of group A.
         capacitance_b_f: clamped capacitance of group B.
         loss_tangent: of both, constant over frequency; the capacitances hold at 100 kHz.
+        loss_dispersion: whether the data show the dispersion that such a loss has by causality.
         capacitance_ab_f: between the groups, a part of both others; 0 if it is not significant.
         standard_errors: of the four values above.
         rms_relative_error: connection → root mean square of the relative residual.
@@ -78,6 +80,7 @@ class TwoPortFit(Fit):
     capacitance_a_f: float
     capacitance_b_f: float
     loss_tangent: float
+    loss_dispersion: bool
     capacitance_ab_f: float
     standard_errors: dict[str, float]
     rms_relative_error: dict[str, float]
@@ -176,6 +179,7 @@ class TwoPortFit(Fit):
             "clamped capacitance of A": engineering(self.capacitance_a_f, "F"),
             "clamped capacitance of B": engineering(self.capacitance_b_f, "F"),
             "capacitance between A and B": engineering(self.capacitance_ab_f, "F"),
+            "loss tangent": f"{self.loss_tangent:.3g}, constant{'' if self.loss_dispersion else ' without dispersion'}",
         }
         for number, mode in enumerate(self.modes, start=1):
             couplings = (
@@ -261,7 +265,7 @@ def fit_groups(
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
     problem = _Problem(ports, noise)
-    parameters = problem.descend(problem.start(modes, timeout, progress))
+    parameters = problem.lossy(problem.start(modes, timeout, progress))
     problem.weigh(parameters)
     parameters = problem.descend(parameters)
     while modes is None and (doubtful := problem.doubtful(parameters)) is not None:
@@ -271,12 +275,17 @@ def fit_groups(
     return _report(problem, parameters, shown, source or "spectra", cautions)
 
 
-def clamped(loss_tangent: float, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
-    """Return the admittance of 1 F with a constant loss tangent, as in a motor, and its derivative by the tangent."""
+def clamped(loss_tangent: float, frequency_hz: Vector, branches: int | None = None) -> tuple[Complexes, Complexes]:
+    """Return the admittance of 1 F with a constant loss tangent, and its derivative by the tangent.
+
+    By default it has the branches of a motor, whose ripple is 5 % of the loss; 0 ``branches`` have no dispersion.
+    """
     s = 2j * pi * frequency_hz
+    if branches == 0:
+        return np.asarray(s * (1.0 - 1j * loss_tangent)), np.asarray(-1j * s)
 
     def admittance(loss: float) -> Complexes:
-        return np.asarray(sum(s * c / (1.0 + s * r * c) for r, c in lossy_capacitance(1.0, loss)))
+        return np.asarray(sum(s * c / (1.0 + s * r * c) for r, c in lossy_capacitance(1.0, loss, branches=branches)))
 
     step = 1e-6 * max(loss_tangent, 1e-3)
     below, above = max(loss_tangent - step, 1e-12), min(loss_tangent + step, LARGEST_LOSS_TANGENT)
@@ -288,6 +297,7 @@ class _Problem:
 
     def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None) -> None:
         self.ports = ports
+        self.branches: int | None = None  # of the loss, one of _LOSSES
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
         self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
@@ -314,6 +324,15 @@ class _Problem:
     def descend(self, start: Vector) -> Vector:
         """Descend from start values to the nearest minimum."""
         return descent.descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
+
+    def lossy(self, start: Vector) -> Vector:
+        """Descend with each description of the loss; keep the one that fits best and return its parameters."""
+        found = []
+        for self.branches in _LOSSES:
+            parameters = self.descend(start)
+            found.append((self.normal_equations(parameters)[0], parameters, self.branches))
+        _, parameters, self.branches = min(found, key=lambda one: one[0])
+        return parameters
 
     def independent(self, parameters: Vector) -> float:
         """Return the number of independent points of all connections."""
@@ -397,7 +416,7 @@ class _Problem:
         """Return the admittance of a connection in the unit of this problem, and its derivatives."""
         w = frequency_hz / self.reference_hz
         into, driven = ((1.0, 0.0), (0.0, 1.0)) if connection == _TRANSFER else 2 * (COUPLING[connection],)  # type: ignore[index]
-        shape_of_loss, slope_of_loss = clamped(float(parameters[2]), frequency_hz)
+        shape_of_loss, slope_of_loss = clamped(float(parameters[2]), frequency_hz, self.branches)
         unit = 1.0 / (2.0 * pi * self.reference_hz)
         plates = unit * np.exp(parameters[:2, None]) * shape_of_loss
         log_frequency, log_quality, a, b = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
@@ -449,6 +468,12 @@ def _report(
         standard_errors = dict(zip(_VALUES, (error * [frequency, quality, scale, scale]).tolist(), strict=True))
         modes.append(TwoPortMode(frequency, quality, float(a) * signed, float(b) * signed, standard_errors))
     unit = problem.unit_s / (2.0 * pi * problem.reference_hz)
+    if problem.branches == 0:  # from the band to 100 kHz, by the dispersion of a motor
+        flat, falling = (
+            clamped(float(parameters[2]), np.array([problem.reference_hz]), branches)[0].imag.item()
+            for branches in (0, None)
+        )
+        unit *= flat / falling
     capacitances = np.exp(parameters[:2]) * unit
     worst = max(errors.values())
     if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
@@ -459,6 +484,7 @@ def _report(
         capacitance_a_f=float(capacitances[0]),
         capacitance_b_f=float(capacitances[1]),
         loss_tangent=float(parameters[2]),
+        loss_dispersion=problem.branches != 0,
         capacitance_ab_f=float(unit * parameters[3]) if abs(parameters[3]) > _SIGNIFICANT * deviation[3] else 0.0,
         standard_errors=dict(zip(_PIEZO, (deviation[:_GLOBALS] * [*capacitances, 1.0, unit]).tolist(), strict=True)),
         rms_relative_error=errors,

@@ -253,3 +253,25 @@ def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spe
     assert problem.doubtful(fitted) is None
     invented = problem.descend(np.concatenate([fitted, [0.0, 4.0, 1e-4, 1e-4]]))
     assert problem.doubtful(invented) == len(fitted)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_intervals_hold_with_and_without_the_dispersion_of_the_loss(flat: bool) -> None:
+    f = np.linspace(36e3, 46e3, 400)
+    s, deviations = 2j * np.pi * f, []
+    # by Kramers and Kronig a constant tangent takes C ~ f^(−2 δ/π); the capacitances are those at 100 kHz
+    plates = s * (1.0 - 0.02j) * (1.0 if flat else (f / 100e3) ** (-2.0 / np.pi * np.arctan(0.02)))
+    matrix = plates[:, None, None] * np.array([[1.3e-9, -0.5e-9], [-0.5e-9, 1.4e-9]])
+    modes = ((39.6e3, 400.0, 1.5, 1.5), (40.5e3, 350.0, 1.1, -1.1), (43e3, 300.0, 0.6, 0.5))
+    for frequency, quality, *theta in modes:
+        w = 2.0 * np.pi * frequency
+        matrix = matrix + (s / (s**2 + s * w / quality + w**2))[:, None, None] * np.outer(theta, theta)
+    for seed in range(8):
+        error = np.random.default_rng(seed).standard_normal((2, *matrix.shape)) * 1e-3 / np.sqrt(2.0)
+        fit = pr.fit_spectrum(pr.Spectrum.from_admittance(f, matrix * (1.0 + error[0] + 1j * error[1])))
+        assert fit.loss_dispersion != flat
+        deviations.append((found(fit) - np.ravel(modes)) / [v for m in fit.modes for v in m.standard_errors.values()])
+    assert 0.90 <= np.mean(np.abs(deviations) < 1.96) <= 0.98
+    # without dispersion C is that of a motor which has it in the middle of the band
+    wanted = 1.3e-9 * (1.0 if not flat else np.sqrt(36 * 46 / 100**2) ** (2.0 / np.pi * np.arctan(0.02)))
+    assert fit.capacitance_a_f == pytest.approx(wanted, rel=2e-3)
