@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf, log, sqrt
+from math import exp, inf, log, sqrt
 
 import numpy as np
 
@@ -364,6 +364,10 @@ def larger(problem: Problem, solution: Solution) -> list[Solution]:
     starts = [
         replace(solution, parameters=np.concatenate([head, arm, tail]), arms=solution.arms + 1) for _, arm in asked[:2]
     ]
+    if solution.arms == 1 and errors.resonances(problem, solution):  # which may lie between two: half on each side
+        frequency, reactance, quality = solution.columns[:, 0]
+        sides = [[frequency + side * exp(-quality), reactance + log(2.0), quality] for side in (-0.75, 0.75)]
+        starts.append(replace(solution, parameters=np.concatenate([head[:-3], *sides, tail]), arms=2))
     return starts if solution.arms else [*starts, _highest(problem, solution)]
 
 
