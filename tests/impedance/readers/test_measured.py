@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.impedance.fixture import without_fixture
 
 MEASURED = next(
     (above / "shared" / "measured" for above in Path(__file__).parents if (above / "shared" / "measured").is_dir()),
@@ -60,3 +62,36 @@ def test_what_is_no_spectrum_is_refused() -> None:
     for path in (MEASURED / "README.md", MEASURED / "e4990a_thickness_mode" / "circuitoParametriConcentrati.txt"):
         with pytest.raises(pr.SpectrumError, match="none of the formats that are known"):
             pr.read_spectrum(path)
+
+
+CASES = MEASURED.parent / "cases" / "impedance"
+ARM = {"clamped_capacitance_f": 2.2e-9, "capacitance_f": 250e-12, "inductance_h": 41.02e-3, "resistance_ohm": 256.2}
+CABLE = {"clamped_capacitance_f": 1e-9, "capacitance_f": 80e-12, "inductance_h": 219.9e-6}
+
+
+@pytest.mark.parametrize(
+    ("file", "told", "known"),
+    [
+        ("c11.s1p", "", CABLE),
+        ("c19.csv", "the peak is clipped", {}),
+        ("c31.csv", "Points left out", ARM),
+        ("flat_loss_default_rng7_draw4.csv", "", ARM),
+        ("nanovna_series_through.s2p", "in series between them", ARM),
+        ("case129.txt", "leads at their limits", {"quality_factor": 291.0, "resistance_ohm": 62.5}),
+    ],
+)
+def test_an_input_that_failed_has_its_right_values(file: str, told: str, known: dict[str, float]) -> None:
+    names = ["frequency_hz", "magnitude_ohm", "phase_deg", "-", "-", "-", "-"] if file.endswith(".txt") else None
+    spectrum = pr.read_spectrum(CASES / file, columns=names)
+    fit = pr.fit_spectrum(without_fixture(spectrum, port_extension_s=5e-9) if file == "c11.s1p" else spectrum)
+    assert told in " ".join(fit.cautions)
+    assert (len(fit.arms) == 1) == (names is None)
+    main = fit.circuit.definitions()[fit.arms.index(fit.main_arm)]["one arm"]  # three bandwidths wide
+    found = main if names else asdict(fit.circuit) | asdict(fit.circuit.arms[0])
+    assert {name: found[name] for name in known} == pytest.approx(known, rel=5e-3 if names else 2e-3)
+
+
+def test_a_two_port_that_failed_has_the_couplings_of_its_motor() -> None:
+    first, second = pr.fit_spectrum(pr.read_spectrum(CASES / "clean2p.csv")).modes
+    assert [first.quality_factor, second.quality_factor] == pytest.approx([400.0, 400.0], rel=1e-3)
+    assert first.coupling_a_n_per_v_kg05 == pytest.approx(1.537, rel=1e-3)
