@@ -9,7 +9,8 @@ C_ii is the capacitance of a group with the other shorted, C_AB that between the
 driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It contains θ²/m, not θ: the force
 needs one mechanical measurement, a modal mass or the velocity of the tip per motional current. All connections (of a
 two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with their estimated errors. The start is
-the fit of Y_AA + Y_BB, which shows every mode.
+the fit of Y_AA + Y_BB, which shows every mode. A mode outside the band changes the admittance within it other than a
+capacitance; one below and one above the band are added where that improves the fit, and are not reported.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError, SpectrumError, require
 from pyspice_runner.files import save_by_ending
@@ -29,7 +31,7 @@ from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector,
 from pyspice_runner.impedance.identify.errors import RESONANT_QUALITY, UNDETERMINED
 from pyspice_runner.impedance.identify.selection import Progress
 from pyspice_runner.impedance.noise import noise_of
-from pyspice_runner.impedance.one_port_fit import Fit, FittedArm, fit_one_port, misfit
+from pyspice_runner.impedance.one_port_fit import Fit, fit_one_port, misfit
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT, lossy_capacitance
 from pyspice_runner.motor.load import load_motor
@@ -43,6 +45,10 @@ _PER_MODE = 4  # ln f, ln Q, couplings to A and B
 _VALUES = ("series_resonance_hz", "quality_factor", "coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
 _PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent", "capacitance_ab_f")
 _LOSSES = None, 15, 0  # branches of a motor; three a decade, with a ripple of 1e-5; no dispersion
+_OUTSIDE = 0.98, 0.9, 0.7  # frequencies below the band over its end, and their inverses above, to start a mode from
+_FARTHEST = 2.0  # of an end of the band over the frequency of such a mode; farther, it is a capacitance
+_QUALITY_OUTSIDE = 50.0  # of its start
+_AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
 _SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
 
 
@@ -272,6 +278,8 @@ def fit_groups(
         if len(parameters) == _GLOBALS + _PER_MODE:
             raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
         parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
+    for above in (False, True):
+        parameters = problem.with_neighbour(parameters, above=above)
     return _report(problem, parameters, shown, source or "spectra", cautions)
 
 
@@ -365,44 +373,70 @@ class _Problem:
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
         trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
         fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
-        arms = [arm for arm in fit.arms if arm.in_band]
-        start = np.zeros(_GLOBALS + _PER_MODE * len(arms))
+        start = np.zeros(_GLOBALS)
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
         capacitance = fit.circuit.clamped_capacitance_f * 2.0 * pi * self.reference_hz / self.unit_s
         split = min(max(share_a, 0.05), 0.95)
         start[:3] = log(capacitance * split), log(capacitance * (1.0 - split)), fit.circuit.loss_tangent
+        arms = [(arm.series_resonance_hz / self.reference_hz, arm.quality_factor) for arm in fit.arms if arm.in_band]
+        return np.append(start, self._divided(arms))
+
+    def with_neighbour(self, parameters: Vector, *, above: bool) -> Vector:
+        """Return the solution with a mode below or above the band if Schwarz's criterion asks for it."""
+        cost = self.normal_equations(parameters)[0]
+        if cost < FINEST**2 * self.count:
+            return parameters
+        arms = np.exp(parameters[_GLOBALS:].reshape(-1, _PER_MODE)[:, :2]).tolist()
+        places = [(self.high / share if above else self.low * share) / self.reference_hz for share in _OUTSIDE]
+        neighbours = [self._divided([*arms, (place, _QUALITY_OUTSIDE)])[-_PER_MODE:] for place in places]
+        found = [self.descend(np.append(parameters, one)) for one in neighbours]
+        more = min(found, key=lambda one: self.normal_equations(one)[0])
+        points = self.independent(more)
+        gain = 2.0 * points * log(cost / max(self.normal_equations(more)[0], FINEST**2 * self.count))
+        if gain < _PER_MODE * log(2.0 * points) or self.sides(more)[-1] == 1:
+            return parameters
+        self.weigh(more)
+        return self.descend(more)
+
+    def sides(self, parameters: Vector) -> NDArray[np.intp]:
+        """Return 0, 1 or 2 for each mode below, in or above the band; one that ends at its limit is in it."""
+        ends = np.log(np.array([(1.0 - _AT_LIMIT) * self.low, (1.0 + _AT_LIMIT) * self.high]) / self.reference_hz)
+        return np.searchsorted(ends, parameters[_GLOBALS::_PER_MODE])
+
+    def _divided(self, arms: Sequence[tuple[float, float]]) -> Vector:
+        """Return ln f, ln Q and couplings to both groups of modes with relative frequencies and quality factors."""
         size = {connection: self._amplitudes(connection, arms) for connection in self.ports}
-        for index, arm in enumerate(arms):
+        found = []
+        for index, (frequency, quality) in enumerate(arms):
             a, b = (sqrt(max(size[group][index], 1e-12)) for group in "AB")
             total = a * a + b * b
             if _TRANSFER in size:
                 alike = size[_TRANSFER][index]
             else:
                 alike = size["A+B"][index] - total if "A+B" in size else total - size["A-B"][index]
-            at = _GLOBALS + _PER_MODE * index
-            frequency_ratio = arm.series_resonance_hz / self.reference_hz
-            start[at : at + _PER_MODE] = log(frequency_ratio), log(arm.quality_factor), a, b if alike >= 0.0 else -b
-        return start
+            found += [log(frequency), log(quality), a, b if alike >= 0.0 else -b]
+        return np.array(found)
 
-    def _amplitudes(self, connection: str, arms: Sequence[FittedArm]) -> Vector:
+    def _amplitudes(self, connection: str, arms: Sequence[tuple[float, float]]) -> Vector:
         """Return (w·θ)²/m/ω of every mode by linear least squares, in the unit of this problem."""
         spectrum = self.ports[connection]
         w = spectrum.frequency_hz / self.reference_hz
         y = spectrum.admittance_s / self.unit_s
         columns = [1j * w, w**2 + 0j]
-        for arm in arms:
-            ratio = spectrum.frequency_hz / arm.series_resonance_hz
-            columns.append(1.0 / (1.0 / arm.quality_factor + 1j * (ratio - 1.0 / ratio)))
+        for frequency, quality in arms:
+            columns.append(1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w)))
         system = (np.array(columns) / np.abs(y)).view(float).T
         found = np.linalg.lstsq(system, np.ascontiguousarray(y / np.abs(y)).view(float), rcond=None)[0]
         return np.asarray(found[2:])
 
     def bounds(self, start: Vector) -> tuple[Vector, Vector]:
         """Return the minimum and maximum of every parameter."""
-        modes = (len(start) - _GLOBALS) // _PER_MODE
-        low, high = log(self.low / self.reference_hz), log(self.high / self.reference_hz)
-        lower = [-25.0, -25.0, 1e-9, -np.inf, *([low, log(0.6), -np.inf, -np.inf] * modes)]
-        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, np.inf, *([high, log(1e6), np.inf, np.inf] * modes)]
+        ends = np.log(np.array([self.low / _FARTHEST, self.low, self.high, _FARTHEST * self.high]) / self.reference_hz)
+        lower = [-25.0, -25.0, 1e-9, -np.inf]
+        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, np.inf]
+        for side in self.sides(start):
+            lower += [ends[side], log(0.6), -np.inf, -np.inf]
+            upper += [ends[side + 1], log(1e6), np.inf, np.inf]
         return np.array(lower), np.array(upper)
 
     def reach(self, parameters: Vector) -> Vector:
@@ -461,7 +495,9 @@ def _report(
     deviation = np.sqrt(np.maximum(np.diag(problem.covariance(parameters)), 0.0))
     rows = zip(*(values[_GLOBALS:].reshape(-1, _PER_MODE) for values in (parameters, deviation)), strict=True)
     modes = []
-    for (log_frequency, log_quality, a, b), error in rows:
+    for ((log_frequency, log_quality, a, b), error), side in zip(rows, problem.sides(parameters), strict=True):
+        if side != 1:
+            continue
         frequency, quality = float(np.exp(log_frequency)) * problem.reference_hz, float(np.exp(log_quality))
         scale = sqrt(problem.unit_s * 2.0 * pi * frequency)  # θ²/m is ω over the reactance
         signed = -scale if a < 0.0 else scale

@@ -245,6 +245,31 @@ def test_the_capacitance_between_the_groups_is_that_of_the_motor_or_not_signific
     assert pr.fit_spectrum(noisy).capacitance_ab_f == 0.0
 
 
+def beside_a_mode(noise: float, seed: int) -> np.ndarray:
+    """Return deviations over their errors of the flagship in a band that ends 500 Hz above its mode at 36.5 kHz."""
+    motor = pr.load_motor("bimodal40")
+    swept = pr.admittance(motor, start=37e3, stop=43e3, points=601, state="free")
+    error = np.random.default_rng(seed).standard_normal((2, *swept.matrix_s.shape)) * noise / np.sqrt(2.0)
+    matrix = swept.matrix_s * (1.0 + error[0] + 1j * error[1])
+    matrix[:, 1, 0] = matrix[:, 0, 1]
+    fit = pr.fit_spectrum(pr.Spectrum.from_admittance(swept.frequency_hz, matrix))
+    assert fit.cautions == ()
+    wanted = [truth(motor)[8:], [getattr(motor.piezo, name) for name in fit.standard_errors]]
+    here = [found(fit), [getattr(fit, name) for name in fit.standard_errors]]
+    errors = [[value for mode in fit.modes for value in mode.standard_errors.values()], [*fit.standard_errors.values()]]
+    return (np.concatenate(here) - np.concatenate(wanted)) / np.concatenate(errors)
+
+
+def test_a_mode_beside_the_band_does_not_move_those_within_it() -> None:
+    assert np.abs(beside_a_mode(1e-3, 1)).max() < 4.0  # 25 for the capacitances without that mode
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("noise", [1e-3, 1e-2])
+def test_intervals_hold_beside_a_mode_outside_the_band(noise: float) -> None:
+    assert 0.90 <= np.mean(np.abs([beside_a_mode(noise, seed) for seed in range(40)]) < 1.96) <= 0.98
+
+
 def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
     rng = np.random.default_rng(5)
     ports = {name: with_error(two_port.driven(name), "proportional", 3e-3, rng) for name in CONNECTIONS}
