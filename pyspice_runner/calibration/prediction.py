@@ -278,7 +278,7 @@ class Predictor:
 
     def _steps(self, x: Array, size: float) -> Array:
         """Return a change of each coordinate within its bounds, as rows."""
-        forward = [1.0 if one + size <= unknown.bounds[1] else -1.0
+        forward = [unknown.sharp * (1.0 if one + size <= unknown.bounds[1] else -1.0)
                    for unknown, one in zip(self.unknowns, x, strict=True)]  # fmt: skip
         return size * np.diag(forward)
 
@@ -329,13 +329,13 @@ class Predictor:
 
         Central differences take twice the time and have no error by the curvature.
         """
-        slope = self._differences(x, here, COARSE_DIFFERENCE if self.rough else DIFFERENCE, central)
-        uneven = tuple(one for one in self.curves if not one.smooth)
-        if uneven and not self.rough:  # they come last
-            moving = replace(self, points=None, curves=uneven, shift=None)
-            first = len(slope) - len(moving.measured)
-            own = Prediction(here.values[first:] - (0.0 if self.shift is None else self.shift[first:]))
-            slope[first:] = moving._differences(x, own, COARSE_DIFFERENCE, central)
+        sizes = COARSE_DIFFERENCE, DIFFERENCE
+        slope = self._differences(x, here, sizes[not self.rough], central)
+        other = [(one, own) for one, own in self.sets if isinstance(one, Curve) and one.smooth == self.rough]
+        for curve, own in other:  # with the other size
+            alone = replace(self, points=None, curves=(curve,), shift=None, tilt=None)
+            values = here.values[own] - (0.0 if self.shift is None else self.shift[own])
+            slope[own] = alone._differences(x, Prediction(values), sizes[curve.smooth], central)
         return slope
 
     def _differences(self, x: Array, here: Prediction, size: float, central: bool) -> Array:

@@ -19,6 +19,8 @@ MOST = 40  # free parameters
 WIDE = log(10.0)  # a factor of 10 in the value: longest step of a profile, and what is always known of a value
 DRIFTS = ("frequency_drift_per_k", "coupling_drift_per_k", "capacitance_drift_per_k")
 THERMAL = "thermal."  # drift of the motor, of spectra at several temperatures
+_TUNING = ("frequency_hz", "stiffness_n_per_m", "mass_kg")  # of a mode: its response is straight within its half width
+_STRAIGHT = 20.0  # quality factor up to which a difference of 0.2 % in frequency is a small part of that
 _SECTIONS = ("modes", "piezo", "contact", "law", "rotor", "slider", "mount")
 
 
@@ -37,6 +39,7 @@ class Unknown:
     unit: str
     prior: float | None = None  # standard deviation of x about 0 that was known before; ``None``: nothing
     size: float = 1.0  # scale of a linear coordinate whose start is 0
+    sharp: float = 1.0  # share of a difference of x over which the response is straight
     wide: float = WIDE  # further standard deviation: what the data leave open stays at the order of its start
 
     @property
@@ -54,14 +57,16 @@ class Unknown:
         value = self.start * exp(x) if self.logarithmic else self.start + x * self._scale
         return min(max(value, self.low), self.high)
 
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value; 0 for one whose logarithm from the start does not exist."""
+        if not self.logarithmic:
+            return (value - self.start) / self._scale
+        return log(value / self.start) if value / self.start > 0.0 else 0.0
+
     @property
     def bounds(self) -> tuple[float, float]:
         """Minimum and maximum coordinate."""
-        ends = self.low, self.high
-        if self.logarithmic:
-            low, high = sorted(log(value / self.start) for value in ends)
-        else:
-            low, high = ((value - self.start) / self._scale for value in ends)
+        low, high = sorted(map(self.coordinate, (self.low, self.high)))
         return low, high
 
     def spread(self, x: float, deviation: float) -> float:
@@ -131,7 +136,10 @@ def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: 
         low, high = (smallest, high) if start > 0.0 else (low, -smallest)
     elif low == 0.0 and start > 0.0:
         low = 1e-6 * start
-    return Unknown(path, start, low, high, found.unit, width, size)
+    mode, _, key = path.rpartition(".")
+    tuned = mode.startswith("modes.") and key in _TUNING
+    quality = parameter(f"{mode}.quality_factor", motor, drive, {}).nominal if tuned else None
+    return Unknown(path, start, low, high, found.unit, width, size, min(1.0, _STRAIGHT / (quality or 1.0)))
 
 
 def _range(motor: Motor, path: str) -> tuple[float, float]:
