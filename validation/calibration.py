@@ -121,7 +121,7 @@ def compared(subject: str, index: int) -> dict[str, Any]:
         "subject": subject, "index": index, "seconds": round(time.perf_counter() - began[1], 1),
         "processor_seconds": round(processor_s() - began[0], 1), "points": len(points["voltage"]),
         "steady_states": result.steady_states, "rms_residual": result.rms_residual,
-        "misfit": any("does not explain" in warning for warning in result.warnings),
+        "misfit": any("does not explain" in text or "differs from" in text for text in result.warnings),
         "least_probability": min(fit.probability for fit in result.fits) * len(result.fits),
         "named": [one.path for one in result.estimates if not one.identifiable],
         "parameters": {

@@ -23,7 +23,7 @@ from pyspice_runner.calibration.prediction import STEP, Counter, Predictor
 from pyspice_runner.calibration.result import Calibration, Rival
 from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.search import Search
-from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, scales, temperatures_of
+from pyspice_runner.calibration.spectra import SPECTRUM_ERROR, bands_of, fitted, scales, temperatures_of
 from pyspice_runner.calibration.statistics import Judgement, misfits
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, touching_law
@@ -49,7 +49,7 @@ def calibrate(
     drive: Drive | None = None,
     contact: ContactLaw | None = PAPER_LAW,
     against: Sequence[ContactLaw] = (),
-    starts: int = 1,
+    starts: int | None = None,
     timeout: float | None = None,
     progress: Callable[[int], None] | None = None,
     checkpoint: str | Path | None = None,
@@ -70,7 +70,8 @@ def calibrate(
         drive: what the points leave out; by default the recommended drive.
         contact: law of the contact, as in :func:`~pyspice_runner.simulate`.
         against: other laws, with which the parameters are calibrated too; ``rivals`` of the result compares them.
-        starts: number of starts; all but the first lie within a factor of 2 about the values of ``motor``.
+        starts: number of starts; all but the first have values that no free spectrum shows within a factor of 2 about
+            those of ``motor``. By default 1, or 16 where two modes are closer than three half widths.
         timeout: wall time in s after which a run of ngspice is ended.
         progress: called with the number of steady states found so far.
         checkpoint: path of a JSON file in which an unfinished calibration is kept. The same calibration, started again
@@ -87,7 +88,7 @@ def calibrate(
     """
     if data is None and not spectra and not transients:
         raise ParameterError("There is nothing to calibrate against: give measured points, spectra or transients.")
-    require(1 <= starts <= 64, "starts", starts, "a whole number from 1 to 64")
+    require(starts is None or 1 <= starts <= 64, "starts", starts, "a whole number from 1 to 64")
     require(0.0 < spectrum_error < 1.0, "spectrum_error", spectrum_error, "a number > 0 and < 1")
     linear = motor.slider is not None
     points = read_points(data, linear) if data is not None else None
@@ -118,13 +119,15 @@ def calibrate(
             one.check(predictor.point(predictor.base, one.conditions))
         predictors.append(predictor)
     with Checkpoint(checkpoint, predictors) as file:
-        searches = [Search(one, file.place(law), partial(file.keep, law)) for law, one in enumerate(predictors)]
+        start = fitted(motor, unknowns, spectra, connection)
+        searches = [Search(one, file.place(law), partial(file.keep, law), start=start)
+                    for law, one in enumerate(predictors)]  # fmt: skip
         found = Judgement(searches[0], searches[0].solved(starts)).calibration()
         others = zip(searches[1:], laws[1:], strict=True)
         return replace(found, rivals=tuple(_rival(search, law.name, starts) for search, law in others))
 
 
-def _rival(search: Search, law: str, starts: int) -> Rival:
+def _rival(search: Search, law: str, starts: int | None) -> Rival:
     """Return the fit with another law of the contact."""
     try:
         found = Judgement(search, search.solved(starts)).calibration()

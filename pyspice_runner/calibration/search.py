@@ -8,19 +8,21 @@ P. J. Huber, "Robust Statistics", Wiley 1981.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import inf, log
+from dataclasses import dataclass, replace
+from math import inf, log, nan
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from pyspice_runner.calibration.prediction import Prediction, Predictor
-from pyspice_runner.errors import SimulationError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.run.waveforms import Array
 
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals remain those of the normal
 START_REACH = log(2.0)  # of further starts about the first
+_CLOSE_MODES, _STARTS = 3.0, 16  # half widths between modes, below which there are so many starts
+_DESCENDED = 4  # of the starts: those that are best before and after the search by the spectra alone
 _ROUGH_GAIN = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
 _STEPS = 40  # of each search
 _CLOSE = 1e-4  # relative gain, and step of a coordinate, that are noise
@@ -51,28 +53,31 @@ class Search:
         resumed: place of an interrupted search.
         keep: is called with each place at which the difference to ngspice is taken.
         tolerances: where the search ends.
+        start: coordinates to start from; NaN for those of which no better value than the first is known.
     """
 
     def __init__(
         self, predictor: Predictor, resumed: Array | None = None, keep: Callable[[Array], object] = lambda _: None,
-        tolerances: Tolerances = TOLERANCES,
+        tolerances: Tolerances = TOLERANCES, start: Array | None = None,
     ) -> None:  # fmt: skip
         self.predictor, self.resumed, self.keep, self.tolerances = predictor, resumed, keep, tolerances
         self.bounds = np.array([unknown.bounds for unknown in predictor.unknowns]).T
         self.prior = np.array([unknown.weight for unknown in predictor.unknowns])
+        self.start = np.full(len(self.prior), nan) if start is None else start
+        self.spectra = tuple(one for one in predictor.curves if one.smooth)
         self.found: dict[bytes, Prediction] = {}
         self.slopes: dict[bytes, Array] = {}
         self.last: Prediction | None = None
         self.roots: Array = np.ones(0)  # of the weights of Huber's loss, where the last search began
         self.way: tuple[Array, Array, Array] | None = None  # coordinates, residuals and slope of the last step
 
-    def solved(self, starts: int = 1) -> Array:
+    def solved(self, starts: int | None = None) -> Array:
         """Return the coordinates of the smallest sum of squares. Raise SimulationError without a start that runs."""
-        x = np.clip(np.zeros(len(self.prior)), self.bounds[0] + _INSIDE, self.bounds[1] - _INSIDE)
+        x: Array = np.clip(np.nan_to_num(self.start), self.bounds[0] + _INSIDE, self.bounds[1] - _INSIDE)
         if self.resumed is not None:
             x = np.clip(self.resumed, *self.bounds)
-        elif starts > 1:
-            x = self._best(x, starts)
+        elif (count := starts or self._starts(x)) > 1 or self.spectra:
+            x = self._best(x, count)
         for _ in range(self.tolerances.refinements):
             self.predictor, here = self.predictor.refined(x, self.prediction(x))
             if not here.known:
@@ -81,23 +86,42 @@ class Search:
                     "load of the points with steady_state, start from other values, or give starts = 16."
                 )
             self.keep(x)
-            self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
-            residuals = self.residuals(x)
-            size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
-            self.roots = np.sqrt(weights_of(residuals, size))
-            self._jacobian(x)
+            self._begin(x, here)
             if self._gain() < (_ROUGH_GAIN if self.predictor.rough else self.tolerances.settled):
                 break
-            x = np.asarray(least_squares(
-                lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
-                xtol=_CLOSE, ftol=_CLOSE, gtol=1e-12, max_nfev=_STEPS, callback=self._end,
-            ).x)  # fmt: skip
+            x = self._descended(x)
         return x
+
+    def _begin(self, x: Array, here: Prediction) -> None:
+        """Begin a search at a place with its prediction."""
+        self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
+        residuals = self.residuals(x)
+        size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
+        self.roots = np.sqrt(weights_of(residuals, size))
+        self._jacobian(x)
+
+    def _descended(self, x: Array) -> Array:
+        """Return the end of a search by the fast model that begins at a place."""
+        return np.asarray(least_squares(
+            lambda x: self.roots * self.residuals(x), x, self._jacobian, bounds=self.bounds, x_scale="jac",
+            xtol=_CLOSE, ftol=_CLOSE, gtol=1e-12, max_nfev=_STEPS, callback=self._end,
+        ).x)  # fmt: skip
+
+    def _starts(self, x: Array) -> int:
+        """Return the default number of starts, by the distance of the modes at a place."""
+        try:
+            modes = sorted(self.predictor.motor(x).motor.modes, key=lambda mode: mode.frequency_hz)
+        except ParameterError:
+            return _STARTS
+        widths = [mode.frequency_hz / mode.quality_factor for mode in modes]
+        gaps = np.diff([mode.frequency_hz for mode in modes])
+        return _STARTS if np.any(gaps < _CLOSE_MODES * np.maximum(widths[1:], widths[:-1])) else 1
 
     def _best(self, x: Array, starts: int) -> Array:
         """Return the best of several starts."""
         cube = qmc.Sobol(len(x), seed=0).random(1 << (starts - 1).bit_length())[: starts - 1]
-        starting = [x, *(np.clip(x + START_REACH * (2.0 * row - 1.0), *self.bounds) for row in cube)]
+        reach = START_REACH * np.isnan(self.start)
+        starting = [x, *(np.clip(x + reach * (2.0 * row - 1.0), *self.bounds) for row in cube)]
         self.found = dict(zip([one.tobytes() for one in starting], self.predictor.at(starting), strict=True))
 
         def badness(one: Array) -> tuple[int, float]:
@@ -105,6 +129,13 @@ class Search:
             residuals = float(np.sum(huber(self.residuals(one)))) if prediction.known else inf
             return int(np.isnan(prediction.values).sum()), residuals
 
+        if self.spectra:  # they need no steady state, and most minima are theirs
+            alone = Search(replace(self.predictor, points=None, curves=self.spectra))
+            for one in sorted(starting, key=badness)[:_DESCENDED]:
+                alone._begin(one, alone.prediction(one))
+                starting.append(alone._descended(one))
+            ends = starting[starts:]
+            self.found |= zip([one.tobytes() for one in ends], self.predictor.at(ends), strict=True)
         best: Array = min(starting, key=badness)
         if not self.found[best.tobytes()].known:
             raise SimulationError(f"The motor has no steady state at any of the points from any of {starts} starts.")

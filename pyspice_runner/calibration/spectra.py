@@ -16,15 +16,18 @@ taken to do so as at small amplitude.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from math import pi
+from math import copysign, pi, sqrt
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from pyspice_runner.calibration.points import TEMPERATURE, Curve
-from pyspice_runner.errors import ParameterError, did_you_mean
+from pyspice_runner.calibration.unknowns import Unknown
+from pyspice_runner.errors import ParameterError, SpectrumError, did_you_mean
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State, connect
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
@@ -35,9 +38,14 @@ from pyspice_runner.run.waveforms import Array
 
 SPECTRUM_ERROR = 0.01  # relative error of a measured admittance: that of an impedance analyser with its fixture
 SPECTRUM_POINTS = 200  # of a measured spectrum that are compared; its resonances are narrow, so they are chosen there
+COUPLINGS = "coupling_a_n_per_v", "coupling_b_n_per_v"
 _CONDITIONS = {TEMPERATURE: (-273.15, 1e3, "°C"), "level": (1e-9, 1e6, "V")}
 _LARGEST_RATIO = 2.0  # of predicted and measured magnitude, up to which the prediction sets the error
+_FAR_ABOVE = 3.0  # times the noise of a spectrum (RMS), beyond which a motor does not describe it
 _FINE = 4001  # points of a sweep from which a spectrum with uneven frequencies is interpolated
+_OPPOSED = 1e3  # distance, as a logarithm of frequencies, of a mode that the groups drive in another way
+_COUPLED = 0.01  # the same for a coupling that differs by a factor of e
+_LEAST = 1e-9  # N/(V·√kg), added to couplings that may be 0
 _BANDWIDTHS = 8.0 / 3.0  # γ a² Q of a resonance that leans by its own bandwidth: ¾ γ a² is twice the relative shift
 
 
@@ -69,6 +77,14 @@ class Band(Curve):
         magnitude, own = (np.hypot(*np.split(values, 2)) for values in (self.measured, predicted))
         ratio = np.clip(own / magnitude, 1.0 / _LARGEST_RATIO, _LARGEST_RATIO)
         return self.errors * np.tile(ratio, 2)
+
+    def far(self, predicted: Array) -> bool:
+        """Whether a prediction is farther from the spectrum than its noise, as its third differences show it."""
+        from pyspice_runner.impedance.noise import estimate  # takes long to load
+
+        measured = np.asarray(np.array([1.0, 1j]) @ self.measured.reshape(2, -1), dtype=complex)
+        noise = estimate(measured).deviation(measured)
+        return bool(np.mean(((predicted - self.measured) / np.tile(noise, 2)) ** 2) > 0.5 * _FAR_ABOVE**2)
 
     def predicted(self, point: Point, *, fine: bool) -> Array:
         """Return the parts of a motor's admittance at the measured frequencies: in closed form, or by ngspice."""
@@ -187,6 +203,57 @@ def added(motor: Motor, frequency: Array, connection: Connection, level_v: float
 
 def _coupling(mode: Mode, connection: Connection) -> float:
     return float(COUPLING[connection] @ np.array(mode.couplings))
+
+
+def fitted(
+    motor: Motor, unknowns: Sequence[Unknown], spectra: Sequence[tuple[Any, ...]], connection: Connection
+) -> Array:
+    """Return the coordinates of modes and capacitances by the fit of the first free spectrum; NaN for other parameters.
+
+    Without a spectrum that can be fitted there are none. One port gives the size of the coupling through it.
+    """
+    from pyspice_runner.impedance.one_port_fit import fit_one_port  # takes long to load
+    from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_groups
+
+    shown = any(one.path.startswith(("modes.", "piezo.")) for one in unknowns)
+    free = [spectrum for spectrum, state, *_ in spectra if state == "free" and shown]
+    fit, found, rows = None, dict[str, float](), list[tuple[float, ...]]()
+    with suppress(SpectrumError):
+        fit = (fit_groups if free[0].ports == 2 else fit_one_port)(free[0]) if free else None
+    if isinstance(fit, TwoPortFit):
+        found = {f"piezo.{name}": getattr(fit, name) for name in fit.standard_errors}
+        rows = [(one.series_resonance_hz, one.coupling_a_n_per_v_kg05, one.coupling_b_n_per_v_kg05, one.quality_factor)
+                for one in fit.modes]  # fmt: skip
+    elif fit is not None:
+        rows = [(one.series_resonance_hz, one.inductance_h**-0.5, 0.0, one.quality_factor) for one in fit.resonances]
+    weights = np.array(COUPLING[connection])
+    for row, place in matched([row[:3] for row in rows], motor):
+        (frequency, a, b, quality), mode = rows[row], motor.modes[place]
+        couplings, root = np.array(mode.couplings), sqrt(mode.mass_kg)
+        if b:
+            couplings = copysign(root, couplings[0]) * np.array([a, b])
+        elif through := abs(float(weights @ couplings)):
+            couplings = np.where(weights, root * a / through, 1.0) * couplings
+        values = {"frequency_hz": frequency, "stiffness_n_per_m": mode.mass_kg * (2.0 * pi * frequency) ** 2}
+        values |= {"quality_factor": quality, **dict(zip(COUPLINGS, couplings.tolist(), strict=True))}
+        found |= {f"modes.{place}.{key}": value for key, value in values.items()}
+    return np.array([one.coordinate(found[one.path]) if one.path in found else np.nan for one in unknowns])
+
+
+def matched(found: Sequence[tuple[float, ...]], motor: Motor) -> list[tuple[int, int]]:
+    """Return the places of modes that were found, each with that of the equivalent mode of a motor.
+
+    A mode that was found has a frequency and θ/√m to both groups, to group B 0 where it is not known.
+    Equivalent is the closest one in frequency and coupling that the groups drive in the same way, alike or opposed.
+    """
+    here = np.reshape(found, (-1, 1, 3))
+    there = np.array([[mode.frequency_hz, *np.array(mode.couplings) / sqrt(mode.mass_kg)] for mode in motor.modes])
+    known = [1.0, 1.0] if here[..., 2].any() else [1.0, 0.0]
+    sizes = [np.linalg.norm(one[..., 1:] * known, axis=-1) + _LEAST for one in (here, there)]
+    opposed = np.prod(here[..., 1:], axis=-1) * np.prod(there[:, 1:], axis=-1) < 0.0
+    table = np.abs(np.log(here[..., 0] / there[:, 0])) + _COUPLED * np.abs(np.log(sizes[0] / sizes[1]))
+    rows, places = linear_sum_assignment(table + _OPPOSED * opposed)
+    return [pair for pair in zip(rows.tolist(), places.tolist(), strict=True) if not opposed[pair]]
 
 
 def scales(motor: Motor, bands: Sequence[Band]) -> dict[str, float]:

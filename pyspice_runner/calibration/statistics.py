@@ -27,6 +27,7 @@ from pyspice_runner.calibration.points import DEFAULT_ERROR
 from pyspice_runner.calibration.result import Calibration, Estimate, SetFit
 from pyspice_runner.calibration.run_up import RunUp
 from pyspice_runner.calibration.search import Search, broyden, huber, weights_of
+from pyspice_runner.calibration.spectra import Band
 from pyspice_runner.calibration.unknowns import WIDE, Unknown
 from pyspice_runner.run.waveforms import Array
 
@@ -143,10 +144,21 @@ class Judgement:
                 "fits. Measure more points."
             )
         elif self.errors_given:
+            unexplained = {fit.data for fit in misfits(self.fits)}
+            bands = [(one, self.here.values[own]) for one, own in self.predictor.sets if isinstance(one, Band)]
+            if astray := [one.source for one, own in bands if one.source in unexplained and one.far(own)]:
+                text = (
+                    f"The motor differs from {' and '.join(astray)} by far more than the noise: the search ended at a "
+                    "local minimum, a value that must change is not free, or a mode is missing. No value holds: "
+                    f"{', '.join(one.path for one in estimates)}. Set frequencies, quality factors, couplings and "
+                    "capacitances to those of fit, free them, or give starts = 64."
+                )
+                return [*found, text]
             found += [
                 f"The model does not explain {fit.data}: the sum of squares of its {fit.values} values is "
                 f"{fit.squares:.4g}, expected are {fit.expected:.0f} ± {sqrt(2.0 * fit.expected):.2g}. The intervals "
-                "do not hold. Free another parameter, compare with another contact law, or check the stated errors."
+                "do not hold. Free another parameter, compare with another contact law, give starts = 16, or check the "
+                "stated errors."
                 for fit in misfits(self.fits)
             ]
         else:

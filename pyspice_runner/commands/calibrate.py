@@ -44,7 +44,7 @@ from pyspice_runner.impedance.spectrum import Connection, State
     against=option(
         list[str] | None, None, "Another law of the contact, to compare how well it fits. Repeatable.", metavar="LAW"
     ),
-    starts=option(int, 1, "Number of starts, all but the first within a factor of 2."),
+    starts=option(int | None, None, "Number of starts within a factor of 2: 1, or 16 with close modes."),
     resume=option(
         Path | None, None,
         "JSON file in which an unfinished calibration is kept; if it exists, go on from it.",
