@@ -9,7 +9,7 @@ are measured points with relative errors, as in :func:`~pyspice_runner.calibrate
 measured                            fitted
 ==================================  ==============================================
 stall torque                        ``contact.friction``
-no-load speed                       the modal mass, one for all modes, unless given
+no-load speed                       the modal masses, in the ratio of the base, unless given
 no-load speed at a lower voltage    ``contact.preload_n``
 resonances under preload            ``contact.normal_stiffness_n_per_m15``, and the
                                     tangential compliances of tip and rotor together
@@ -28,7 +28,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
-from math import copysign, inf, log, sqrt
+from math import copysign, inf, log
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,7 @@ from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.provenance import CAPACITANCE, FRICTION, NORMAL, PRIORS, QUALITY, Origin
 from pyspice_runner.calibration.search import Search, Tolerances
 from pyspice_runner.calibration.similar import Factors, as_stage, scaled
+from pyspice_runner.calibration.spectra import matched
 from pyspice_runner.calibration.statistics import Judgement
 from pyspice_runner.calibration.unknowns import Unknown
 from pyspice_runner.errors import ParameterError, SimulationError
@@ -66,7 +67,6 @@ _ENDS = Tolerances(gain=1e-4, settled=1e-2, refinements=10)
 _PRELOAD, _STIFFNESS = "contact.preload_n", "contact.normal_stiffness_n_per_m15"
 _COMPLIANCES = "contact.tangential_compliance_tip_m_per_n23", "contact.tangential_compliance_rotor_m_per_n23"
 _LOWER = 0.35, 0.5, 0.7, 0.85  # of the voltage of the data sheet, at which the direction is checked
-_OTHER = 1e3  # distance, as a logarithm of frequencies, of a mode that the groups drive in another way
 _MASS, _FORCE, _SPEED = "mass_kg", "force", "speed"
 
 Pairs = Sequence[tuple[float, float]]
@@ -177,7 +177,7 @@ def motor_from(
         modes: number of modes; by default determined by the fit.
         connection: of the groups in a preloaded two-port.
         tips: (tip_x, tip_y) of every mode, see :meth:`TwoPortFit.to_motor`. By default, if the mass is not known, those
-            of the other motor for one modal mass, where its groups drive the same modes alike or opposed.
+            of ``base``, with its ratio of masses, where its groups drive the same modes alike or opposed.
         base: motor whose contact and rotor are the start, ``andersen2002`` by default; what is not fitted keeps its
             value. Without spectra the motor that represents the class, by default ``bimodal40``.
         name: name of the new motor.
@@ -411,6 +411,7 @@ def _of_spectra(
     if mass_kg is None and sheet.low_speed is None:
         caution = f"Preload and dead band are those of {base.name}. For a control loop give low_speed too."
         fit = replace(fit, cautions=(*fit.cautions, caution))
+    shapes, ratios = borrowed or (tips, [])
     contact, values = base.contact, dict[str, float]()
     if sheet.stall is not None:
         values[FRICTION] = contact.friction
@@ -423,14 +424,14 @@ def _of_spectra(
         values[_COMPLIANCES[0]] = contact.tangential_compliance_tip_m_per_n23
     ratio = contact.tangential_compliance_rotor_m_per_n23 / contact.tangential_compliance_tip_m_per_n23
     origin = Provenance("assumed", f"those of {base.name}; state your own by tips")
-    origins = {f"modes.{index}.{key}": origin for index in range(len(borrowed or ())) for key in ("tip_x", "tip_y")}
+    origins = {f"modes.{index}.{key}": origin for index in range(len(ratios)) for key in ("tip_x", "tip_y")}
 
     def motor(values: Mapping[str, float]) -> Motor:
         changes = {path: value for path, value in values.items() if path != _MASS}
         if _COMPLIANCES[0] in changes:  # the compliances of tip and rotor keep their ratio
             changes[_COMPLIANCES[1]] = ratio * changes[_COMPLIANCES[0]]
-        mass = values.get(_MASS, mass_kg)
-        found = fit.to_motor(mass_kg=mass, tips=tips or borrowed, base=base.updated(changes), name=name)
+        masses = [values[_MASS] * share for share in ratios] or values.get(_MASS) or mass_kg
+        found = fit.to_motor(mass_kg=masses, tips=shapes, base=base.updated(changes), name=name)
         return found.model_copy(update={"provenance": {**found.provenance, **origins}})
 
     priors = dict.fromkeys((_STIFFNESS, _COMPLIANCES[0]), provenance.STIFFNESS_ERROR)
@@ -439,24 +440,16 @@ def _of_spectra(
     return _Family(motor, base, sheet, fitted, drive, values, priors, fit, resonances)
 
 
-def _tips(fit: TwoPortFit, base: Motor) -> list[tuple[float, float]] | None:
-    """Return the tips of the equivalent modes of another motor, scaled to one modal mass; ``None`` if it lacks one.
+def _tips(fit: TwoPortFit, base: Motor) -> tuple[Pairs, list[float]] | None:
+    """Return tips and ratios of masses of the equivalent modes of another motor; ``None`` if it lacks one.
 
-    Equivalent is the closest mode in frequency that the groups drive in the same way, alike or opposed. The fitted
-    coupling to group A is positive; where that of the other motor is negative, its tip is reversed.
+    The fitted coupling to group A is positive; where that of the other motor is negative, its tip is reversed.
     """
-    if len(fit.modes) > len(base.modes):
-        return None
-    here = [mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 for mode in fit.modes]
-    there = [mode.coupling_a_n_per_v * mode.coupling_b_n_per_v >= 0.0 for mode in base.modes]
-    other = np.not_equal.outer(here, there)
-    frequencies = [mode.series_resonance_hz for mode in fit.modes], [mode.frequency_hz for mode in base.modes]
-    rows, places = linear_sum_assignment(np.abs(np.subtract.outer(*map(np.log, frequencies))) + _OTHER * other)
-    if other[rows, places].any():
-        return None
-    modes = [base.modes[place] for place in places]
-    scales = [copysign(sqrt(base.modes[0].mass_kg / mode.mass_kg), mode.coupling_a_n_per_v) for mode in modes]
-    return [(scale * mode.tip_x, scale * mode.tip_y) for scale, mode in zip(scales, modes, strict=True)]
+    found = [(one.series_resonance_hz, one.coupling_a_n_per_v_kg05, one.coupling_b_n_per_v_kg05) for one in fit.modes]
+    modes = [base.modes[place] for _, place in matched(found, base)]
+    signs = [copysign(1.0, mode.coupling_a_n_per_v) for mode in modes]
+    tips = [(sign * mode.tip_x, sign * mode.tip_y) for sign, mode in zip(signs, modes, strict=True)]
+    return (tips, [mode.mass_kg / base.modes[0].mass_kg for mode in modes]) if len(modes) == len(found) else None
 
 
 def _resonances(preloaded: Spectrum | None, connection: Connection) -> _Resonances | None:

@@ -105,7 +105,7 @@ def of_spectra(motor: Motor, fit: TwoPortFit, relative: Mapping[str, float], tar
             provenance[path] = Provenance("derived", note)
     for path, error in errors.items():
         if path.endswith("mass_kg"):
-            provenance[path] = Provenance("derived", f"{note}, one for all modes")
+            provenance[path] = Provenance("derived", f"{note}, one factor for all modes")
         origin = provenance[path]
         provenance[path] = Provenance(origin.kind, f"{origin.note}; standard error {error:.2g}")
     origins = {}
