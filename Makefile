@@ -54,6 +54,7 @@ validation: setup ## compare random motors, contacts and drives with independent
 	$(PY) -m validation.loops
 	$(PY) -m validation.trust
 	$(PY) -m validation.engines
+	$(PY) -m validation.hidden --workers $(JOBS)
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)
 	@sh scripts/setup.sh test dev bench

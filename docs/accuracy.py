@@ -43,7 +43,7 @@ def campaigns() -> list[str]:
         [abs(row["steady_error"]) for row in _lines("averaged") if row["steady_error"] and row["trusted"] == trust]
         for trust in (True, False)
     )
-    fits = _summary("fits").values()
+    fits, hidden = _summary("fits").values(), _summary("hidden")
     stay = lifting.count("stays")
     trials = sum(row["trials"] for row in fits)
     by_motor = held["by_motor"].values()
@@ -61,6 +61,8 @@ def campaigns() -> list[str]:
          f"{stay} stay, {lifting.count('said to be unstable')} unstable, {lifting.count('')} not found", "lift_off"),
         ("held shafts", "settling", held["cases"],
          f"{agree} agree, {by_friction} held by friction, {differ} differ", "held_points"),
+        ("calibrations", "hidden values", hidden["cases"],
+         f"{round(hidden['hold'] * hidden['intervals'])} of {hidden['intervals']} intervals hold", "hidden"),
         ("fits of noisy spectra", "known circuit", trials, f"{missed} arms missed, {extra} extra", "fits"),
         *((f"averaged torque, {name}", "full motor", len(errors), f"within {max(errors):.2g} μF₀R", "averaged")
           for name, errors in (("trusted", trusted), ("not trusted", others)) if errors),
