@@ -55,6 +55,7 @@ validation: setup ## compare random motors, contacts and drives with independent
 	$(PY) -m validation.trust
 	$(PY) -m validation.engines
 	$(PY) -m validation.hidden --workers $(JOBS)
+	$(PY) -m validation.faults
 
 bench: ## measure speed, accuracy and memory (minutes, on an otherwise idle machine)
 	@sh scripts/setup.sh test dev bench

@@ -40,8 +40,8 @@ def admittance(call: Call) -> None:
     reference=option(str | None, None, "The reference, if it is not the last: a motor or a spectrum."),
     share=option(
         list[str] | None, None,
-        "Allowed deviation of all but resistance, or of NAME (frequency, quality_factor, coupling_factor, resistance, "
-        "clamped_capacitance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
+        "Allowed deviation of all but resistance and coupling_factor, or of NAME (frequency, quality_factor, coupling, "
+        "clamped_capacitance, coupling_factor, resistance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
         "--tolerance", metavar="[NAME=]SHARE",
     ),
     connection=option(Connection, "A", "Connection of the groups, for a motor and two-ports."),
@@ -50,10 +50,11 @@ def admittance(call: Call) -> None:
     label=option(str, "", 'Name and unit of --at: "temperature in °C".'),
 )  # fmt: skip
 def compare(call: Call) -> None:
-    """Compare spectra with a motor or another spectrum, mode by mode. Writes .json or .csv.
+    """Compare spectra with a motor or another spectrum, mode by mode, and name the cause. Writes .json or .csv.
 
-    The plot shows one spectrum over its reference, or the trend of several. Exit status 1 if a --tolerance is exceeded
-    or a mode is missing. --columns and --through apply to every spectrum, including the reference.
+    A motor as the reference gives the probability of each cause. The plot shows one spectrum over its reference, or the
+    trend of several. Exit status 1 if a --tolerance is exceeded or a mode is missing. --columns and --through apply to
+    every spectrum, including the reference.
 
     Example: piezomotor compare measured.csv andersen2002 --tolerance 5% --plot comparison.png
     """
@@ -72,18 +73,13 @@ def compare(call: Call) -> None:
     with common.busy("fitting", "spectrum {} of {}") as progress:
         trend = pr.compare(
             spectra, against, leads=measured.leads(call), progress=progress, at=common.grid_or_none("--at", call.at),
-            **call.pick("connection state label"), **measured.fit_settings(call),
+            tolerances=tolerances, **call.pick("connection state label"), **measured.fit_settings(call),
         )  # fmt: skip
-    outside = [item.outside(tolerances) if tolerances else () for item in trend.comparisons]
-    document = trend.to_dict()
-    for entry, faults in zip(document["comparisons"], outside, strict=True):
-        entry["outside_tolerance"] = list(faults)
-    document |= {"tolerances": tolerances, "within_tolerance": not any(outside) if tolerances else None}
-    measured.deliver(call, trend, f"against {trend.comparisons[0].reference.source}", document)
-    for item, faults in zip(trend.comparisons, outside, strict=True):
-        for text in faults:
+    measured.deliver(call, trend, f"against {trend.comparisons[0].reference.source}")
+    for item in trend.comparisons if tolerances else ():
+        for text in item.outside(tolerances):
             common.complain(f"{item.measured.source}: {text}", style=None)
-    if any(outside):
+    if trend.passed is False:
         raise typer.Exit(1)
 
 

@@ -2,15 +2,16 @@
 """Comparison of measured spectra with a motor or another spectrum, mode by mode.
 
 Both are fitted (:mod:`.fit`); modes with the closest frequencies and motional capacitances are paired. A deviation is
-the measured over the reference value less one.
+the measured over the reference value less one. A mode is judged by its frequency, its quality factor and its coupling
+θ/√m = 1/√L of the motional arm, which belong to it alone; a coupling factor and a motional capacitance in proportion to
+C0 do not. With a motor as the reference, :mod:`.causes` names the cause, from both groups if the spectrum has them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import hypot, inf, isfinite, isnan, nan
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,9 +21,11 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError, SpectrumError
 from pyspice_runner.files import write_rows
 from pyspice_runner.impedance.admittance import admittance
+from pyspice_runner.impedance.causes import Diagnosis, Judge, Observed
 from pyspice_runner.impedance.identify.descent import rms
-from pyspice_runner.impedance.one_port_fit import FittedArm, SpectrumFit, fit_one_port
+from pyspice_runner.impedance.one_port_fit import SKEWED, FittedArm, SpectrumFit, fit_one_port
 from pyspice_runner.impedance.spectrum import Connection, Spectrum, State
+from pyspice_runner.impedance.two_port_fit import fit_groups
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.result import Result
@@ -31,17 +34,16 @@ from pyspice_runner.units import engineering
 if TYPE_CHECKING:
     import pandas
 
-_VALUES = {  # quantity of a mode → attribute of a fitted arm
-    "frequency": "series_resonance_hz", "quality_factor": "quality_factor",
-    "coupling_factor": "characteristics.coupling_factor", "resistance": "resistance_ohm",
-}  # fmt: skip
-_DRIFTING: dict[str, dict[str, float]] = {  # quantity → powers of an arm's values
-    "frequency": {"series_resonance_hz": 1.0},
-    "quality_factor": {"quality_factor": 1.0},
-    "coupling": {"series_resonance_hz": 1.0, "capacitance_f": 0.5},
+_VALUES: dict[str, tuple[str, Callable[[FittedArm], float]]] = {  # quantity of a mode → its column, and of an arm
+    "frequency": ("frequency_hz", lambda arm: arm.series_resonance_hz),
+    "quality_factor": ("quality_factor", lambda arm: arm.quality_factor),
+    "coupling_factor": ("coupling_factor", lambda arm: arm.characteristics.coupling_factor),
+    "resistance": ("resistance_ohm", lambda arm: arm.resistance_ohm),
+    "coupling": ("coupling_n_per_v_kg05", lambda arm: arm.inductance_h**-0.5),
 }
-_LARGEST_SHIFT = 0.2  # largest relative distance of the frequencies of one mode
+_IN_FULL = 6  # spectra whose modes a summary shows
 _MODEL_POINTS = 2000
+_TEXTS = "spectrum", "mode_name", "passed", "cause"  # columns of a table
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,18 @@ class ModeDeviation:
     """One mode of the reference and its measured values."""
 
     mode: int  # number of the mode in the reference, from 1
-    reference: dict[str, float]  # frequency (Hz), quality factor, coupling factor, resistance (Ω) of the reference
+    # frequency (Hz), quality factor, coupling factor, resistance (Ω), coupling (θ/√m, N/(V·√kg)) of the reference
+    reference: dict[str, float]
     measured: dict[str, float] | None  # the same as measured; ``None`` if the mode is missing
     standard_errors: dict[str, float | None]  # of ``measured``; ``None`` if not determined
     deviations: dict[str, float]  # measured over reference less one
     deviation_errors: dict[str, float | None]  # their standard errors, from both fits; ``None`` if not determined
+    name: str = ""  # name of the mode in a motor
+
+    @property
+    def label(self) -> str:
+        """The mode in words."""
+        return self.name or f"mode {self.mode}"
 
 
 class _Tabulated(Result):
@@ -73,7 +82,7 @@ class _Tabulated(Result):
 
         header, *rows = self.rows()
         return pandas.DataFrame(rows, columns=header).apply(
-            lambda column: column if column.name == "spectrum" else pandas.to_numeric(column)
+            lambda column: column if column.name in _TEXTS else pandas.to_numeric(column)
         )
 
 
@@ -83,8 +92,8 @@ class Comparison(_Tabulated):
 
     # names that a tolerance may have.
     QUANTITIES: ClassVar = (*_VALUES, "clamped_capacitance")
-    # quantities of a tolerance without a name; a resistance follows from the others.
-    JUDGED: ClassVar = ("frequency", "quality_factor", "coupling_factor", "clamped_capacitance")
+    # quantities of a tolerance without a name; resistance and coupling factor follow from them
+    JUDGED: ClassVar = ("frequency", "quality_factor", "coupling", "clamped_capacitance")
 
     measured: SpectrumFit  # the spectrum's fit
     reference: SpectrumFit  # the reference's fit
@@ -94,6 +103,13 @@ class Comparison(_Tabulated):
     clamped_capacitance_deviation_error: float | None  # its standard error; ``None`` if not determined
     rms_deviation: float  # root mean square of |Y/Y_reference − 1| over the common band
     cautions: tuple[str, ...] = ()  # limits of the deviations
+    tolerances: Mapping[str, float] = field(default_factory=dict)  # quantity → limit
+    diagnosis: Diagnosis | None = None  # the cause, of a motor as the reference
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether no deviation is outside of the tolerances; ``None`` without tolerances."""
+        return not self.outside(self.tolerances) if self.tolerances else None
 
     def deviations(self) -> dict[tuple[str, int | None], float]:
         """Return quantity and mode → deviation; infinite for a missing mode."""
@@ -115,12 +131,15 @@ class Comparison(_Tabulated):
         Args:
             tolerances: quantity (of ``QUANTITIES``) → limit of the magnitude of its relative deviation.
         """
-        outside = [f"Mode {item.mode} is missing." for item in self.modes if item.measured is None]
+        labels = {item.mode: item.label for item in self.modes}
+        outside = [
+            f"{item.label[0].upper()}{item.label[1:]} is missing." for item in self.modes if item.measured is None
+        ]
         errors = self.errors()
         for (name, mode), deviation in self.deviations().items():
             limit = tolerances.get(name, inf)
             if isfinite(deviation) and abs(deviation) > limit:
-                where = "" if mode is None else f" of mode {mode}"
+                where = "" if mode is None else f" of {labels[mode]}"
                 error = errors[name, mode]
                 near = error is not None and abs(deviation) - error <= limit
                 outside.append(
@@ -137,7 +156,8 @@ class Comparison(_Tabulated):
             **self._entries("modes", "extra_hz"),
             "clamped_capacitance_f": self.measured.circuit.clamped_capacitance_f,
             **self._entries("clamped_capacitance_deviation", "clamped_capacitance_deviation_error"),
-            **self._entries("rms_deviation", "cautions"),
+            **self._entries("rms_deviation", "cautions", "diagnosis", "passed"),
+            "outside_tolerance": list(self.outside(self.tolerances)) if self.tolerances else [],
         }
 
     def rows(self) -> list[list[str]]:
@@ -154,13 +174,19 @@ class Comparison(_Tabulated):
                 self.clamped_capacitance_deviation, self.clamped_capacitance_deviation_error
             ),
         }
+        if self.diagnosis is not None:
+            found["cause"] = self.diagnosis.text
+            found["evidence"] = (
+                "; ".join(self.diagnosis.evidence) or "no deviation exceeds the tolerances of manufacture"
+            )
+            found["next causes"] = ", ".join(cause.text for cause in self.diagnosis.causes[1:3])
         for item in self.modes:
             errors = item.deviation_errors
             shown = (
                 f"{name.replace('_', ' ')} {_percent(value, errors[name])}" for name, value in item.deviations.items()
             )
             frequency = engineering((item.measured or {}).get("frequency"), "Hz")
-            found[f"mode {item.mode}"] = ", ".join((frequency, *shown)) if item.measured else "missing"
+            found[item.label] = ", ".join((frequency, *shown)) if item.measured else "missing"
         if self.extra_hz:
             found["further modes"] = ", ".join(engineering(frequency, "Hz") for frequency in self.extra_hz)
         return found
@@ -173,6 +199,11 @@ class Trend(_Tabulated):
     comparisons: tuple[Comparison, ...]  # one for each spectrum
     at: tuple[float, ...]  # condition of each spectrum, such as a temperature or an age; by default its number from 1
     label: str = "number of the spectrum"  # name and unit of ``at``
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether no deviation of any spectrum is outside of the tolerances; ``None`` without tolerances."""
+        return all(item.passed for item in self.comparisons) if self.comparisons[0].tolerances else None
 
     def drifts(self) -> list[dict[str, Any]]:
         r"""Return the change of each quantity with ``at``: the slope of its logarithm over all spectra.
@@ -194,24 +225,21 @@ class Trend(_Tabulated):
             modes = [item.modes[number] for item in self.comparisons]
             if any(mode.measured is None for mode in modes):
                 continue
-            arms = [
-                min(item.measured.arms, key=lambda arm: abs(arm.series_resonance_hz - mode.measured["frequency"]))  # type: ignore[index]
-                for item, mode in zip(self.comparisons, modes, strict=True)
-            ]
-            errors = [arm.standard_errors for arm in arms]
-            for name, powers in _DRIFTING.items():
-                found.append({"mode": first.mode, "quantity": name, **_slope(at, arms, errors, powers)})
-        circuits = [item.measured.circuit for item in self.comparisons]
-        errors = [item.measured.standard_errors for item in self.comparisons]
-        slope = _slope(at, circuits, errors, {"clamped_capacitance_f": 1.0})
+            for name in ("frequency", "quality_factor", "coupling"):
+                values = [mode.measured[name] for mode in modes if mode.measured]
+                errors = [mode.standard_errors[name] for mode in modes]
+                found.append({"mode": first.mode, "quantity": name, **_slope(at, values, errors)})
+        values = [item.measured.circuit.clamped_capacitance_f for item in self.comparisons]
+        errors = [item.measured.standard_errors["clamped_capacitance_f"] for item in self.comparisons]
+        slope = _slope(at, values, errors)
         return [*found, {"mode": None, "quantity": "clamped_capacitance", **slope}]
 
     def rows(self) -> list[list[str]]:
         """Return the table: a header, then one row for each spectrum and mode."""
         names = Comparison.QUANTITIES
-        header = ["spectrum", "at", "mode", "frequency_hz", "quality_factor", "coupling_factor", "resistance_ohm"]
-        header += ["clamped_capacitance_f", *(f"{name}_deviation" for name in names), "rms_deviation"]
-        header += [f"{name}_deviation_error" for name in names]
+        header = ["spectrum", "at", "mode", *(column for column, _ in _VALUES.values()), "clamped_capacitance_f"]
+        header += [*(f"{name}_deviation" for name in names), "rms_deviation"]
+        header += [*(f"{name}_deviation_error" for name in names), "mode_name", "passed", "cause", "cause_probability"]
         rows = [header]
         for item, at in zip(self.comparisons, self.at, strict=True):
             capacitance = {"clamped_capacitance": item.measured.circuit.clamped_capacitance_f}
@@ -223,6 +251,9 @@ class Trend(_Tabulated):
                 cells.append(f"{item.rms_deviation:.6g}")
                 errors = mode.deviation_errors | {"clamped_capacitance": item.clamped_capacitance_deviation_error}
                 cells += ["" if errors.get(name) is None else f"{errors[name]:.3g}" for name in names]
+                cells += [mode.name, "" if item.passed is None else ("fail", "pass")[item.passed]]
+                first = item.diagnosis.causes[0] if item.diagnosis else None
+                cells += [first.name, f"{first.probability:.3g}"] if first else ["", ""]
                 rows.append([item.measured.source, f"{at:g}", str(mode.mode), *cells])
         return rows
 
@@ -232,6 +263,8 @@ class Trend(_Tabulated):
             "reference": self.comparisons[0].reference.source,
             **self._entries("at", "label", "comparisons"),
             "drifts": self.drifts(),
+            "tolerances": dict(self.comparisons[0].tolerances),
+            "within_tolerance": self.passed,
         }
 
     def _limits(self) -> Iterable[str]:
@@ -239,28 +272,25 @@ class Trend(_Tabulated):
         return (text for item in self.comparisons for text in item.cautions)
 
     def summary(self) -> dict[str, str]:
-        """Return the reference, the number of spectra and the deviations of each."""
+        """Return the reference, the number of spectra and the deviations of each; of many, verdict and cause."""
         found = {"reference": self.comparisons[0].reference.source, "spectra": str(len(self.comparisons))}
         for item, at in zip(self.comparisons, self.at, strict=True):
+            if len(self.comparisons) > _IN_FULL:
+                verdict = {True: "pass", False: "fail", None: f"RMS deviation {100.0 * item.rms_deviation:.3g} %"}
+                text = f"{item.measured.source}: {verdict[item.passed]}"
+                found[f"{self.label} {at:g}"] = f"{text}; {item.diagnosis.text}" if item.diagnosis else text
+                continue
             entries = item.summary()
             found[f"{self.label} {at:g}"] = entries.pop("measured")
             found |= {f"{name} at {at:g}": text for name, text in entries.items() if name != "reference"}
         return found
 
 
-def _slope(
-    at: NDArray[np.float64],
-    items: Sequence[object],
-    errors: Sequence[Mapping[str, float | None]],
-    powers: Mapping[str, float],
-) -> dict[str, float]:
-    """Return the slope of the logarithm of a product of powers of values, and its standard error."""
-    values = np.array([[getattr(item, key) for key in powers] for item in items])
-    deviations = np.array([[error[key] or 0.0 for key in powers] for error in errors])
-    power = np.array(list(powers.values()))
-    deviation = np.maximum(np.linalg.norm(power * deviations / values, axis=1), 1e-12)
+def _slope(at: NDArray[np.float64], values: Sequence[float], errors: Sequence[float | None]) -> dict[str, float]:
+    """Return the slope of the logarithm of values, and its standard error."""
+    deviation = np.maximum([(error or 0.0) / value for value, error in zip(values, errors, strict=True)], 1e-12)
     system = np.column_stack([np.ones_like(at), at]) / deviation[:, None]
-    scaled = np.log(values) @ power / deviation
+    scaled = np.log(values) / deviation
     solution = np.linalg.lstsq(system, scaled, rcond=None)[0]
     scatter = float(np.sum((system @ solution - scaled) ** 2)) / (len(at) - 2)
     variance = np.linalg.inv(system.T @ system)[1, 1] * max(scatter, 1.0)
@@ -280,9 +310,12 @@ def compare(
     timeout: float | None = None,
     at: Sequence[float] | NDArray[np.float64] | None = None,
     label: str = "",
+    tolerances: Mapping[str, float] | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Trend:
     """Compare one or many spectra with a motor or another spectrum.
+
+    A motor names the modes, and the cause of the deviations with its probability. Two-ports show both groups.
 
     Args:
         measured: the spectra.
@@ -295,6 +328,7 @@ def compare(
         timeout: time limit of the fit of a spectrum in s.
         at: condition of each spectrum, such as a temperature or an age.
         label: name and unit of ``at``.
+        tolerances: quantity (of ``Comparison.QUANTITIES``) → limit of the magnitude of its relative deviation.
         progress: callback with the number of the next spectrum and their count, including the reference.
 
     Raises:
@@ -307,6 +341,7 @@ def compare(
         raise ParameterError("There is nothing to compare; give at least one spectrum.")
     if at is not None and len(at) != len(spectra):
         raise ParameterError(f"at has {len(at)} values for {len(spectra)} spectra; give one for each.")
+    _check_names(tolerances or {})
     ports = [spectrum.driven(connection) if spectrum.ports == 2 else spectrum for spectrum in spectra]
     if isinstance(reference, Motor):
         start = min(float(port.frequency_hz[0]) for port in ports)
@@ -328,24 +363,61 @@ def compare(
         computed = number == 1 and isinstance(reference, Motor)
         known = {"leads": False} if computed else {"leads": leads, "noise": noise}
         fits.append(fit_one_port(spectrum, modes, timeout=timeout, **known))
-    found = tuple(_compare(fit, fits[0]) for fit in fits[1:])
+    judges: dict[int, Judge] = {}  # by the number of ports
+    if isinstance(reference, Motor):
+        judges[1] = Judge(reference, state, connection, fits[0])
+        both = Spectrum.from_admittance(result.frequency_hz, result.matrix_s, source=against.source)
+        if max(spectrum.ports for spectrum in spectra) == 2:
+            judges[2] = Judge(reference, state, None, fit_groups(both))
+    names = judges[1].called if judges else None
+    search = {"noise": noise, "timeout": timeout}
+    found = tuple(
+        replace(
+            _compare(fit, fits[0], names), tolerances=dict(tolerances or {}),
+            diagnosis=_diagnosed(judges[spectrum.ports], spectrum, fit, search) if judges else None,
+        )
+        for fit, spectrum in zip(fits[1:], spectra, strict=True)
+    )  # fmt: skip
     places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
     return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))
 
 
-def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
+def _check_names(tolerances: Mapping[str, float]) -> None:
+    """Raise ParameterError for a tolerance of an unknown quantity."""
+    if unknown := set(tolerances) - set(Comparison.QUANTITIES):
+        raise ParameterError(f"tolerances has no {min(unknown)!r}; there are {', '.join(Comparison.QUANTITIES)}.")
+
+
+def _diagnosed(judge: Judge, spectrum: Spectrum, one: SpectrumFit, search: Mapping[str, Any]) -> Diagnosis:
+    """Return the causes by a spectrum and the fit of its connection: by both groups of a two-port, else by that fit."""
+    skewed = any(SKEWED in caution for caution in one.cautions)
+    if spectrum.ports == 2:
+        return judge.judge(fit_groups(spectrum, **search), skewed=skewed)
+    # leads are one of the causes: the fit must have them in the device
+    return judge.judge(
+        fit_one_port(spectrum, len(one.arms), leads=False, **search) if one.leads else one, skewed=skewed
+    )
+
+
+def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, str] | None) -> Comparison:
+    """Compare two fits; ``names`` are those of the reference's arms that are modes of a motor."""
     low = max(measured.frequency_hz[0], reference.frequency_hz[0])
     high = min(measured.frequency_hz[-1], reference.frequency_hz[-1])
     wanted, found = (
-        [arm for arm in fit.resonances if low <= arm.series_resonance_hz <= high] for fit in (reference, measured)
+        {k: arm for k, arm in enumerate(fit.resonances) if low <= arm.series_resonance_hz <= high}
+        for fit in (reference, measured)
     )
-    pairs = _pairs(wanted, found)
+    wanted = {k: arm for k, arm in wanted.items() if names is None or k in names}
+    first, second = (Observed.of(fit)[0] for fit in (reference, measured))
+    pairs = {k: own for k, own in zip(*first.paired(second), strict=True) if k in wanted and own in found}
     modes = tuple(
-        _deviation(k + 1, (reference, arm), (measured, found[pairs[k]]) if k in pairs else None)
-        for k, arm in enumerate(wanted)
+        _deviation(
+            number, (names or {}).get(k, ""), (reference, arm), (measured, found[pairs[k]]) if k in pairs else None
+        )
+        for number, (k, arm) in enumerate(wanted.items(), start=1)
     )
-    inside = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
-    frequency, y = measured.frequency_hz[inside], measured.measured_s[inside]
+    common = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
+    frequency, y = measured.frequency_hz[common], measured.measured_s[common]
     ratio = y / reference.admittance(frequency) - 1.0
     capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
     deviation = capacitances[0] / capacitances[1] - 1.0
@@ -358,7 +430,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit) -> Comparison:
         measured=measured,
         reference=reference,
         modes=modes,
-        extra_hz=tuple(arm.series_resonance_hz for k, arm in enumerate(found) if k not in pairs.values()),
+        extra_hz=tuple(arm.series_resonance_hz for k, arm in found.items() if k not in pairs.values()),
         clamped_capacitance_deviation=deviation,
         clamped_capacitance_deviation_error=_error(deviation, *shares),
         rms_deviation=rms(ratio),
@@ -383,36 +455,19 @@ def _listed(fit: SpectrumFit) -> str:
     return f"{fit.source or 'the spectrum'} has {found}".replace("\N{NO-BREAK SPACE}", " ")
 
 
-def _pairs(wanted: Sequence[FittedArm], found: Sequence[FittedArm]) -> dict[int, int]:
-    """Return the measured mode of each mode of the reference: the closest in frequency and capacitance."""
-    from scipy.optimize import linear_sum_assignment  # takes long to load
-
-    (f, c), (f_found, c_found) = (
-        np.log([[arm.series_resonance_hz, arm.capacitance_f] for arm in arms] or np.ones((0, 2))).T
-        for arms in (wanted, found)
-    )
-    distance = 10.0 * np.abs(f[:, None] - f_found) + np.abs(c[:, None] - c_found)
-    rows, columns = linear_sum_assignment(distance)
-    return {
-        int(row): int(column)
-        for row, column in zip(rows, columns, strict=True)
-        if abs(found[column].series_resonance_hz / wanted[row].series_resonance_hz - 1.0) < _LARGEST_SHIFT
-    }
-
-
 def _deviation(
-    number: int, reference: tuple[SpectrumFit, FittedArm], measured: tuple[SpectrumFit, FittedArm] | None
+    number: int, name: str, reference: tuple[SpectrumFit, FittedArm], measured: tuple[SpectrumFit, FittedArm] | None
 ) -> ModeDeviation:
-    wanted = {name: attrgetter(path)(reference[1]) for name, path in _VALUES.items()}
+    wanted = {name: of(reference[1]) for name, (_, of) in _VALUES.items()}
     if measured is None:
-        return ModeDeviation(number, wanted, None, {}, {}, {})
-    found = {name: attrgetter(path)(measured[1]) for name, path in _VALUES.items()}
-    errors = measured[1].standard_errors
+        return ModeDeviation(number, wanted, None, {}, {}, {}, name)
+    found = {name: of(measured[1]) for name, (_, of) in _VALUES.items()}
     deviations = {name: found[name] / wanted[name] - 1.0 for name in wanted}
     shares = _shares(*measured), _shares(*reference)
+    errors = {name: None if isnan(share) else share * found[name] for name, share in shares[0].items()}
     return ModeDeviation(
-        number, wanted, found, {name: errors[path] for name, path in _VALUES.items() if path in errors}, deviations,
-        {name: _error(deviation, *(one[name] for one in shares)) for name, deviation in deviations.items()},
+        number, wanted, found, errors, deviations,
+        {name: _error(deviation, *(one[name] for one in shares)) for name, deviation in deviations.items()}, name,
     )  # fmt: skip
 
 
@@ -422,7 +477,9 @@ def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float]:
     That of the coupling factor follows from k² = C/(C + C₀), with the correlation of both capacitances.
     """
     errors = arm.standard_errors
-    found = {name: _share(errors[path], getattr(arm, path)) for name, path in _VALUES.items() if path in errors}
+    paths = {"frequency": "series_resonance_hz", "quality_factor": "quality_factor", "resistance": "resistance_ohm"}
+    found = {name: _share(errors[path], getattr(arm, path)) for name, path in paths.items()}
+    found["coupling"] = 0.5 * _share(errors["inductance_h"], arm.inductance_h)
     arm_share = _share(errors["capacitance_f"], arm.capacitance_f)
     clamped_share = _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
     place = next(number for number, one in enumerate(fit.arms) if one is arm)

@@ -444,10 +444,11 @@ class Motor(Shown, Parameters):
         """
         return self.loaded_stator if self.is_transducer else self.pressed_by(self.contact.preload_n)
 
-    def pressed_by(self, force_n: float) -> Stator:
-        """Return :attr:`pressed_stator` under another normal force in N."""
+    def pressed_by(self, force_n: float, stator: Stator | None = None) -> Stator:
+        """Return :attr:`pressed_stator` under another normal force in N, of :attr:`stator` or of another free one."""
         contact, rotor = self.contact.model_copy(update={"preload_n": force_n}), self.rotor
-        return self.carried_stator.pressed(
+        carried = self.carried_stator if stator is None else stator.with_carrier(self.mount)
+        return carried.pressed(
             contact_law.stiffnesses_at_preload(contact),
             (0.0, contact_law.normal_damping(contact) * contact.preload_n),
             rotor.inertia_kg_m2 / rotor.radius_m**2,

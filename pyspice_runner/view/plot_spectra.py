@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -168,7 +169,8 @@ def comparison(result: Comparison) -> Sheet:
 def _deviations(result: Comparison, ax: Axes) -> None:
     known = {key: 100.0 * value for key, value in result.deviations().items() if np.isfinite(value)}
     errors = [100.0 * (result.errors()[key] or 0.0) for key in known]  # 0, and no bar, where it is not determined
-    names = [name.replace("_", " ") + (f", mode {mode}" if mode else "") for name, mode in known]
+    labels: dict[int | None, str] = {item.mode: f", {item.label}" for item in result.modes}
+    names = [name.replace("_", " ") + labels.get(mode, "") for name, mode in known]
     bars = ax.barh(names, list(known.values()), xerr=errors, color=BLUE, error_kw=_ERROR_BARS)
     texts = [f"{value:+.2f}" for value in known.values()]
     texts = [f"{text} ± {error:.1g}" if error else text for text, error in zip(texts, errors, strict=True)]
@@ -188,12 +190,22 @@ def trend(result: Trend) -> Sheet:
         for name, title in (
             ("frequency", "Series resonance"),
             ("quality_factor", "Quality factor"),
-            ("coupling_factor", "Coupling factor k_eff"),
+            ("coupling", "Coupling θ/√m"),
             ("clamped_capacitance", "Clamped capacitance"),
         )
     }
     reference = result.comparisons[0].reference.source
+    if result.comparisons[0].diagnosis is not None:
+        panels["causes"] = partial(_causes, result)
     return Sheet(panels, 2, (5.0, 3.5), f"{len(result.comparisons)} spectra against {reference}")
+
+
+def _causes(result: Trend, ax: Axes) -> None:
+    """Draw the number of parts with each cause."""
+    first = [fill(item.diagnosis.causes[0].name, 16) for item in result.comparisons if item.diagnosis is not None]
+    names = sorted(set(first), key=first.count)
+    ax.bar_label(ax.barh(names, [first.count(name) for name in names], color=BLUE), padding=3, fontsize=7)
+    dress(ax, "spectra", "", "Most probable causes")
 
 
 def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
@@ -201,7 +213,7 @@ def _trend(result: Trend, name: str, title: str, ax: Axes) -> None:
     for number, key in enumerate(key for key in tables[0] if key[0] == name):
         values = [100.0 * table[key] if np.isfinite(table[key]) else np.nan for table in tables]
         errors = [100.0 * (item.errors()[key] or 0.0) for item in result.comparisons]
-        label = f"mode {key[1]}" if key[1] else None
+        label = next((mode.label for mode in result.comparisons[0].modes if mode.mode == key[1]), None)
         look: dict[str, Any] = {"color": CYCLE[number % 4], "marker": MARKS[number % 4], "capsize": 3}
         ax.errorbar(result.at, values, errors, label=label, **look)
     ax.axhline(0.0, **AXIS)
