@@ -86,7 +86,7 @@ need_ngspice() { # EXTRA…
                 die "ngspice is missing. Install it, then try again: https://ngspice.sourceforge.io"
             die "ngspice is missing. Run this, then try again:" "  $command"
         else
-            say "ngspice is missing; installing it as WebAssembly, for this user${command:+. A faster one: $command}"
+            say "ngspice is missing; as WebAssembly it needs no root${command:+. A faster one: $command}"
             engine=engine
             return
         fi
