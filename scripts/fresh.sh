@@ -73,7 +73,9 @@ mount -t proc proc "$root/proc"
 git -c safe.directory="$PWD" clone -q --no-local . "$root/root/tree"
 
 inside() { # COMMAND…: in the new system, with no variable of this one but proxies and the index of pip
-    set -- PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 PIP_CERT=/etc/ssl/certs/ca-certificates.crt "$@"
+    certificates=/etc/ssl/certs/ca-certificates.crt
+    set -- PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
+        PIP_CERT=$certificates NODE_EXTRA_CA_CERTS=$certificates "$@"
     for name in http_proxy https_proxy no_proxy HTTP_PROXY HTTPS_PROXY NO_PROXY PIP_INDEX_URL PIP_EXTRA_INDEX_URL; do
         eval "value=\${$name:-}"
         [ -z "$value" ] || set -- "$name=$value" "$@"

@@ -83,9 +83,7 @@ def install(archive: Path | None = None) -> Path:
 
 def _loaded(folder: Path) -> Path:
     """Return the archive, loaded by npm."""
-    elsewhere = (
-        f"Without a network, `npm pack {PACKAGE}` elsewhere, and `piezomotor engine install --from {FOLDER}.tgz`."
-    )
+    elsewhere = f"Without a network: `npm pack {PACKAGE}` elsewhere, `piezomotor engine install --from {FOLDER}.tgz`."
     command = [*_node_and_npm()[1], "pack", "--silent", "--cache", str(folder / "npm"), PACKAGE]
     ended = answer(command, timeout=_SECONDS, hint=f"{NODE_HINT} {elsewhere}", what="npm", folder=folder)
     if ended.returncode != 0:
@@ -137,13 +135,12 @@ def version() -> str:
 
 def refused(deck: str) -> str | None:
     """Return a sentence about a deck that this engine cannot run."""
-    found = _DIGITAL.search(deck, deck.find("\n") + 1)  # behind the title
-    if found is None:
-        return None
-    return (
-        f"The deck has a digital part ({found.group()[:40]}), which ngspice as WebAssembly does not have. Install a "
-        "native ngspice, or track with the averaged motor (`track --averaged`), which has none."
-    )
+    if found := _DIGITAL.search(deck, deck.find("\n") + 1):  # behind the title
+        return (
+            f"The deck has a digital part ({found.group()[:40]}), which ngspice as WebAssembly does not have. Install "
+            "a native ngspice, or track with the averaged motor (`track --averaged`), which has none."
+        )
+    return None
 
 
 def _node(folder: Path) -> Child:
