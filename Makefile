@@ -44,6 +44,7 @@ soak: setup ## run all further cases of tests, 2,000 random motors, and 200 driv
 
 validation: setup ## compare random motors, contacts and drives with independent references (two hours; can be resumed)
 	$(PY) -m validation.hammering
+	$(PY) -m validation.engines
 	$(PY) -m validation.live_page
 	$(PY) -m validation.runs
 	$(PY) -m validation.losses
@@ -53,7 +54,6 @@ validation: setup ## compare random motors, contacts and drives with independent
 	$(PY) -m validation.recovery
 	$(PY) -m validation.loops
 	$(PY) -m validation.trust
-	$(PY) -m validation.engines
 	$(PY) -m validation.hidden --workers $(JOBS)
 	$(PY) -m validation.faults
 

@@ -56,7 +56,9 @@ def report(call: Call) -> None:
     target = Path(f"{loaded.name}.html") if call.output is None and not call.as_json else call.output
     common.check_targets(target, (".html", ".json"), call.plot, [call.motor, call.calibration])
     if target is not None and target.suffix == ".html":
-        _check_tools(loaded)
+        _check_tools()
+        if not loaded.is_transducer:
+            wasm.engine_file("ngspice.js")  # of its live page
     spectrum = reader(call.columns, call.through)(call.measured) if call.measured else None
     tracking = None
     if call.tracker is not None:
@@ -100,10 +102,8 @@ def _tracked(call: Call) -> Tracking:
         return pr.track(motor, centred, timeout=call.timeout)
 
 
-def _check_tools(motor: pr.Motor) -> None:
-    """Check before any run that the tool for the charts is installed, and the engine of the live page."""
-    if not motor.is_transducer:
-        wasm.engine_file("ngspice.js")
+def _check_tools() -> None:
+    """Check before any run that the tool for the charts is installed."""
     if find_spec("plotly") is None:
         raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
 
