@@ -19,12 +19,11 @@ let read = 0, had = 0;
 /** Return the next byte of standard input, or null at its end. */
 function nextByte() {
   if (read === had) {
-    read = 0;
+    read = had = 0;
     try {
       had = fs.readSync(0, input, 0, CHUNK);
     } catch (error) {
-      if (error.code !== "EOF") throw error; // Windows
-      had = 0;
+      if (error.code !== "EOF") throw error; // as Windows calls it
     }
   }
   return read < had ? input[read++] : null;
@@ -57,10 +56,10 @@ function writer(file) {
   };
 }
 
-/** Let a file of ngspice's be one of this computer, whose length is not limited by the memory of ngspice. Return its end. */
+/** Let a file of ngspice be one of this computer, which its 32 bits do not limit. Return the function that closes it. */
 function outside(FS, name, path) {
   FS.writeFile(name, "");
-  const kept = Buffer.alloc(CHUNK);
+  const kept = Buffer.alloc(CHUNK); // a write of ngspice has 1 kB
   let file, start = 0, filled = 0, end = 0;
   const flush = () => {
     for (let done = 0; done < filled; ) done += fs.writeSync(file, kept, done, filled - done, start + done);
@@ -80,7 +79,7 @@ function outside(FS, name, path) {
     llseek: (stream, offset, whence) => offset + [0, stream.position, end][whence],
     close: flush,
   };
-  return () => file && (flush(), fs.closeSync(file));
+  return () => file !== undefined && (flush(), fs.closeSync(file));
 }
 
 /** Run ngspice to its end and return its exit status. */
