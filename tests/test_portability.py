@@ -5,13 +5,10 @@ from __future__ import annotations
 
 import json
 import signal
-import threading
-import time
 from pathlib import Path
 
 import pytest
 
-from pyspice_runner.interrupts import Stopped, raised, to_main_thread
 from tests.processes import ROOT, begun, command, handles, simulators_in, wait_for, working_in
 
 # What Windows lacks; os.uname and SIGKILL stay, which NumPy and multiprocessing use on Linux.
@@ -34,6 +31,10 @@ class Absent:
 
 sys.meta_path.insert(0, Absent())
 """
+RUNS = {
+    "simulate bimodal40 --duration 0.1ms": "mean_torque_n_m",
+    "track bimodal40 --averaged --duration 1ms": "end_frequency_hz",  # compiled C in the user's cache
+}
 SWEEP = ("sweep", "bimodal40", "--over", "drive.voltage=80:100:3", "--workers", "2")
 
 
@@ -46,22 +47,12 @@ def windows(tmp_path: Path) -> dict[str, str]:
     return {"PYTHONPATH": f"{place}:{ROOT}", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
 
 
-@pytest.mark.parametrize(
-    ("words", "quantity"),
-    [
-        (("simulate", "bimodal40", "--duration", "0.1ms"), "mean_torque_n_m"),
-        (
-            ("track", "bimodal40", "--averaged", "--duration", "1ms"),
-            "end_frequency_hz",
-        ),  # compiled C in the user's cache
-    ],
-)
+@pytest.mark.parametrize(("run", "quantity"), RUNS.items())
 def test_a_run_has_the_same_numbers_without_posix(
-    words: tuple[str, ...], quantity: str, windows: dict[str, str], tmp_path: Path
+    run: str, quantity: str, windows: dict[str, str], tmp_path: Path
 ) -> None:
-    shown = [
-        command(*words, "--json", cwd=tmp_path, XDG_CACHE_HOME=str(tmp_path), **system) for system in ({}, windows)
-    ]
+    words, cache = (*run.split(), "--json"), str(tmp_path)
+    shown = [command(*words, cwd=tmp_path, XDG_CACHE_HOME=cache, **system) for system in ({}, windows)]
     assert [status for status, *_ in shown] == [0, 0], shown
     here, there = (json.loads(text)[quantity] for _, text, _ in shown)
     assert here == there != 0.0
@@ -70,7 +61,7 @@ def test_a_run_has_the_same_numbers_without_posix(
 def test_a_sweep_with_workers_runs_without_posix(windows: dict[str, str], tmp_path: Path) -> None:
     status, shown, said = command(*SWEEP, "--duration", "0.05ms", "--store", "store", cwd=tmp_path, **windows)
     assert status == 0, said
-    assert "3 points" in shown
+    assert r"90\xb0 apart, quantiles of 3 points" in shown
     assert len([*(tmp_path / "store").glob("*/*.json")]) == 3
 
 
@@ -81,22 +72,3 @@ def test_an_interrupted_sweep_leaves_nothing_without_posix(windows: dict[str, st
         process.send_signal(signal.SIGINT)
         assert process.wait(60.0) == 130
     assert not working_in(tmp_path)
-
-
-def test_what_the_encoding_lacks_is_escaped(windows: dict[str, str], tmp_path: Path) -> None:
-    status, shown, said = command("simulate", "bimodal40", "--duration", "0.1ms", cwd=tmp_path, **windows)
-    assert status == 0, said
-    assert r"\xb5N\xb7m" in shown
-
-
-def test_a_signal_reaches_the_main_thread_without_posix(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(signal, "pthread_kill")
-
-    def wait() -> None:
-        threading.Timer(0.01, to_main_thread, (signal.SIGTERM,)).start()
-        for _ in range(1000):
-            time.sleep(0.01)
-
-    with pytest.raises(Stopped) as stopped, raised():
-        wait()
-    assert stopped.value.number == signal.SIGTERM
