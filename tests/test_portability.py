@@ -48,9 +48,7 @@ def windows(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("run", "quantity"), RUNS.items())
-def test_a_run_has_the_same_numbers_without_posix(
-    run: str, quantity: str, windows: dict[str, str], tmp_path: Path
-) -> None:
+def test_a_run_is_the_same_without_posix(run: str, quantity: str, windows: dict[str, str], tmp_path: Path) -> None:
     words, cache = (*run.split(), "--json"), str(tmp_path)
     shown = [command(*words, cwd=tmp_path, XDG_CACHE_HOME=cache, **system) for system in ({}, windows)]
     assert [status for status, *_ in shown] == [0, 0], shown
