@@ -123,9 +123,9 @@ def _fit_groups(call: Call) -> None:
 @command(
     "file", INPUT, "as_json output",
     connection=_CONNECTION,
-    shape=option(str, ..., "Body: bar (needs length, width, thickness), disc (diameter, thickness; radial modes), rod "
-                 "(length, and diameter or width and thickness; poled along it), plate (thickness, diameter or length "
-                 "and width; mode of the thickness).", metavar="bar|disc|rod|plate"),
+    shape=option(str, ..., "bar (length, width, thickness), disc (diameter, thickness; radial modes), rod (length, and "
+                 "diameter or width and thickness), plate (thickness, and diameter or length and width).",
+                 metavar="SHAPE"),
     length=option(float | None, None, "Length, m."),
     width=option(float | None, None, "Width, m."),
     thickness=option(float | None, None, "Thickness, m."),

@@ -1,23 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 r"""Material constants of a piezoelectric ceramic from the spectrum of a resonator of known size.
 
-=====  ================================  ===================================================================
-shape  mode                              admittance
-=====  ================================  ===================================================================
-bar    along the length, field across    jωC (1 + k² m), m = (1 − (2σ + σ²) q) tan(x)/x − 1 + (1 + σ)² q
-disc   radial, field across              jωC (1 + k² m), m = (2 − J)/(J + σ − 1), J = x J₀(x)/J₁(x)
-rod    along the length, as the field    jωC/(1 − k² m), m = (1 − a q) tan(x)/x + 2(σ + κ)² q
-plate  along the thickness, as the field jωC/(1 − k² m), m = tan(x)/x
-=====  ================================  ===================================================================
+=====  ==================================  =============================================================
+shape  sizes, the first along the wave     constants, besides ``qm`` and ``tan_delta``
+=====  ==================================  =============================================================
+bar    length, width, thickness            k31, s11e, s11d, d31, p33t
+disc   diameter, thickness                 kp, k31, Poisson's ratio, s11e, s12e, d31, p33t: radial modes
+rod    length, diameter (width, thickness) k33, s33e, s33d, d33, p33t
+plate  thickness, diameter (length, width) kt, c33d, c33e, e33, p33s: the mode through the thickness
+=====  ==================================  =============================================================
 
-k is k31, kp, k33 and kt (IEEE Std 176-1987, 6.4; IRE Standards on Piezoelectric Crystals, Proc. IRE 49 (1961) 1161; A.
-H. Meitzler, H. M. O'Bryan, H. F. Tiersten, IEEE Trans. SU-20 (1973) 233). x is (π/2) f/f₀, f₀ = c/2l, with the speed of
-sound c and the size l along the wave, of a disc its diameter. Elasticity, C and k² are complex (R. Holland, IEEE Trans.
-SU-14 (1967) 18), so that the constants hold at any loss.
+The field is along the thickness, of a rod along the length. Of bar and disc Y = jωC (1 + k² m), of rod and plate, with
+a field along the wave, jωC/(1 − k² m), where (IEEE Std 176-1987, 6.4; IRE Standards on Piezoelectric Crystals, Proc.
+IRE 49 (1961) 1161; A. H. Meitzler, H. M. O'Bryan, H. F. Tiersten, IEEE Trans. SU-20 (1973) 233)
 
-The body also moves across the wave, with Poisson's ratios σ. This lowers the speed: c² → c² − h²ω², h² = Σ σᵢ²wᵢ²/12
-with widths wᵢ (A. E. H. Love, Mathematical Theory of Elasticity, §278). The stress of this motion, a parabola across
-the width w, adds a charge: q = w²x²/3l², a = 4σ(σ + κ) − 2σ², κ = d₃₁/d₃₃; σ of a rod is at constant charge.
+    bar    m = (1 − (2σ + σ²) q) tan(x)/x − 1 + (1 + σ)² q
+    disc   m = (2 − J)/(J + σ − 1), J = x J₀(x)/J₁(x)
+    rod    m = (1 − (4σ(σ + κ) − 2σ²) q) tan(x)/x + 2(σ + κ)² q, κ = d₃₁/d₃₃, σ at constant charge
+    plate  m = tan(x)/x
+
+and x = (π/2) f/f₀, f₀ = c/2l, with the speed of sound c and the size l along the wave. Elasticity, C and k² are complex
+(R. Holland, IEEE Trans. SU-14 (1967) 18), so that the constants hold at any loss. The motion across the wave, with
+Poisson's ratios σ, lowers the speed: c² → c² − h²ω², h² = Σ σᵢ²wᵢ²/12 with widths wᵢ (A. E. H. Love, Mathematical
+Theory of Elasticity, §278). Its stress, a parabola across the width w, adds a charge: q = w²x²/3l².
 """
 
 from __future__ import annotations
@@ -56,7 +61,6 @@ _POISSON_ERROR, _ACROSS_ERROR = 0.03, 0.15  # of σ, and of h² and q by ratio: 
 _F0, _LOSS, _C, _TAN, _K, _ANGLE, _SIGMA = range(7)  # ln f₀, ln elastic loss, ln C, tan δ, k, angle of k², σ
 _LOW = np.array([-np.inf, log(1e-6), -np.inf, 0.0, 1e-3, -0.5, 0.01])
 _HIGH = np.array([np.inf, 0.0, np.inf, 0.5, 0.999, 0.5, 0.49])
-_SCALES = np.array([1e-3, 0.1, 0.01, 0.01, 0.01, 0.01, 0.01])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,19 +146,10 @@ def material_constants(
     tolerances: Mapping[str, float] | None = None,
     base: str | Path = "PZT-4",
 ) -> MaterialConstants:
-    """Determine the material constants that a mode of a bar, disc, rod or plate of known size depends on.
+    """Determine the material constants that a mode of a bar, disc, rod or plate depends on (see :mod:`.constants`).
 
-    =====  =======================================  ==========================================================
-    shape  sizes                                    constants, besides qm and the loss tangent
-    =====  =======================================  ==========================================================
-    bar    length, width, thickness                 k31, s11e, s11d, d31, p33t
-    disc   diameter, thickness                      kp, k31, Poisson's ratio, s11e, s12e, d31, p33t: radial
-    rod    length, diameter (or width, thickness)   k33, s33e, s33d, d33, p33t
-    plate  thickness, diameter (or length, width)   kt, c33d, c33e, e33, p33s: through the thickness
-    =====  =======================================  ==========================================================
-
-    The field and the polarisation are along the thickness, of a rod along the length. Electrodes cover whole faces.
-    Poisson's ratio of a disc needs the second radial mode in the spectrum; otherwise it is that of the base card.
+    Electrodes cover whole faces. Poisson's ratio of a disc needs the second radial mode in the spectrum; otherwise it
+    is that of the base card.
 
     Args:
         spectrum: of one port, with the resonance and the antiresonance.
@@ -172,8 +167,7 @@ def material_constants(
     spread = dict.fromkeys(given, 0.0) | dict(tolerances or {})
     require(spread.keys() == given.keys(), "tolerances", ", ".join(spread), f"of {', '.join(given)}")
     for name, value in given.items():
-        require(0.0 < value < 1e6, name, value, "a number > 0")
-        require(0.0 <= spread[name] < 1.0, f"tolerance of {name}", spread[name], "a ratio from 0 to 1")
+        require(0.0 < value < 1e6 and 0.0 <= spread[name] < 1.0, name, value, "> 0, its tolerance a ratio from 0 to 1")
     name, card = _card(base)
     sigma = -card["compliance"]["s12"] / card["compliance"]["s11"]
     body = _Body(shape, given, card)
@@ -301,7 +295,7 @@ class _Body:
             return (weights * np.log(self.admittance(np.append(part, start[len(part) :]), f) / y)).view(float)
 
         bounds, covariance = (_LOW[free], _HIGH[free]), np.zeros((7, 7))
-        found = least_squares(residual, np.clip(start[free], *bounds), bounds=bounds, x_scale=_SCALES[free])
+        found = least_squares(residual, np.clip(start[free], *bounds), bounds=bounds, x_scale="jac")
         parameters = np.append(found.x, start[len(free) :])
         relative = self.admittance(parameters, f) / y - 1.0
         independent = descent.independent_points(relative)
