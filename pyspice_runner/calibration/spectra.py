@@ -83,8 +83,9 @@ class Band(Curve):
         from pyspice_runner.impedance.noise import estimate  # takes long to load
 
         measured = np.asarray(np.array([1.0, 1j]) @ self.measured.reshape(2, -1), dtype=complex)
-        noise = estimate(measured).deviation(measured)
-        return bool(np.mean(((predicted - self.measured) / np.tile(noise, 2)) ** 2) > 0.5 * _FAR_ABOVE**2)
+        size = np.abs(measured)
+        noise = np.median(estimate(measured).deviation(measured) / size)
+        return bool(np.mean(((predicted - self.measured) / np.tile(size, 2)) ** 2) > 0.5 * (_FAR_ABOVE * noise) ** 2)
 
     def predicted(self, point: Point, *, fine: bool) -> Array:
         """Return the parts of a motor's admittance at the measured frequencies: in closed form, or by ngspice."""

@@ -151,7 +151,7 @@ class Judgement:
                     f"The motor differs from {' and '.join(astray)} by far more than the noise: the search ended at a "
                     "local minimum, a value that must change is not free, or a mode is missing. No value holds: "
                     f"{', '.join(one.path for one in estimates)}. Set frequencies, quality factors, couplings and "
-                    "capacitances to those of fit, free them, or give starts = 64."
+                    "capacitances to those of fit, free them, give starts = 64, or check the stated error."
                 )
                 return [*found, text]
             found += [

@@ -9,8 +9,7 @@ C_ii is the capacitance of a group with the other shorted, C_AB that between the
 driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It contains θ²/m, not θ: the force
 needs one mechanical measurement, a modal mass or the velocity of the tip per motional current. All connections (of a
 two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with their estimated errors. The start is
-the fit of Y_AA + Y_BB, which shows every mode. A mode outside the band changes the admittance within it other than a
-capacitance; one below and one above the band are added where that improves the fit, and are not reported.
+the fit of Y_AA + Y_BB, which shows every mode. Modes beside the band are added where they improve the fit.
 """
 
 from __future__ import annotations
