@@ -10,6 +10,7 @@ C0 do not. With a motor as the reference, :mod:`.causes` names the cause, from b
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import hypot, inf, isfinite, isnan, nan
 from pathlib import Path
@@ -374,7 +375,7 @@ def compare(
     found = tuple(
         replace(
             _compare(fit, fits[0], names), tolerances=dict(tolerances or {}),
-            diagnosis=_diagnosed(judges[spectrum.ports], spectrum, fit, search) if judges else None,
+            diagnosis=_diagnosed(judges, spectrum, fit, search) if judges else None,
         )
         for fit, spectrum in zip(fits[1:], spectra, strict=True)
     )  # fmt: skip
@@ -388,15 +389,20 @@ def _check_names(tolerances: Mapping[str, float]) -> None:
         raise ParameterError(f"tolerances has no {min(unknown)!r}; there are {', '.join(Comparison.QUANTITIES)}.")
 
 
-def _diagnosed(judge: Judge, spectrum: Spectrum, one: SpectrumFit, search: Mapping[str, Any]) -> Diagnosis:
-    """Return the causes by a spectrum and the fit of its connection: by both groups of a two-port, else by that fit."""
+def _diagnosed(
+    judges: Mapping[int, Judge], spectrum: Spectrum, one: SpectrumFit, search: Mapping[str, Any]
+) -> Diagnosis:
+    """Return the causes by both groups of a two-port, or else by the fit of its connection."""
     skewed = any(SKEWED in caution for caution in one.cautions)
     if spectrum.ports == 2:
-        return judge.judge(fit_groups(spectrum, **search), skewed=skewed)
+        with suppress(SpectrumError):  # no mode that both groups show
+            return judges[2].judge(fit_groups(spectrum, **search), skewed=skewed)
     # leads are one of the causes: the fit must have them in the device
-    return judge.judge(
-        fit_one_port(spectrum, len(one.arms), leads=False, **search) if one.leads else one, skewed=skewed
-    )
+    with suppress(SpectrumError):
+        if one.leads:
+            driven = Spectrum.from_admittance(one.frequency_hz, one.measured_s, source=one.source)
+            one = fit_one_port(driven, len(one.arms), leads=False, **search)
+    return judges[1].judge(one, skewed=skewed)
 
 
 def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, str] | None) -> Comparison:

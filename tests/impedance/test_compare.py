@@ -324,6 +324,18 @@ def test_drawn_faults_are_named(name: str) -> None:
     assert {fault: one["both groups"]["named"] for fault, one in found.items()} == {fault: fault for fault in chosen}
 
 
+def test_the_page_has_the_counts_of_the_recorded_faults() -> None:
+    table = faults.summary(faults.CAMPAIGN.cases())
+    assert table == json.loads(faults.CAMPAIGN.record.with_suffix(".json").read_text(encoding="utf-8"))
+    assert faults.passes(table)
+    both, single = table["six faults, both groups"], table["six faults, one group"]
+    sure = [table["right by the stated probability"][band] for band in ("0.9 to 0.99", "0.99 to 1")]
+    right, answers = (sum(band[k] for band in sure) for k in (0, 1))
+    text = " ".join((Path(pr.__file__).parents[1] / "docs" / "impedance.md").read_text(encoding="utf-8").split())
+    assert f"Of {both[1]} faulty parts" in text
+    assert f"name {both[0]}, one group {single[0]}; above 90 % of probability {right} of {answers} answers" in text
+
+
 def test_a_spectrum_as_the_reference_names_no_cause() -> None:
     assert one(REFERENCE).diagnosis is None
     assert one(REFERENCE).to_dict()["passed"] is None
