@@ -11,13 +11,13 @@ import pytest
 
 from tests.processes import ROOT, begun, command, handles, simulators_in, wait_for, working_in
 
-# What Windows lacks; os.uname and SIGKILL stay, which NumPy and multiprocessing use on Linux.
+# What Windows lacks; NumPy and multiprocessing use os.uname and SIGKILL on Linux, and ngspice is ended by killpg.
 WITHOUT_POSIX = """
 import os, signal, sys
 
 for module, names in {
     signal: "SIGHUP SIGALRM SIGUSR1 SIG_BLOCK pthread_sigmask pthread_kill alarm setitimer",
-    os: "openpty ttyname getuid geteuid getpgid getsid killpg setsid fork forkpty sched_getaffinity pread mkfifo",
+    os: "openpty ttyname getuid geteuid getpgid getsid setsid fork forkpty sched_getaffinity pread mkfifo",
 }.items():
     for name in names.split():
         delattr(module, name)
