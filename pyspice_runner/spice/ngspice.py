@@ -94,7 +94,7 @@ def run_deck(
     ``vectors``, as ``.save`` takes them (``v(out)``, ``out``, ``i(v1)``, ``@r1[i]``), must be present and finite.
     ``timeout`` is wall time in s. ``progress`` is called several times a second with the simulated time in s. A
     transient may run in one of the ``processes``; if it fails there, it runs again in a process of its own, whose
-    message names the cause.
+    message names the cause. Those of WebAssembly stay in any case.
 
     Raises:
         SimulationError: with ngspice's message and, as ``deck``, the file kept for inspection.
@@ -103,7 +103,7 @@ def run_deck(
     in_wasm = uses_wasm()
     fault = silent_fault(deck) or (wasm.refused(deck) if in_wasm else None)
     verified = partial(_verified, vectors, stop_time, stop_frequency)
-    if processes and not fault and (found := processes.run(deck, verified)):
+    if processes and not fault and not in_wasm and (found := processes.run(deck, verified)):
         return found
     version = ngspice_version()
     with held() as listening:  # while ngspice runs; an interrupt before or after waits until its files are cleared away

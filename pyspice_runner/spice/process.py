@@ -75,7 +75,7 @@ def ngspice_version() -> str:
 
 
 def _native() -> str | None:
-    return shutil.which("ngspice_con") or shutil.which("ngspice")  # on Windows only the first is without a window
+    return (None if POSIX else shutil.which("ngspice_con")) or shutil.which("ngspice")  # the first has no window
 
 
 def find_ngspice() -> str:
@@ -214,7 +214,7 @@ class KeptProcesses:
 
         ``None`` if a process or ``verified`` fails: only a run of its own reports why.
         """
-        if self._failures >= _MOST_FAILURES or uses_wasm():  # whose processes stay in any case
+        if self._failures >= _MOST_FAILURES:
             return None
         try:
             with held() as listening:  # an interrupt waits until the process is among the idle ones, or ended
