@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fits of spectra of eight classes, 60 of each, whose truth is known: ``python -m validation.fits --count 480``.
+"""Fits of spectra of eight classes, 200 of each, whose truth is known: ``python -m validation.fits``.
 
-The fit was developed with other seeds (1 to 31, 1807 and 42001 to 42005) than :data:`SEED`. The truth is written down
+The fit was developed with other seeds (1 to 31, 1807 and 42001 to 42006) than :data:`SEED`. The truth is written down
 here by its formulas and shares no code with the package. Each spectrum is fitted without any settings, and by a
 least-squares fit that knows the right model and the noise and starts at the truth.
 """
@@ -30,8 +30,8 @@ CLASSES = (
 )
 SERIES = ("series loss", "leads")
 BEHIND_LEADS = ("leads", "leads, constant loss tangent")
-TRIALS = 60
-SEED = 42006  # first used after the last change of the fit
+TRIALS = 200  # 1,000 intervals: at 95 % their share has a standard deviation below 1 %
+SEED = 42007  # first used after the last change of the fit
 Z0 = 50.0
 
 
@@ -132,8 +132,10 @@ def outcome(key: str) -> dict[str, Any]:
     case = draw(kind, int(number))
     fit = pr.fit_spectrum(pr.Spectrum.from_admittance(case["f"], case["measured"]))
     truth = case["arms"]
+    undecided = any("do not distinguish" in caution for caution in fit.cautions)
     result: dict[str, Any] = {
         "index": key, "arms": len(fit.arms), "true_arms": len(truth), "leads": fit.leads is not None,
+        "undecided": undecided,
     }  # fmt: skip
     if len(fit.arms) != len(truth):
         return result
@@ -156,10 +158,16 @@ def outcome(key: str) -> dict[str, Any]:
     }
 
 
+def covered(scores: np.ndarray) -> float:
+    """Return the share of the 95 % intervals that contain the true value."""
+    return round(float(np.mean(np.abs(scores[np.isfinite(scores)]) < 1.96)), 4)
+
+
 def of_class(trials: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Condense the trials of a class."""
     right = [item for item in trials if "deviations" in item]
     scores = np.array([item["deviations"] for item in right], dtype=float)
+    decided = np.array([not item["undecided"] for item in right])
     fitted = np.array([item["inductance"] for item in right])
     known = np.array([item["informed"] for item in right])
     return {
@@ -167,7 +175,9 @@ def of_class(trials: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "extra": sum(item["arms"] > item["true_arms"] for item in trials),
         "missed": sum(item["arms"] < item["true_arms"] for item in trials),
         "with_leads": sum(item["leads"] for item in trials),
-        "coverage": round(float(np.mean(np.abs(scores[np.isfinite(scores)]) < 1.96)), 4),
+        "undecided": int(np.count_nonzero(~decided)),
+        "coverage": covered(scores[decided]),
+        "coverage_undecided": covered(scores[~decided]) if np.count_nonzero(~decided) else None,
         "bias_over_error": [round(float(value), 3) for value in np.nanmean(scores, axis=0)],
         "inductance_error_over_informed": round(float(np.sqrt(np.mean(fitted**2) / np.mean(known**2))), 3),
     }
@@ -180,11 +190,16 @@ def summary(record: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def passes(found: Mapping[str, Any]) -> bool:
-    """Whether every class is within the limits that the fit is built for, as docs/impedance.md says."""
+    """Whether every class is within the limits that the fit is built for, as docs/impedance.md says.
+
+    Where the data do not distinguish descriptions of loss and leads, as the fit then says, its intervals contain the
+    values by all of them and those by the true one more often than in 95 % of cases: they have no upper limit.
+    """
     return all(
         item["extra"] <= 3
         and item["missed"] == 0
         and 0.90 <= item["coverage"] <= 0.98
+        and (item["coverage_undecided"] is None or item["coverage_undecided"] >= 0.90)
         and max(map(abs, item["bias_over_error"])) < 0.5
         and item["inductance_error_over_informed"] <= 1.5
         for item in found.values()
