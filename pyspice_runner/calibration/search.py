@@ -22,7 +22,7 @@ from pyspice_runner.run.waveforms import Array
 OUTLIER = 3.0  # standard errors: 0.3 % of normal residuals are beyond, so that the intervals remain those of the normal
 START_REACH = log(2.0)  # of further starts about the first
 _CLOSE_MODES, _STARTS = 3.0, 16  # half widths between modes, below which there are so many starts
-_DESCENDED = 4  # of the starts: those that are best before and after the search by the spectra alone
+_DESCENDED = 4  # of the starts: the best ones, from which the spectra alone are searched
 _ROUGH_GAIN = 0.1  # by ngspice: 0.3 standard errors, as its values vary from event to event of a step
 _STEPS = 40  # of each search
 _CLOSE = 1e-4  # relative gain, and step of a coordinate, that are noise
@@ -137,7 +137,7 @@ class Search:
             ends = starting[starts:]
             self.found |= zip([one.tobytes() for one in ends], self.predictor.at(ends), strict=True)
         best: Array = min(starting, key=badness)
-        if not self.found[best.tobytes()].known:
+        if starts > 1 and not self.found[best.tobytes()].known:
             raise SimulationError(f"The motor has no steady state at any of the points from any of {starts} starts.")
         self.last = None
         return best
