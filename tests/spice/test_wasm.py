@@ -103,7 +103,7 @@ def test_the_command_refuses_another_archive_and_names_a_way_without_a_network(
         assert command(["engine", "install", *words]) == 3
         assert re.search(said.replace("+", r"\+"), " ".join(capsys.readouterr().err.split())), words
     assert not list((tmp_path / "piezomotor" / "engine").iterdir())
-    with pytest.raises(SimulationError, match="npm could not load .* no route"):  # a page installs it by itself
+    with pytest.raises(SimulationError, match=r"npm could not load .* no route"):  # a page installs it by itself
         wasm.of_page()
     monkeypatch.setattr(wasm, "find_spec", lambda _: None)
     with pytest.raises(SimulationError, match=r"is not installed\. .*, then `piezomotor engine install`"):
