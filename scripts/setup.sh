@@ -140,7 +140,7 @@ find_python() { # sets $base
     if [ -n "${PYTHON:-}" ]; then
         set -- "$PYTHON"
     else
-        set -- python3 python3.13 python3.12 python3.11
+        set -- python3 python3.14 python3.13 python3.12 python3.11
     fi
     for candidate; do
         if new_enough "$candidate"; then

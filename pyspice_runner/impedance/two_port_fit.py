@@ -279,6 +279,10 @@ def fit_groups(
         parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
     for above in (False, True):
         parameters = problem.with_neighbour(parameters, above=above)
+    if np.any(problem.sides(parameters) != 1):  # they have distorted the choice of the loss
+        parameters = problem.lossy(parameters)
+        problem.weigh(parameters)
+        parameters = problem.descend(parameters)
     return _report(problem, parameters, shown, source or "spectra", cautions)
 
 

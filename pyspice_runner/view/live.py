@@ -92,7 +92,7 @@ def rendered(template: str, **values: Any) -> str:
     try:
         from jinja2 import Environment, FileSystemLoader, StrictUndefined
     except ImportError:
-        raise ParameterError("The page needs jinja2. Install it: `pip install 'piezomotor[report]'`.") from None
+        raise ParameterError("The page needs jinja2. Install it: `pip install jinja2`.") from None
     loader = FileSystemLoader([ASSETS, ASSETS.parent])
     pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     pages.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %"}
