@@ -134,9 +134,10 @@ class Server:
             return Child(command, self.folder)
         # ngspice 46 -p ends with a segmentation fault if its session has no controlling terminal: the shell opens one
         self._terminal, terminal = os.openpty()
-        child = Child(["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), *command], self.folder)
-        os.close(terminal)
-        return child
+        try:
+            return Child(["/bin/sh", "-c", ': <>"$0" && exec "$@"', os.ttyname(terminal), *command], self.folder)
+        finally:
+            os.close(terminal)
 
     def __enter__(self) -> Self:
         return self

@@ -316,7 +316,7 @@ def test_the_cause_of_a_fault_is_named_by_both_groups_and_by_one(state: str, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["plate40", "andersen2002"])
+@pytest.mark.parametrize("name", [pytest.param("plate40", marks=pytest.mark.soak), "andersen2002"])
 def test_drawn_faults_are_named(name: str) -> None:
     """Three faults of the first draw of validation/faults.py, which has all of them, and a part without one."""
     chosen = (causes.PATCH, causes.TEMPERATURE, causes.BONDING, causes.HEALTHY)
