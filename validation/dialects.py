@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every deck and library in the modes by which ngspice reads other programs' files: ``python -m validation.dialects``.
 
-The decks are those of ``netlists/``, the examples in the headers of ``behavioral/``, and those in the headers of
+The decks are in ``netlists/``, in the headers of ``behavioral/``, and in the headers of
 exported motors. Each runs in ngspice's own mode and with ``ngbehavior`` set to each of :data:`MODES`, and must have the
 same time or frequency points, the same measured values and, at every point, the same values of the vectors that are
 measured. ``records/dialects.json`` has the table.

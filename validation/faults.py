@@ -3,8 +3,8 @@
 
 Each part has a scatter within the tolerances of manufacture, one fault of drawn size, and noise; ngspice computes its
 admittance from the parameters of the faulty motor. A crack takes a share of an electrode, or of a plate of the beam,
-and the finite elements or the beam give couplings and capacitances; a series resistance is that of a network in front
-of ngspice's two-port; the amplitude of a high level is that of Duffing's oscillator, on one port. Each is measured
+and the finite elements or the beam give couplings and capacitances; a series resistance is a network in front
+of ngspice's two-port; a high level is that of Duffing's oscillator, on one port. Each is measured
 free or pressed on the rotor, by chance, through both groups and through the group with the fault alone.
 """
 

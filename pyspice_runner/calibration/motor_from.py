@@ -443,7 +443,7 @@ def _of_spectra(
 def _tips(fit: TwoPortFit, base: Motor) -> tuple[Pairs, list[float]] | None:
     """Return tips and ratios of masses of the equivalent modes of another motor; ``None`` if it lacks one.
 
-    The fitted coupling to group A is positive; where that of the other motor is negative, its tip is reversed.
+    The fitted coupling to group A is positive; where the other motor's is negative, its tip is reversed.
     """
     found = [(one.series_resonance_hz, one.coupling_a_n_per_v_kg05, one.coupling_b_n_per_v_kg05) for one in fit.modes]
     modes = [base.modes[place] for _, place in matched(found, base)]

@@ -53,7 +53,7 @@ class Search:
         resumed: place of an interrupted search.
         keep: is called with each place at which the difference to ngspice is taken.
         tolerances: where the search ends.
-        start: coordinates to start from; NaN for those of which no better value than the first is known.
+        start: coordinates to start from; NaN where no better value than the first is known.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Search:
 
     def _begin(self, x: Array, here: Prediction) -> None:
         """Begin a search at a place with its prediction."""
-        self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes are those of the fast model
+        self.found, self.last, self.way = {x.tobytes(): here}, here, None  # slopes come from the fast model
         residuals = self.residuals(x)
         size = max(1.0, _NORMAL * float(np.median(np.abs(residuals))))
         self.roots = np.sqrt(weights_of(residuals, size))

@@ -242,7 +242,7 @@ def fitted(
 
 
 def matched(found: Sequence[tuple[float, ...]], motor: Motor) -> list[tuple[int, int]]:
-    """Return the places of modes that were found, each with that of the equivalent mode of a motor.
+    """Return the places of modes that were found, each with the place of the equivalent mode of a motor.
 
     A mode that was found has a frequency and θ/√m to both groups, to group B 0 where it is not known.
     Equivalent is the closest one in frequency and coupling that the groups drive in the same way, alike or opposed.

@@ -71,7 +71,7 @@ FARTHEST_DEG = 60.0  # of a target
         bool, False, "The copies of the clamped capacitances follow the stator's temperature.", "--compensate"
     ),
     no_copies=option(
-        bool, False, "The sensed current includes that of the clamped capacitances.", "--no-copies"
+        bool, False, "The sensed current includes the current of the clamped capacitances.", "--no-copies"
     ),
     sense_ohm=option(float, 0.0, "Sense resistor, or burden of a current transformer referred to the line, ohm."),
     magnetizing=option(float, 0.0, "Magnetising inductance of this transformer, referred to the line, H."),

@@ -49,7 +49,7 @@ _REACHED = 80  # periods of the run of a transducer from near its steady state; 
 _CORRECTIONS = 4  # of the sources from which it starts, at most
 _STEADY = 2e-3  # of the sources, by which they change: a fifth of a percent of the motional current
 _START_PERIODS = 250, 2000  # of all channels, at most, of a transducer's start: 4 s of CPU; not of a bridge the second
-SQUARE_THD = float(np.sqrt(np.pi**2 / 8.0 - 1.0))  # of a square wave: RMS of its harmonics over its fundamental
+SQUARE_THD = float(np.sqrt(np.pi**2 / 8.0 - 1.0))  # of a square wave: RMS of its harmonics relative to its fundamental
 _LONGEST = 6e-3  # s, of the run of a design by default; a rotor that takes longer is followed on by steady states
 
 

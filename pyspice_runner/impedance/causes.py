@@ -78,7 +78,7 @@ class Observed(NamedTuple):
 
     @classmethod
     def of(cls, fit: SpectrumFit | TwoPortFit) -> tuple[Observed, Observed]:
-        """Return what a fit shows, and the standard errors, those of the couplings relative to all of their mode."""
+        """Return what a fit shows, and the standard errors, of a coupling relative to all couplings of its mode."""
         arms: Sequence[Any]
         owner: Any
         if isinstance(fit, TwoPortFit):
@@ -127,7 +127,7 @@ class Observed(NamedTuple):
         return np.array([*[0, 1, *[2] * through] * len(self.modes), *[3] * through, 4])
 
     def paired(self, other: Observed, scale: float = 10.0, most: float = inf) -> tuple[list[int], list[int]]:
-        """Return modes and those of another one that are the same, by ln f (times a scale), |θ| and its direction."""
+        """Return the places of modes that both have, by ln f (times a scale), |θ| and its direction."""
         apart = np.abs(np.subtract.outer(self.modes[:, 0], other.modes[:, 0]))
         sizes = np.log(self.size + 1e-12), np.log(other.size + 1e-12)
         alike = np.abs(self.modes[:, 2:] @ other.modes[:, 2:].T) / np.exp(np.add.outer(*sizes))
@@ -193,7 +193,7 @@ class Judge:
     ) -> None:
         """Take a motor in its state, the connection of its groups, or ``None`` for each, and a fit of its admittance.
 
-        Deviations are from that fit: modes outside of the band change it as they do those of parts.
+        Deviations are from that fit: modes outside of the band change it as they change the fits of parts.
         """
         self.weights = np.array([COUPLING[connection]] if connection else np.eye(2))[:, : len(motor.groups)]
         stator = motor.stator
@@ -211,7 +211,7 @@ class Judge:
         found = Observed.of(fit)[0]
         arms, modes = found.paired(self.poles, 1.0 / _POLE)
         rows = self.poles.modes.copy()
-        # a mode has no sign: that of its couplings as at its pole
+        # a mode has no sign; its couplings take the sign at its pole
         sign = np.sign(np.sum(found.modes[arms, 2:] * rows[modes, 2:], axis=1, keepdims=True))
         rows[modes] = np.hstack([found.modes[arms, :2], sign * found.modes[arms, 2:]])
         self.reference = Observed(rows, found.rest)
@@ -286,7 +286,7 @@ class Judge:
             return Diagnosis((Cause(UNKNOWN, 1.0, ()),), ("No mode of the motor is found.",))
         reference, kinds = self.reference.taken(at), self.reference.taken(at).kinds
         data = measured.taken(found).over(reference)
-        # what a fit does not follow, its values can be off by, and those of a skewed peak by much
+        # what a fit does not follow, its values can be off by; the values of a skewed peak by much
         each = fit.rms_relative_error
         rms = max(each["A"], each["B"]) if isinstance(each, dict) else each
         floor = np.hypot(_FITTED, rms * np.array(_MISFIT))[kinds]
@@ -351,7 +351,7 @@ class Judge:
         return {name: power}
 
     def _theta(self, mode: int, group: int, spread: float, side: int) -> _Size:
-        """Return a change of the coupling of one mode to one group, over that of the mode with the largest θ/√m.
+        """Return a change of the coupling of one mode to one group, relative to the mode with the largest θ/√m.
 
         A part of the ceramic has as much force in each mode; in a weak mode it cancels, and its loss has any sign.
         """
@@ -427,7 +427,7 @@ class Judge:
         of_mode = ["frequency", "quality factor", *(f"θ/√m to {own}" if own else "θ/√m" for own in through)]
         labels = [f"{quantity} of {name}" for name in names for quantity in of_mode]
         labels += [f"capacitance {own}".strip() for own in through] + ["loss tangent"]
-        # a coupling relative to that of its own group, if it has one
+        # a coupling relative to its own group's, if it has one
         theta = reference.modes[:, 2:] / reference.size[:, np.newaxis]
         theta = np.hstack([np.ones((len(at), 2)), np.where(np.abs(theta) > 0.01, theta, 1.0)])
         shares = Observed(theta, np.ones(len(reference.rest))).row

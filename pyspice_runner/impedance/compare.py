@@ -406,7 +406,7 @@ def _diagnosed(
 
 
 def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, str] | None) -> Comparison:
-    """Compare two fits; ``names`` are those of the reference's arms that are modes of a motor."""
+    """Compare two fits; ``names`` are the names of the reference's arms that are modes of a motor."""
     low = max(measured.frequency_hz[0], reference.frequency_hz[0])
     high = min(measured.frequency_hz[-1], reference.frequency_hz[-1])
     wanted, found = (

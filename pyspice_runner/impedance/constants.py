@@ -68,8 +68,8 @@ class MaterialConstants(Fit):
     """Material constants by one mode of a resonator, with standard errors.
 
     ``values`` has them by their symbols, SI: ``s11e`` is s₁₁ at constant field, ``p33t`` and ``p33s`` are ε₃₃ at
-    constant stress and strain over ε₀; ``qm`` is the quality factor of the series resonance. The standard errors are
-    those of the fit, the tolerances and the ratios of the base card together.
+    constant stress and strain over ε₀; ``qm`` is the quality factor of the series resonance. The standard errors
+    combine the fit, the tolerances and the ratios of the base card.
     """
 
     source: str
@@ -96,7 +96,7 @@ class MaterialConstants(Fit):
     def card(self, name: str = "measured") -> str:
         """Return the TOML of a card for the library of ``[solid]``; its first line lists what was measured.
 
-        All other values are those of the base card. Of a plate, s33, d33 and the permittivity are chosen such that
+        All other values come from the base card. Of a plate, s33, d33 and the permittivity are chosen such that
         c33D, kt and ε₃₃ at constant strain are those measured.
 
         Raises:
@@ -184,7 +184,7 @@ def material_constants(
         )
     if assumed := shape == "disc" and not free:
         cautions.append(
-            f"Poisson's ratio of {sigma:.3g} ± {_POISSON_ERROR:g} is that of {name}. Measure the second mode too."
+            f"Poisson's ratio of {sigma:.3g} ± {_POISSON_ERROR:g} is taken from {name}. Measure the second mode too."
         )
     if correlated and error > 1e-3:
         cautions.append(misfit(f"The closed form of a {shape} does not follow the spectrum", error))
@@ -310,7 +310,7 @@ class _Body:
         tan, k, angle, sigma = parameters[[_TAN, _K, _ANGLE, _SIGMA]].tolist()
         modulus = self.density * (2.0 * self.along * exp(parameters[_F0])) ** 2  # ρc²
         permittivity, rest, elastic = exp(parameters[_C]) * self.gap / self.area, 1.0 - k**2, exp(parameters[_LOSS])
-        if self.stiffened:  # at constant charge; Q is that of the series resonance, tan(x)/x = 1/k²
+        if self.stiffened:  # at constant charge; Q belongs to the series resonance, tan(x)/x = 1/k²
             x = float(brentq(lambda x: x * cos(x) - k**2 * sin(x), 1e-3, 0.5 * pi))
             elastic -= 2.0 * angle / (2.0 * x / sin(2.0 * x) - 1.0)
         if self.shape == "bar":

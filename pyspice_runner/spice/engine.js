@@ -2,7 +2,7 @@
 // ngspice as WebAssembly in Node.js, for wasm.py: `node engine.js LOADER BINARY`. The binary is compiled once; each run has
 // an instance of its own. A line on standard input asks for a run, as JSON: ["FOLDER", ARGUMENTS…], the words of a
 // command line of ngspice. With -b, deck.cir is read from FOLDER, out.raw and log are written there during the run, and the
-// exit status is answered as a line. With -p, standard input and output are those of ngspice, until it ends.
+// exit status is answered as a line. With -p, ngspice has standard input and output, until it ends.
 "use strict";
 const fs = require("node:fs");
 const { join } = require("node:path");

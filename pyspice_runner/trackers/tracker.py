@@ -222,7 +222,7 @@ class Tracker(Stated, Excitation):
 
     @property
     def sense_corner_hz(self) -> float:
-        """Frequency in Hz below which a current transformer no longer passes the current; 0 of a resistor."""
+        """Frequency in Hz below which a current transformer passes little current; 0 of a resistor."""
         return self.sense_ohm / (2.0 * pi * self.magnetizing_h) if self.magnetizing_h else 0.0
 
     def sensed_share(self, frequency: Any) -> Any:

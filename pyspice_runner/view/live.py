@@ -2,7 +2,7 @@
 """The live page of a motor or transducer: ngspice as WebAssembly runs its decks in the browser, without a network.
 
 ``live_page/`` contains the template and the scripts, which fill the numbers into the decks of
-:mod:`pyspice_runner.view.live_circuit` and show the results. The engine is that of :mod:`pyspice_runner.spice.wasm`.
+:mod:`pyspice_runner.view.live_circuit` and show the results. The engine is the one of :mod:`pyspice_runner.spice.wasm`.
 """
 
 from __future__ import annotations

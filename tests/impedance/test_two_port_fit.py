@@ -297,6 +297,6 @@ def test_intervals_hold_with_and_without_the_dispersion_of_the_loss(flat: bool) 
         assert fit.loss_dispersion != flat
         deviations.append((found(fit) - np.ravel(modes)) / [v for m in fit.modes for v in m.standard_errors.values()])
     assert 0.90 <= np.mean(np.abs(deviations) < 1.96) <= 0.98
-    # without dispersion C is that of a motor which has it in the middle of the band
+    # without dispersion C is the one of a motor in the middle of the band
     wanted = 1.3e-9 * (1.0 if not flat else np.sqrt(36 * 46 / 100**2) ** (2.0 / np.pi * np.arctan(0.02)))
     assert fit.capacitance_a_f == pytest.approx(wanted, rel=2e-3)
