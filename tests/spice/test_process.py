@@ -19,7 +19,7 @@ import pytest
 
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.spice import process, program
-from pyspice_runner.spice.ngspice import SpiceRun, run_deck
+from pyspice_runner.spice.ngspice import SpiceRun, ngspice_version, run_deck
 from pyspice_runner.spice.process import KeptProcesses, Server, Session
 
 DECK = """rc
@@ -33,6 +33,7 @@ C1 out 0 1u
 
 
 Run = Callable[..., SpiceRun]
+NEEDS_TERMINAL = 44  # version of ngspice whose interactive mode fails on Linux without a controlling terminal
 
 
 @pytest.fixture(params=[True, False], ids=["posix", "like Windows"])  # which has neither terminals nor process groups
@@ -41,6 +42,8 @@ def kept(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
         monkeypatch.setattr(module, "POSIX", request.param)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setenv("PIEZOMOTOR_ENGINE", "native")  # the processes of WebAssembly stay in any case
+    if not request.param and int(ngspice_version().split(".")[0]) >= NEEDS_TERMINAL:
+        pytest.skip("this ngspice ends on Linux without a terminal")
     with KeptProcesses() as several:
         yield several
     assert not list(tmp_path.iterdir())
