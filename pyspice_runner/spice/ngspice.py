@@ -3,8 +3,8 @@
 
 Each run is a separate process ``ngspice -b -n -r`` in a separate folder, so that concurrent runs do not interfere and
 the user's start-up file is not read. ngspice's exit status and the presence of a raw file do not mean success. A run is
-valid only if the netlist has none of the faults that ngspice ignores (:mod:`.deck_lint`), the status is 0, the log has
-no complaint, every requested vector is present and finite, and the analysis reached its end.
+valid only if the netlist has none of the faults that ngspice ignores (:func:`.silent_fault`), the status is 0, the log
+has no complaint, every requested vector is present and finite, and the analysis reached its end.
 
 :func:`run_deck` is the only way from the text of a deck to waveforms: an engine other than the native program takes its
 place there. PySpice writes the decks (:class:`BatchSimulator`). Its own runners are not used, because they may return
@@ -32,8 +32,7 @@ from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.interrupts import held
 from pyspice_runner.spice import wasm
-from pyspice_runner.spice.deck_lint import silent_fault
-from pyspice_runner.spice.process import KeptProcesses, uses_wasm
+from pyspice_runner.spice.process import KeptProcesses, silent_fault, uses_wasm
 from pyspice_runner.spice.process import find_ngspice as find_ngspice
 from pyspice_runner.spice.process import ngspice_version as ngspice_version
 from pyspice_runner.spice.program import FREE_SPACE, Child, new_folder

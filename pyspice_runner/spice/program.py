@@ -102,6 +102,18 @@ class Child(subprocess.Popen[bytes]):
         line, _, self._buffer = self._buffer.partition(b"\n")
         return line.decode(errors="replace").strip()
 
+    def read_until(self, last: str, timeout: float, lines: list[str]) -> bool:
+        """Append the lines of the output before one, and return whether that one came before the end.
+
+        Raise subprocess.TimeoutExpired after a wall time in s without it.
+        """
+        ends = time.monotonic() + timeout
+        while (line := self.line(max(ends - time.monotonic(), 0.0))) is not None:
+            if line == last:
+                return True
+            lines.append(line)
+        return False
+
     def end(self) -> None:
         """Kill the program and its children, unless it has ended; on Windows its children stay."""
         if self.poll() is None:

@@ -13,8 +13,8 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.averaged.library import averaged_library
 from pyspice_runner.circuit.motor import coarsest_step, motor_library
-from pyspice_runner.spice.deck_lint import silent_fault
 from pyspice_runner.spice.library import read_library
+from pyspice_runner.spice.process import silent_fault
 from tests.circuit.batch import measured
 from tests.motors import BEAM40
 

@@ -35,9 +35,9 @@ from pyspice_runner.export.circuit import CircuitExport, circuit_library
 from pyspice_runner.motor.beam import resonator_modes
 from pyspice_runner.motor.circuit_file import is_circuit_file, load_circuit
 from pyspice_runner.motor.load import SETS
-from pyspice_runner.spice.deck_lint import silent_fault
 from pyspice_runner.spice.library import check_parameters, data_path, library_names, parse_library
 from pyspice_runner.spice.ngspice import ngspice_version
+from pyspice_runner.spice.process import silent_fault
 from pyspice_runner.spice.rawfile import RawFileError, read_rawfile
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.sweeps.store import Store

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from pyspice_runner.spice.deck_lint import silent_fault
+from pyspice_runner.spice.process import silent_fault
 
 
 @pytest.mark.parametrize(
