@@ -65,6 +65,7 @@ def test_a_sweep_with_workers_runs_without_posix(windows: dict[str, str], tmp_pa
     assert len([*(tmp_path / "store").glob("*/*.json")]) == 3
 
 
+@pytest.mark.soak  # with Python 3.13 under load one run in ten ended only when its workers were killed, after 80 s
 def test_an_interrupted_sweep_leaves_nothing_without_posix(windows: dict[str, str], tmp_path: Path) -> None:
     environment = windows | {"TMPDIR": str(tmp_path)}
     with begun(*SWEEP, "--duration", "1", cwd=tmp_path, **environment) as process:

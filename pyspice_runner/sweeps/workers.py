@@ -32,7 +32,7 @@ _TRIES = 2  # for each task
 _MOST_DEATHS = 8  # consecutive deaths after which the remaining tasks are given up
 _SAFE_PATH = "PYTHONSAFEPATH"
 _MASKS = hasattr(signal, "pthread_sigmask")  # not in Windows
-_GRACE = 2.0  # s for a worker whose sweep has ended to stop ngspice and remove its files
+_GRACE = 5.0  # s for a worker whose sweep has ended to stop ngspice and remove its files
 _LONGEST_END = 20.0  # s for a worker to end, including the imports of one that is just starting
 
 
