@@ -44,7 +44,8 @@ def test_a_source_above_the_load_and_one_without_effect_are_refused() -> None:
         pr.DriverSpec(pr.TwoPhaseDrive(voltage=50.0, frequency=40e3), "linear", "inductor", source_ohm=50.0)
 
 
-@pytest.mark.parametrize("network", ["l", pytest.param("llcc", marks=pytest.mark.soak)])
+@pytest.mark.soak
+@pytest.mark.parametrize("network", ["l", "llcc"])
 def test_a_design_shows_the_stage_its_resistance_at_the_operating_point(network: str) -> None:
     motor = pr.load_motor("bimodal40")
     drive = pr.TwoPhaseDrive(voltage=80.0, frequency=40.7e3)

@@ -127,7 +127,19 @@ def test_the_supply_of_a_device_with_a_load_in_its_file_rises_slowly(tmp_path: P
     assert coil.peak_voltage_v < 1e3
 
 
-@pytest.mark.parametrize("network", [pytest.param("inductor", marks=pytest.mark.soak), "llcc"])
+def test_an_llcc_filter_is_tuned_to_twice_the_frequency_and_its_bleeder_takes_a_thousandth(tmp_path: Path) -> None:
+    device = fitted(tmp_path, "SMBLTD45F28H")
+    design = design_driver(device, spec_of(device, "llcc", power=50.0))
+    assert design.feasible, design.reason
+    values, frequency = design.driver.values("a", "llcc"), device.modes[0].frequency_hz
+    clamped = values["parallel_capacitance"] + REAL["SMBLTD45F28H"][3]
+    resonance_hz = 1.0 / (2.0 * pi * sqrt(values["series_inductance"] * clamped))
+    assert resonance_hz == pytest.approx(2.0 * frequency, rel=0.05)  # parts of E12 and E24
+    assert values["bleeder"] * 2.0 * pi * frequency * values["series_capacitance"] == pytest.approx(1000.0, rel=0.2)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("network", ["inductor", "llcc"])
 def test_an_llcc_filter_of_a_low_impedance_weakens_harmonics_that_a_coil_amplifies(
     tmp_path: Path, network: str
 ) -> None:
@@ -145,10 +157,6 @@ def test_an_llcc_filter_of_a_low_impedance_weakens_harmonics_that_a_coil_amplifi
         return
     assert pin.voltage_thd < 0.45
     assert not any("THD" in caution for caution in report.cautions)
-    values = report.design.driver.values("a", "llcc")
-    clamped = values["parallel_capacitance"] + REAL["SMBLTD45F28H"][3]
-    resonance_hz = 1.0 / (2.0 * pi * sqrt(values["series_inductance"] * clamped))
-    assert resonance_hz == pytest.approx(2.0 * device.modes[0].frequency_hz, rel=0.05)  # parts of E12 and E24
 
 
 def test_a_transformer_that_no_core_takes_is_the_reason(tmp_path: Path) -> None:

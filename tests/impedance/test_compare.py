@@ -283,7 +283,7 @@ FAULTS = {  # file → cause, size with its true value in %
 }
 
 
-@pytest.mark.parametrize("state", ["free", pytest.param("preloaded", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("state", ["free", pytest.param("preloaded", marks=pytest.mark.soak)])
 def test_the_cause_of_a_fault_is_named_by_both_groups_and_by_one(state: str, tmp_path: Path) -> None:
     names = [name for name in FAULTS if (name == "d_preload_n") == (state == "preloaded")]
     both = [pr.read_spectrum(CASES / f"{name}.csv") for name in names]
@@ -315,8 +315,8 @@ def test_the_cause_of_a_fault_is_named_by_both_groups_and_by_one(state: str, tmp
         assert "Most probable causes" in {ax.get_title() for ax in trend.plot().figure.axes}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param("plate40", marks=pytest.mark.soak), "andersen2002"])
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["plate40", "andersen2002"])
 def test_drawn_faults_are_named(name: str) -> None:
     """Three faults of the first draw of validation/faults.py, which has all of them, and a part without one."""
     chosen = (causes.PATCH, causes.TEMPERATURE, causes.BONDING, causes.HEALTHY)

@@ -32,7 +32,7 @@ def test_a_determined_torque_of_a_held_shaft_is_that_of_a_run_that_settles_from_
     assert abs(found["torque"]) > 0.1
 
 
-@pytest.mark.parametrize(("voltage", "held"), [(36.0, True), (44.0, False)])
+@pytest.mark.parametrize(("voltage", "held"), [pytest.param(36.0, True, marks=pytest.mark.soak), (44.0, False)])
 def test_an_averaged_run_says_where_friction_holds_the_shaft(voltage: float, held: bool) -> None:
     """By the full motor, whose contact sticks up to 40 V, and slips for 46 % of the period at 44 V."""
     run = pr.simulate_averaged(BIMODAL, drive(voltage), 20.0 * BIMODAL.decay_s, speed=0.0)

@@ -141,7 +141,7 @@ def started(settings: dict[str, Any], **tracker: Any) -> pr.Tracking:
     return pr.track(pr.load_motor("bimodal40"), chosen, **{"averaged": True, "margin": False, **settings})
 
 
-@pytest.mark.parametrize("target", [-60.0, -30.0, 0.0])
+@pytest.mark.parametrize("target", [-60.0, pytest.param(-30.0, marks=pytest.mark.soak), 0.0])
 def test_a_loop_locks_from_either_side_whatever_its_target(target: float) -> None:
     """From 39 kHz, where the motor sticks and its current leads by nearly 90°, and from 42.5 kHz."""
     for voltage, offset in product((25.0, 150.0), (-0.0425, 0.0435)):
