@@ -436,6 +436,7 @@ def test_a_run_says_what_has_not_settled_as_a_longer_run_shows(name: str, durati
     assert run.summary()["settled"] == (f"no: {', '.join(moving)}" if moving else "yes")
 
 
+@pytest.mark.soak
 def test_a_negative_amplitude_turns_the_phase_in_the_estimate_of_errors() -> None:
     motor = pr.load_motor("bimodal40")
     drive, half = pr.default_drive(motor), 0.5 * pr.default_drive(motor).voltage

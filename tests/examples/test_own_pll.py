@@ -14,6 +14,7 @@ import pyspice_runner as pr
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.soak
 def test_a_loop_of_b_sources_around_an_exported_motor_locks_where_track_does(tmp_path: Path) -> None:
     motor, text = pr.load_motor("bimodal40"), (ROOT / "examples/own_pll.cir").read_text(encoding="utf-8")
     header = pr.export_motor(motor, tmp_path / "motor.lib").read_text(encoding="utf-8").partition(".subckt")[0]

@@ -18,6 +18,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
 from pyspice_runner.trackers.tracker import CHANGED, running_resonance
 from tests.motors import BEAM40
+from tests.selection import mostly
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
 pytestmark = pytest.mark.xdist_group("trackers")
@@ -141,7 +142,7 @@ def started(settings: dict[str, Any], **tracker: Any) -> pr.Tracking:
     return pr.track(pr.load_motor("bimodal40"), chosen, **{"averaged": True, "margin": False, **settings})
 
 
-@pytest.mark.parametrize("target", [-60.0, pytest.param(-30.0, marks=pytest.mark.soak), 0.0])
+@pytest.mark.parametrize("target", mostly(pytest.mark.soak, [-60.0, -30.0, 0.0], [0.0]))
 def test_a_loop_locks_from_either_side_whatever_its_target(target: float) -> None:
     """From 39 kHz, where the motor sticks and its current leads by nearly 90°, and from 42.5 kHz."""
     for voltage, offset in product((25.0, 150.0), (-0.0425, 0.0435)):
@@ -323,6 +324,7 @@ def test_the_flagship_is_tracked_within_its_limits_by_default(capsys: pytest.Cap
     assert (found["locked"], found["cautions"]) == (True, [])
 
 
+@pytest.mark.soak
 def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[str]) -> None:
     command = f"track {BEAM40} --averaged --voltage 110 --disturb warm-up --target -20 --duration 60 --json"
     assert run(command.split()) == 0

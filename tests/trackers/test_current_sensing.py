@@ -15,7 +15,6 @@ from pyspice_runner.averaged.core import AveragedMotor
 from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, running_resonance, sensing
 
-pytestmark = pytest.mark.xdist_group("trackers")
 BURDEN, CORNER_HZ = 1.0, 4e3  # ohm, Hz: a lead of 5.6° at 40.7 kHz
 TRANSFORMER = {"sense_ohm": BURDEN, "magnetizing_h": BURDEN / (2.0 * pi * CORNER_HZ)}
 
