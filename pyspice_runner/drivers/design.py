@@ -908,9 +908,9 @@ class _Search:
     def _current_source(self, driver: Driver, group: str, clamped_f: float) -> dict[str, float]:
         """Return the settings of a coil that resonates with the capacitance across a group.
 
-        The motional current is then the stage's voltage divided by the reactance of the coil, whatever the resistance
-        of the arm. A parallel capacitor brings this reactance down to the largest resistance, where the coil has the
-        voltage of the pin.
+        The motional current is then the stage's voltage divided by the reactance of the coil, and independent of
+        the resistance of the arm. A parallel capacitor brings this reactance down to the largest resistance, where the
+        coil has the voltage of the pin.
         """
         omega, label = self.omega, groups.named(driver.network, group)
         llcc, most = driver.network == "llcc", stock.largest_inductance(driver.frequency, driver.winding(group))

@@ -127,7 +127,7 @@ def wound(
 
 
 def _turns(least: int, ratio: float) -> tuple[int, int]:
-    """Return turns of the primary, at least as many, and of the secondary: the first within a tolerance of a ratio.
+    """Return turns of the primary, from a minimum on, and of the secondary: the first within a tolerance of a ratio.
 
     If there are none, return the turns with the smallest error.
     """

@@ -78,7 +78,7 @@ class Observed(NamedTuple):
 
     @classmethod
     def of(cls, fit: SpectrumFit | TwoPortFit) -> tuple[Observed, Observed]:
-        """Return what a fit shows, and the standard errors, of a coupling relative to all couplings of its mode."""
+        """Return what a fit shows and the standard errors; errors of couplings are relative to |θ|/√m of the mode."""
         arms: Sequence[Any]
         owner: Any
         if isinstance(fit, TwoPortFit):
@@ -226,7 +226,7 @@ class Judge:
         return list(_assigned(-np.abs(own @ shapes[: len(self.part["mass"])]))[1])
 
     def _poles(self, part: _Part) -> tuple[Observed, NDArray[np.complex128]]:
-        """Return what all poles of a part show, and their shapes scaled to residues θθᵀ of modes with unit mass."""
+        """Return what all poles of a part show, and their shapes; the scale makes the residues θθᵀ, as at unit mass."""
         motor = self.motor
         arrays = {name: part[name] for name in ("mass", "damping", "stiffness", "coupling")}
         # with a lost area a change of the coupling is per area: what has none takes no force away

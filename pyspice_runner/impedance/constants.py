@@ -51,7 +51,7 @@ from pyspice_runner.units import engineering
 Shape = Literal["bar", "disc", "rod", "plate"]
 _BOX = ("length", "width", "thickness")
 _ALONG = {"bar": "length", "disc": "diameter", "rod": "length", "plate": "thickness"}  # the wave
-_SLENDER = {"bar": 3.0, "disc": 10.0, "rod": 2.5, "plate": 10.0}  # least ratio of sizes
+_SLENDER = {"bar": 3.0, "disc": 10.0, "rod": 2.5, "plate": 10.0}  # minimum ratio of sizes
 _UNITS = {"s": " m²/N", "c": " Pa", "d": " C/N", "e": " C/m²"}  # by the first letter of a constant
 _SPEEDS = 1e3, 12e3  # m/s, of sound: polymers have 1,400, aluminium nitride has 11,000
 _BAND = 0.7, 1.4  # lowest point over the resonance and highest over the antiresonance; harmonics are beyond
@@ -149,7 +149,7 @@ def material_constants(
     """Determine the material constants that a mode of a bar, disc, rod or plate depends on (see :mod:`.constants`).
 
     Electrodes cover whole faces. Poisson's ratio of a disc needs the second radial mode in the spectrum; otherwise it
-    is that of the base card.
+    comes from the base card.
 
     Args:
         spectrum: of one port, with the resonance and the antiresonance.

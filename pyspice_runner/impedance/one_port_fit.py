@@ -425,7 +425,7 @@ def _leads(circuit: EquivalentCircuit, outcome: Outcome, reflected: bool) -> Ite
     capacitance = delay / REFERENCE_OHM
     if reflected and capacitance > _LEAST_LINE * circuit.clamped_capacitance_f:
         yield (
-            f"The inductance of the leads equals that of a {REFERENCE_OHM:g} Ω cable of {engineering(delay, 's')}; "
+            f"The leads have the inductance of a {REFERENCE_OHM:g} Ω cable of {engineering(delay, 's')}; "
             f"its {engineering(capacitance, 'F')} would be part of the clamped capacitance. If there is a cable "
             "between the calibrated port and the device, specify its delay (fit --port-extension)."
         )

@@ -32,7 +32,7 @@ def phasor(time: Any, values: Any, frequency: float) -> complex:
 
 @pytest.mark.parametrize("magnetizing_h", [0.0, TRANSFORMER["magnetizing_h"]])
 def test_the_circuit_senses_the_current_behind_its_transformer(magnetizing_h: float) -> None:
-    """Over 1 − j corner/frequency; a resistor of 1 Ω passes the whole."""
+    """Over 1 − j corner/frequency; a resistor of 1 Ω passes the whole. The modes still ring beside the drive: 1e-3."""
     chosen = tracker(kind="none", sense_ohm=BURDEN, magnetizing_h=magnetizing_h)
     found = pr.track(pr.load_motor("bimodal40"), chosen, 2.5e-3, contact=None, margin=False)
     names = [f"i({name}_{group})" for group in "ab" for name in ("v.xsense.vline", "vdrawn")]
@@ -71,7 +71,7 @@ def test_a_loop_holds_what_its_transformer_shows_at_the_target(changes: dict[str
         motional += known[f"current_{group}"] * (share * currents[at] - copy * pins[at])
         force += known[f"force_{group}"] * pins[at]
     sensed = motional / force
-    assert degrees(atan2(sensed.imag, sensed.real)) == pytest.approx(-20.0, abs=0.3)
+    assert degrees(atan2(sensed.imag, sensed.real)) == pytest.approx(-20.0, abs=0.01)
 
 
 def test_without_copies_the_whole_current_is_sensed() -> None:

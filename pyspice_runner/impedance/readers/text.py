@@ -101,7 +101,7 @@ def _sheet(data: bytes, name: str) -> str:
         unpacked = sum(part.file_size for part in ZipFile(BytesIO(data)).infolist())
         book = load_workbook(BytesIO(data), read_only=True, data_only=True) if unpacked < _LARGEST else None
         rows = list(book.worksheets[0].values) if book else None
-    except Exception as error:  # noqa: BLE001 # a damaged file makes openpyxl raise whatever comes
+    except Exception as error:  # noqa: BLE001 # a damaged file makes openpyxl raise errors of any type
         fault = clean(str(error), 80)
         raise SpectrumError(f"{name} is no Excel workbook that can be read: {fault}; save the sheet as CSV.") from None
     if rows is None:

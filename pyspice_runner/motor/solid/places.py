@@ -248,7 +248,7 @@ def _read(source: MeshFile) -> Any:
         raise ParameterError(f"The mesh {source.path} has changed since the motor was read; read the motor again.")
     try:
         return meshio.gmsh.read(source.path)
-    except Exception as error:  # noqa: BLE001 # a damaged file makes meshio raise whatever comes
+    except Exception as error:  # noqa: BLE001 # a damaged file makes meshio raise errors of any type
         raise ParameterError(
             f"{source.path} is not a mesh that can be read ({type(error).__name__}). Save it with gmsh as version 4.1 "
             "or 2.2, with its physical groups only."
