@@ -192,7 +192,7 @@ class MotorSubCircuit(Assembly):
         library = motor_library_of(law, motor) if law else None
         touching: dict[str, float] = {}
         if law:
-            touching = _touching_values(motor, law, motor.touching[0], discretisation)
+            touching = touching_values(motor, law, motor.touching[0], discretisation)
             touching |= {"preload": motor.contact.preload_n}
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
         rotor = read_library("piezomotor_rotor")
@@ -307,12 +307,14 @@ class MotorSubCircuit(Assembly):
             for stem, compliance in stems(motor, law).items():
                 if stem in (f"stem{suffix}", f"stem_x{suffix}"):
                     moved |= self._add_stem(stem, compliance, moved, one)
-            values = _touching_values(motor, law, one, discretisation, library)
+            values = touching_values(motor, law, one, discretisation, library)
             check_parameters(library.name, library.parameters, values)
             flexible = -1e-6 * bent + one.contact.series_compliance_m_per_n * one.share
             expressions = _expressions(plain, values, flexible, law.covered, one.height_m)
             if several:
-                expressions |= self._own_values(plain, values, one)
+                # by a parameter of its own: ngspice takes preload in an expression of the X line as that of the contact
+                self.raw_spice += f".param bent{suffix}={expressions['deflection'][1:-1]}\n"
+                expressions |= {"deflection": f"{{bent{suffix}}}"} | self._own_values(plain, values, one)
             nodes = [moved.get(pin, pin if pin == "shaft" else f"{pin}{suffix}") for pin in PINS]
             self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
 
@@ -521,7 +523,7 @@ class TransducerSubCircuit(MotorSubCircuit):
             self.raw_spice += f"Fmass {force} 0 Vmass 1\n"
 
 
-def _touching_values(
+def touching_values(
     motor: Motor, law: Law, one: Touching, discretisation: Discretisation | None, library: Library | None = None
 ) -> dict[str, float]:
     """Return the parameters of an instance of a law at one contact, and those that only other contacts need."""
