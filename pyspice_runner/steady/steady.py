@@ -17,6 +17,7 @@ from typing import Any, Generic, TypeVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.circuit.motor import ALL
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
@@ -30,7 +31,7 @@ from pyspice_runner.run.audit import audit_point, delivering
 from pyspice_runner.run.dynamometer import STUCK, Quantities, stuck
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.recording import VECTORS, Recording
-from pyspice_runner.run.waveforms import HEATED, Array, Waveforms, described
+from pyspice_runner.run.waveforms import Array, Waveforms, described
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
@@ -41,6 +42,7 @@ from pyspice_runner.steady.period_map import (
     cores,
     current,
     extrapolated,
+    forces_on_rotor,
     in_threads,
     mean_of,
     means,
@@ -589,6 +591,8 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         of_contact = (trace.normal, trace.friction, trace.contact_state, trace.slider_um, trace.penetration_um)
         for name, values in zip(CONTACT, of_contact if plant.law else (), strict=False):
             samples[f"v(xmotor.{name.format(one.suffix)})"] = values[number]
+    for name, force in zip(("normal", "friction"), forces_on_rotor(plant, trace), strict=True):
+        samples[f"v(xmotor.{name}{ALL})"] = force
     for state, row in zip(plant.states, trace.states, strict=False):  # behind a driver its own states follow
         samples[state.within("xmotor")] = row / state.scale(discretisation)
     for state in motor_states(setup.motor, plant.law, ("bearing",)):
@@ -603,9 +607,10 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         samples[VECTORS["feedback_v"][0]] = trace.states[plant.places["feedback"]][0] + shared
     recording = Recording(setup, discretisation, started=False)
     waves = recording.columns(samples, recording.all_columns)
-    arrays: dict[str, Any] = dict.fromkeys(HEATED) | waves
+    arrays: dict[str, Any] = {name: waves.get(name) for name in Waveforms.units}
     return Waveforms(
         **arrays,
+        of_contacts={name: values for name, values in waves.items() if name not in Waveforms.units},
         energy=recording.energy(waves, samples),
         drive_period_s=period_map.period,
         rotor_radius_m=setup.motor.rotor.radius_m,
