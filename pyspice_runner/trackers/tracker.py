@@ -473,7 +473,7 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 
 def sensed_modes(motor: Motor, mode: int, sense: str = "current") -> NDArray[np.float64]:
     """Return the current in A that a tracker of a mode senses of each mode, per m/s."""
-    if sense == "feedback":
+    if sense == "feedback" and motor.feedback:
         return np.asarray(motor.stator.sensed * np.sign(motor.stator.sensed[mode]))
     weighted = weights(motor, mode)
     return np.asarray(motor.stator.coupling @ [weighted[groups.named("current", group)] for group in motor.groups])
