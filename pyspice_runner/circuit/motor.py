@@ -624,14 +624,14 @@ def contact_nodes(motor: Motor, law: Law | None = None, suffix: str = "") -> dic
 
     ``suffix`` is that of the nodes of one of several contacts.
     """
-    if suffix:
-        return {name: f"{node}{suffix}" for name, node in contact_nodes(motor, law).items()}
+    place = [one.suffix for one in motor.touching].index(suffix)
     nodes = {name: name for name in _OF_TIP}
-    if motor.sway_m:
+    if static_places(motor, PAPER_LAW, None)[place, 0]:
         nodes["x"] = CROWN
     nodes |= (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})
     moved = {"stem": {"vy": "stem_vy"}, "stem_x": {"vx": "stem_vx"}}
-    return nodes | {pin: node for name in pushes(motor, law) for pin, node in moved[name].items()}
+    nodes |= {pin: node for name in pushes(motor, law) for pin, node in moved[name].items()}
+    return {name: f"{node}{suffix}" for name, node in nodes.items()}
 
 
 def force_vectors(motor: Motor) -> tuple[str, str]:

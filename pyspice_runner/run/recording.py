@@ -210,9 +210,8 @@ class _Terms:
         self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
         self.share = recording._courses(samples, "bearing")
         self.charged = recording._courses(samples, "feedback")
-        self.contacts = (
-            [] if motor.is_transducer else [_Contact(recording, waves, samples, one) for one in motor.touching]
-        )
+        touching = motor.touching if recording.point.law else ()  # a transducer has no law
+        self.contacts = [_Contact(recording, waves, samples, one) for one in touching]
         self.stator = motor.stator
         thermal = recording.point.thermal
         if not motor.is_transducer:
