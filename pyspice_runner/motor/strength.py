@@ -202,12 +202,11 @@ def exceeded(motor: Motor, quantities: Mapping[str, float]) -> tuple[str, ...]:
                 found.append(f"{words} Lower the voltage or the preload, or give the tip a larger radius.")
     if motor.is_transducer:
         return tuple(found)
-    life = time_to_flat(motor.contact, wear)
+    contact = motor.touching[0].point
+    life = time_to_flat(contact, wear)
     if life <= SHORT_LIFE_S:
-        worn, radius = (
-            engineering(value, "m") for value in (motor.contact.worn_flat_radius_m, next_flat(motor.contact))
-        )
-        said = WIDER if motor.contact.worn_flat_radius_m else WORN
+        worn, radius = (engineering(value, "m") for value in (contact.worn_flat_radius_m, next_flat(contact)))
+        said = WIDER if contact.worn_flat_radius_m else WORN
         found.append(said.format(time=engineering(life, "s"), worn=worn, radius=radius))
     return tuple(found)
 
