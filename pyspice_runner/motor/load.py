@@ -9,6 +9,7 @@ The file states the modes in one of four ways:
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
 
+``[[contacts]]`` states several contacts (:class:`~.parameters.ContactPlace`), and the modes then no motion of the tip.
 ``[rotor]``, or ``[slider]`` of a linear stage, states what the tip moves; ``[mount]`` the springs of the stator;
 ``[limits]`` those of ceramic and contact; ``[drive]`` the recommended drive: its ``kind``, ``two-phase`` or
 ``two-tone``, and the arguments of its constructor.
@@ -133,6 +134,21 @@ def _of_transducer(plain: Mapping[str, Any], way: str, where: str) -> Any:
     return found
 
 
+def _without_tip(plain: Mapping[str, Any], way: str, where: str) -> Any:
+    """Return arms or modes of a file with ``[[contacts]]``, which have no motion of their own: it is 0 so far."""
+    entries = plain[way]
+    if way not in ("arms", "modes") or not isinstance(entries, list):
+        return entries
+    found = []
+    for index, entry in enumerate(entries):
+        given = as_table(entry, f"{way}.{index}", where)
+        for name in ("tip_x", "tip_y"):
+            if name in given:
+                raise ParameterError(f"{where}: {way}.{index}.{name} is that of [[contacts]]; leave it out.")
+        found.append({**given, "tip_x": 0.0, "tip_y": 0.0})
+    return found
+
+
 def available_motors() -> tuple[str, ...]:
     """Return the names of the parameter sets of the package."""
     return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
@@ -211,7 +227,7 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
 
 _NO_MOTION = 1e-5  # of the largest: a motion per volt that symmetry forbids
 _OF_CIRCUIT = tuple(item.name for item in fields(EquivalentCircuit) if item.name != "arms")
-_TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", *SECTIONS)
+_TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", "contacts", *SECTIONS)
 _WAYS = ("beam", "solid", "modes", "arms")
 _FROM = {"beam": "[[patches]]", "solid": "[solid]"}
 
@@ -232,8 +248,8 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
     rotor = build(MOVED[moved], plain[moved], moved, where) if moved else None
-    if transducer:
-        plain[way] = _of_transducer(plain, way, where)
+    if transducer or "contacts" in plain:
+        plain[way] = (_of_transducer if transducer else _without_tip)(plain, way, where)
     structure, modes, capacitances = _resolve_modes(plain, way, file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
     if capacitances is not None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Self, T
 from weakref import ref
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     Field,
     FiniteFloat,
@@ -27,12 +28,15 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
+from pyspice_runner.motor.contacts import Touching, check_places, motion_rows, resolved, touching_of
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.parameters import (
     HERTZ,
     MIN_CAPACITANCE,
+    MOST_CONTACTS,
     Beam,
     Contact,
+    ContactPlace,
     Damping,
     Feedback,
     Limits,
@@ -52,6 +56,7 @@ from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, carriers, unknown_recoil
 from pyspice_runner.units import engineering
 
+Array = NDArray[np.float64]
 _Arguments = ParamSpec("_Arguments")
 _Owner = TypeVar("_Owner")
 _Found = TypeVar("_Found")
@@ -119,6 +124,15 @@ SECTIONS: dict[str, type[Parameters]] = {"piezo": Piezo, "contact": Contact, **M
 
 class TransducerError(ParameterError):
     """What is asked for needs the contact or the rotor, and a transducer has none."""
+
+
+def require_one_contact(motor: Motor, what: str) -> None:
+    """Raise ParameterError for a motor with several contacts; ``what`` begins the sentence."""
+    if motor.contacts:
+        raise ParameterError(
+            f"{what} for a motor with one contact, and {motor.name} has {len(motor.contacts)}. Its analyses are "
+            "simulate, steady, speed-torque, map, sweep, admittance, drive, track, the averaged motor and export."
+        )
 
 
 class Ringing(Parameters):
@@ -293,6 +307,11 @@ class Motor(Shown, Parameters):
     law: dict[str, FiniteFloat] = Field(
         default_factory=dict, description="values of parameters of the contact's law; others have its defaults"
     )
+    contacts: tuple[ContactPlace, ...] = Field(
+        default=(),
+        description="several contacts of the stator; none: one, as the modes move it",
+        max_length=MOST_CONTACTS,
+    )
     materials: Source | None = Field(default=None, exclude=True)
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
@@ -337,7 +356,8 @@ class Motor(Shown, Parameters):
         elif len(self.groups) == 1:
             document["modes"] = [{k: v for k, v in mode.items() if k not in OF_GROUP_B} for mode in document["modes"]]
             document["piezo"] = {k: v for k, v in document["piezo"].items() if k not in OF_GROUP_B}
-        for name in ("law", "feedback"):
+        document["contacts"] = [place.model_dump(exclude_defaults=True) for place in self.contacts]
+        for name in ("law", "feedback", "contacts"):
             if not document[name]:
                 del document[name]
         return document
@@ -436,7 +456,10 @@ class Motor(Shown, Parameters):
             raise ValueError("piezo.capacitance_b_f is missing: a motor has two groups")
         if self.load is not None or self.piezo.reference_hz is not None:
             raise ValueError("[load] and piezo.reference_hz belong to a transducer, without contact and rotor")
-        self._check_motion()
+        if self.contacts:
+            self._check_contacts()
+        else:
+            self._check_motion()
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
@@ -444,8 +467,11 @@ class Motor(Shown, Parameters):
                 f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
                 f"{self.mount.mass_kg:g} kg, which contains the stator, must exceed it: correct one of them"
             )
-        seat = contact_law.static_penetration(self.contact) + self.deflection_m
-        seat += self.contact.series_compliance_m_per_n * self.contact.preload_n
+        depths = [
+            contact_law.static_penetration(one.contact) + one.contact.series_compliance_m_per_n * one.contact.preload_n
+            for one in self.touching
+        ]
+        seat = float(np.max(depths + self.deflections_m))
         deepest = DEEPEST_SLIDER_M if self.slider else 0.1 * self.rotor.radius_m
         if seat > deepest:
             most = "" if self.slider else f"a tenth of rotor.radius_m = {self.rotor.radius_m:g} m"
@@ -465,8 +491,9 @@ class Motor(Shown, Parameters):
 
     def _check_transducer(self) -> None:
         names, load = [mode.name for mode in self.modes], self.tool
-        if self.mount or self.materials or self.law or self.feedback:
-            raise ValueError("mount, materials, law and feedback belong to a motor: leave them out of a transducer")
+        if self.mount or self.materials or self.law or self.feedback or self.contacts:
+            words = "mount, materials, law, feedback and contacts belong to a motor: leave them out of a transducer"
+            raise ValueError(words)
         if load.mode not in (None, *names) or (load.resistance_ohm and load.mode is None and len(names) > 1):
             what = f"mode = {load.mode!r}" if load.mode else "resistance_ohm is of one arm: mode"
             raise ValueError(f"load.{what} is not valid: it must be one of {', '.join(names)}")
@@ -474,6 +501,13 @@ class Motor(Shown, Parameters):
             raise ValueError(
                 "[load] acts on the face, whose motion is not known: give the arms mass_kg or velocity_per_current, "
                 f"the modes tip_y, or specify load.mode, one of {', '.join(names)}"
+            )
+
+    def _check_contacts(self) -> None:
+        check_places(self.contact, self.contacts, self.modes)
+        if any(value for axis in self.piezo.motion for value in axis):
+            raise ValueError(
+                "piezo.motion_x_a_m_per_v and its like are of one contact: set them to 0 with [[contacts]]"
             )
 
     def _check_motion(self) -> None:
@@ -494,7 +528,21 @@ class Motor(Shown, Parameters):
     @derived
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
-        return Stator.of_modes(self.modes, self.piezo, None if self.is_transducer else self.contact, self.feedback)
+        if self.is_transducer:
+            return Stator.of_modes(self.modes, self.piezo, ())
+        motion = motion_rows(self.contacts, self.modes) if self.contacts else None
+        return Stator.of_modes(self.modes, self.piezo, self.touching, self.feedback, motion, self.rotor.radius_m)
+
+    @property
+    @derived
+    def touching(self) -> tuple[Touching, ...]:
+        """The contacts of a motor, one or several."""
+        return touching_of(self.contact, self.contacts, self.rotor.radius_m)
+
+    @property
+    def preload_shares(self) -> Array:
+        """Share of the preload that each contact bears at rest."""
+        return np.array([one.share for one in self.touching])
 
     @property
     @derived
@@ -520,11 +568,15 @@ class Motor(Shown, Parameters):
 
     def pressed_by(self, force_n: float, stator: Stator | None = None) -> Stator:
         """Return :attr:`pressed_stator` under another normal force in N, of :attr:`stator` or of another free one."""
-        contact, rotor = self.contact.model_copy(update={"preload_n": force_n}), self.rotor
+        rotor, stiffness, damping = self.rotor, list[float](), list[float]()
+        for one in self.touching:
+            contact = one.contact.model_copy(update={"preload_n": one.share * force_n})
+            stiffness += contact_law.stiffnesses_at_preload(contact)
+            damping += (0.0, contact_law.normal_damping(contact) * contact.preload_n)
         carried = self.carried_stator if stator is None else stator.with_carrier(self.mount)
         return carried.pressed(
-            contact_law.stiffnesses_at_preload(contact),
-            (0.0, contact_law.normal_damping(contact) * contact.preload_n),
+            stiffness,
+            damping,
             rotor.inertia_kg_m2 / rotor.radius_m**2,
             rotor.bearing_damping_n_m_s / rotor.radius_m**2,
         )
@@ -532,15 +584,21 @@ class Motor(Shown, Parameters):
     @property
     def deflection_m(self) -> float:
         """Bending Δ_C = F₀ Σ Y_n²/k_n of the stator under the preload, at the tip, in m."""
-        return float(self.contact.preload_n * self.stator.flexibility[1, 1])
+        return float(self.deflections_m[0])
+
+    @property
+    def deflections_m(self) -> Array:
+        """Bending of the stator under the preload at each contact, in m."""
+        return np.asarray(self.contact.preload_n * (self.stator.flexibility[1::2, 1::2] @ self.preload_shares))
 
     @property
     def sway_m(self) -> float:
         """Sideways displacement x = −F₀ Σ X_n Y_n/k_n of the tip under the preload, in m; 0 for a symmetric stator.
 
-        The crown of the rotor is above the tip at rest.
+        The crown of the rotor is above the tip at rest. Of several contacts it is the largest.
         """
-        return float(-self.contact.preload_n * self.stator.flexibility[0, 1])
+        sways = -self.contact.preload_n * (self.stator.flexibility[::2, 1::2] @ self.preload_shares)
+        return float(sways[np.abs(sways).argmax()])
 
     def approach_m(self, preload_n: float) -> float:
         """Return the motion in m of the stator's support towards the rotor that changes the preload to another, N.
@@ -562,7 +620,15 @@ class Motor(Shown, Parameters):
             mode.model_copy(update=dict(zip(MODE_COLUMNS, map(float, row), strict=True)))
             for mode, row in zip(self.modes, stator.mode_rows, strict=True)
         )
-        return self.model_copy(update={"modes": modes})
+        names, rows = [mode.name for mode in modes], stator.contact.reshape(-1, 2, len(modes))
+        contacts = tuple(
+            place.model_copy(update={
+                "tip_x": dict(zip(names, (place.direction * x).tolist(), strict=True)),
+                "tip_y": dict(zip(names, y.tolist(), strict=True)),
+            })
+            for place, (x, y) in zip(self.contacts, rows if self.contacts else (), strict=True)
+        )  # fmt: skip
+        return self.model_copy(update={"modes": modes, "contacts": contacts})
 
     @property
     def moved(self) -> str:
@@ -596,7 +662,7 @@ class Motor(Shown, Parameters):
         limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
         if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
             of_beam = (*of_beam, OTHER_PRESSURE.format(self.contact.exponent))
-        return (*unknown_recoil(self.modes, self.mount), *of_beam, *self.left_out)
+        return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_beam, *self.left_out)
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""
@@ -743,7 +809,10 @@ def _toml(document: Mapping[str, Any], provenance: Mapping[str, Provenance], hea
     lines = [*(f"# {line}".rstrip() for line in heading.splitlines()), "# USE: piezomotor simulate THIS.toml"]
     lines += ["", f"name = {_written(document['name'])}"]
     for index, mode in enumerate(document["modes"]):
-        lines += ["", "[[modes]]", *entries(f"modes.{index}", mode)]
+        own = {key: value for key, value in mode.items() if "contacts" not in document or key not in ("tip_x", "tip_y")}
+        lines += ["", "[[modes]]", *entries(f"modes.{index}", own)]
+    for index, place in enumerate(document.get("contacts", ())):
+        lines += ["", "[[contacts]]", *entries(f"contacts.{index}", place)]
     for section, table in document.items():
         if isinstance(table, Mapping):
             lines += ["", f"[{section}]", *entries(section, table)]
@@ -773,6 +842,7 @@ def assemble(
     parts: Mapping[str, Any], stator: Structure | Solid | None, provenance: dict[str, Provenance], *, where: str
 ) -> Motor:
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
+    parts = resolved(parts, where)
     modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
     order = sorted(range(len(modes)), key=lambda index: modes[index].frequency_hz)
     moved = {str(old): str(new) for new, old in enumerate(order)}
@@ -786,6 +856,7 @@ def assemble(
                 if parts.get(section) is not None
             },
             law=parts.get("law") or {},
+            contacts=parts.get("contacts", ()),
             left_out=parts.get("left_out", ()),
             materials=parts.get("materials"),
             drive=parts.get("drive"),
@@ -832,26 +903,43 @@ def refuse_source(path: str) -> None:
         )
 
 
+def _places(document: dict[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Return the names of the values of a motor's document by the paths of their tables."""
+    names = tuple(mode["name"] for mode in document["modes"])
+    places = {f"modes.{index}": (*Mode.model_fields, *ALIASES) for index in range(len(names))}
+    places |= {section: tuple(kind.model_fields) for section, kind in SECTIONS.items() if section in document}
+    for index, entry in enumerate(document.get("contacts", ())):
+        inside = {"contact": tuple(Contact.model_fields), "tip_x": names, "tip_y": names}
+        places[f"contacts.{index}"] = tuple(ContactPlace.model_fields.keys() - inside.keys())
+        for table, keys in inside.items():
+            entry.setdefault(table, {})
+            places[f"contacts.{index}.{table}"] = keys
+    stated = document.get("contact") or {}
+    return places | {f"contact.{kind.TABLE}": tuple(kind.model_fields) for kind in SOURCES if kind.TABLE in stated}
+
+
 def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
     """Put a value into a motor's document and return its path, with the number of the mode instead of its name."""
     section, _, rest = given.partition(".")
     which, _, last = rest.partition(".")
     names = [mode["name"] for mode in document["modes"]]
-    path = f"modes.{names.index(which)}.{last}" if section == "modes" and which in names else given
+    lists = {"modes": names, "contacts": [place["name"] for place in document.get("contacts", ())]}
+    path = given
+    if which in lists.get(section, ()):
+        path = f"{section}.{lists[section].index(which)}.{last}"
+    if "contacts" in document and section == "modes" and last in ("tip_x", "tip_y"):
+        raise ParameterError(f"{given} follows from contacts.0, the first of [[contacts]]. Change that.")
     if path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value
         return path
     if section == "law" and re.fullmatch(r"[a-z]\w*", rest):
         document["law"] = {**document.get("law", {}), rest: value}
         return path
-    places = {f"modes.{index}": (*Mode.model_fields, *ALIASES) for index in range(len(names))}
-    places |= {section: tuple(kind.model_fields) for section, kind in SECTIONS.items() if section in document}
     if path == f"contact.{Lining.TABLE}" and isinstance(value, Mapping) and "contact" in document:
         document["contact"] = {k: v for k, v in document["contact"].items() if k != Materials.TABLE}
         document["contact"] |= {Lining.TABLE: dict(value), **dict.fromkeys(Materials.ONLY)}
         return path
-    stated = document.get("contact") or {}
-    places |= {f"contact.{kind.TABLE}": tuple(kind.model_fields) for kind in SOURCES if kind.TABLE in stated}
+    places = _places(document)
     known = ["name", *(f"{place}.{key}" for place, keys in places.items() for key in keys)]
     refuse_source(given)
     if path not in known:

@@ -428,6 +428,43 @@ class Contact(Parameters):
         return self
 
 
+MOST_CONTACTS = 64  # eight points suffice on each wave of a ring (docs/ring.md); waves that do the same are one
+
+
+class ContactPlace(Parameters):
+    """One of several contacts of a stator, or some that do the same: how the modes move it, and what is its own.
+
+    Its own x points the way in which friction drives the rotor forward.
+    """
+
+    name: str = label("name of the contact")
+    tip_x: dict[str, Annotated[float, Field(ge=-1e4, le=1e4)]] = Field(
+        default_factory=dict, description="tangential displacement per modal coordinate, by the names of the modes"
+    )
+    tip_y: dict[str, Annotated[float, Field(ge=-1e4, le=1e4)]] = Field(
+        default_factory=dict, description="displacement towards the rotor per modal coordinate, by the modes' names"
+    )
+    radius_m: float | None = quantity(
+        "radius of the rotor at the contact; not given: rotor.radius_m", "m", ge=1e-4, le=10.0, default=None
+    )
+    direction: Literal[1, -1] = Field(
+        default=1, description="1, or -1 for a tip whose motion along the stator's x drives the rotor backward"
+    )
+    multiplicity: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=1, description="number of equal points of contact that do the same"
+    )
+    share: float | None = quantity(
+        "share of the preload; not given: in proportion to the multiplicities", "1", gt=0.0, lt=1.0, default=None
+    )
+    height_m: float = quantity(
+        "height above the place at which it would have its share, negative where it is worn", "m",
+        ge=-1e-3, le=1e-3, default=0.0,
+    )  # fmt: skip
+    contact: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
+        default_factory=dict, description="values of [contact] that differ here, but for preload_n"
+    )
+
+
 class Mount(Parameters):
     """The carrier of the stator: plate springs press it towards the rotor, so that the preload is a force.
 

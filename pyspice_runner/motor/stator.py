@@ -24,7 +24,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pyspice_runner.motor.parameters import Contact, Feedback, Mode, Mount, Piezo, ToolLoad
+from pyspice_runner.motor.contacts import Touching
+from pyspice_runner.motor.parameters import Feedback, Mode, Mount, Piezo, ToolLoad
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -59,31 +60,39 @@ class Stator:
     carriers: int = 0  # number of coordinates of the carrier, the last ones: along y, then along x
     feedback: Feedback | None = None  # electrode that loads the coordinates; M, B, K and C are those with it shorted
     sensed: Array = field(default_factory=lambda: np.zeros(0))  # its force per coordinate, shape (n,), N/V
+    # of each contact: the direction of the carrier's x there, and the radius of the rotor over that of its surface
+    forward: Array = field(default_factory=lambda: np.ones(1))
+    lever: Array = field(default_factory=lambda: np.ones(1))
 
     @classmethod
     def of_modes(
-        cls, modes: Sequence[Mode], piezo: Piezo, contact: Contact | None, feedback: Feedback | None = None
-    ) -> Self:
-        """Return the stator of modes with one contact, or one face of a transducer; a recoil that is not known is 0.
+        cls, modes: Sequence[Mode], piezo: Piezo, touching: Sequence[Touching], feedback: Feedback | None = None,
+        motion: Array | None = None, radius_m: float = 1.0,
+    ) -> Self:  # fmt: skip
+        """Return the stator of modes with its contacts, or one face of a transducer; a recoil that is not known is 0.
 
-        Voltages do not move a contact without a compliance in series: its modes that are left out do not count.
+        ``motion`` is P, by default that of the modes, and ``radius_m`` that of the rotor. Voltages do not move a
+        contact without a compliance in series: its modes that are left out do not count.
         """
         names = ("tangential_series_compliance_m_per_n", "series_compliance_m_per_n")
-        softness = np.array([getattr(contact, name) if contact else 0.0 for name in names])
+        softness = np.array([getattr(one.contact, name) for one in touching for name in names] or [0.0, 0.0])
+        per_volt = np.tile(piezo.motion, (len(softness) // 2, 1))
         return cls(
             mass=np.array([mode.mass_kg for mode in modes]),
             damping=np.array([mode.damping_n_s_per_m for mode in modes]),
             stiffness=np.array([mode.stiffness_n_per_m for mode in modes]),
             coupling=np.array([mode.couplings[: len(piezo.capacitances)] for mode in modes]),
-            contact=np.array([(mode.tip_x, mode.tip_y) for mode in modes]).T,
+            contact=np.array([(mode.tip_x, mode.tip_y) for mode in modes]).T if motion is None else motion,
             capacitance=np.array(piezo.matrix),
             recoil=np.array([(mode.recoil_kg or 0.0, mode.recoil_x_kg or 0.0) for mode in modes]),
             residual=np.diag(softness),
-            residual_per_volt=np.where(softness[:, np.newaxis] > 0.0, piezo.motion, 0.0),
+            residual_per_volt=np.where(softness[:, np.newaxis] > 0.0, per_volt, 0.0),
             capacitance_at=piezo.reference_hz or CAPACITANCE_AT,
             loss_tangent=piezo.loss_tangent,
             feedback=feedback,
             sensed=np.array([feedback.couplings_n_per_v.get(mode.name, 0.0) for mode in modes if feedback]),
+            forward=np.array([float(one.direction) for one in touching] or [1.0]),
+            lever=np.array([one.radius_m / radius_m for one in touching] or [1.0]),
         )
 
     def loaded(self, motion: Array, load: ToolLoad, resistance_n_s_per_m: float) -> Self:
@@ -107,7 +116,7 @@ class Stator:
             own = n + place
             found.mass[own, own], found.damping[own, own] = along.mass_kg, along.damping_n_s_per_m
             found.stiffness[own, own] = along.stiffness_n_per_m
-            found.contact[1 - place :: 2, own] = 1.0
+            found.contact[1 - place :: 2, own] = self.forward if place else 1.0
         return replace(found, recoil=np.zeros((n + len(moving), 2)), carriers=len(moving))
 
     def pressed(self, stiffness: ArrayLike, damping: ArrayLike, surface_kg: float, surface_n_s_per_m: float) -> Self:
@@ -124,7 +133,7 @@ class Stator:
         springs = springs @ share
         found = self._extended(1)
         found.mass[-1, -1], found.damping[-1, -1] = surface_kg, surface_n_s_per_m
-        found.contact[::2, -1] = -1.0
+        found.contact[::2, -1] = -self.lever
         along, held = found.contact, springs @ self.residual_per_volt  # ``held``: forces of the contacts per volt
         taken = share @ along
         return replace(
@@ -308,19 +317,20 @@ def carriers(mount: Mount | None) -> tuple[Mount, ...]:
     return tuple(along for along in (mount, mount and mount.tangential) if along)
 
 
-def unknown_recoil(modes: Sequence[Mode], mount: Mount | None) -> tuple[str, ...]:
+def unknown_recoil(modes: Sequence[Mode], mount: Mount | None, motion: Array) -> tuple[str, ...]:
     """Return one sentence for each mode whose recoil is not known and may shift it by half a bandwidth or more.
 
-    Its estimate is that of a mode whose mass moves with the tip.
+    Its estimate is that of a mode whose mass moves with the tip, by ``motion`` P; of several tips as their mean.
     """
     found = []
-    for mode in modes:
-        along = (("recoil_kg", mode.tip_y), ("recoil_x_kg", mode.tip_x))
-        for carrier, (name, moves) in zip(carriers(mount), along, strict=False):
-            motion = mode.tip_x**2 + mode.tip_y**2
-            if getattr(mode, name) is not None or mode.mass_kg >= MAX_TIP_MASS_KG * motion:
+    tips = motion.reshape(-1, 2, len(modes))
+    for mode, (x, y), square_motion in zip(
+        modes, tips.mean(axis=0).T, np.sum(tips**2, axis=1).mean(axis=0), strict=True
+    ):
+        for carrier, (name, moves) in zip(carriers(mount), (("recoil_kg", y), ("recoil_x_kg", x)), strict=False):
+            if getattr(mode, name) is not None or mode.mass_kg >= MAX_TIP_MASS_KG * square_motion:
                 continue
-            estimate = mode.mass_kg * moves / motion
+            estimate = mode.mass_kg * moves / square_motion
             shift = 0.5 * estimate**2 / (mode.mass_kg * carrier.mass_kg)
             if 2.0 * shift * mode.quality_factor > 1.0:
                 found.append(

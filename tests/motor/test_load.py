@@ -370,8 +370,8 @@ def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Pa
 # --- mistakes in a document ----------------------------------------------------------------------------------
 
 TOP = (
-    "name, description, ceramic, patches, tip, damping, law, drive, piezo, contact, rotor, slider, mount, limits, "
-    "load, feedback, beam, solid, modes, arms"
+    "name, description, ceramic, patches, tip, damping, law, drive, contacts, piezo, contact, rotor, slider, mount, "
+    "limits, load, feedback, beam, solid, modes, arms"
 )
 LEFT_OUT = {"friction": 0.2, "preload_n": 1.0}
 MISTAKES: list[tuple[Document, str]] = [
