@@ -206,7 +206,7 @@ def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
         omega = 2.0 * pi * tones[0].frequency
         forces = stator.coupling @ [tone.amplitude * exp(1j * tone.phase) for tone in tones]
         moved = forces / (stator.stiffness - stator.mass * omega**2 + 1j * omega * stator.damping)
-        along, towards = np.abs(stator.contact * moved).sum(axis=1).tolist()
+        along, towards = np.abs(stator.contact * moved).sum(axis=1).reshape(-1, 2).max(axis=0).tolist()
         swing += hypot(along, towards)
         velocity += omega * hypot(along, towards)
     return velocity, swing
