@@ -148,7 +148,7 @@ def _bench(
 ) -> Bench:
     """Return the bench of a motor and its source, with the initial voltages of its states only for a given motion."""
     options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
-    nodes = first_guess(motor, law, start.stem_m if start else 0.0, discretisation)
+    nodes = first_guess(motor, law, start.stem_m if start else (), discretisation)
     if start is not None:
         states = motor_states(motor, law)
         nodes |= start_values(states, [state.of(start) for state in states], discretisation)[1]

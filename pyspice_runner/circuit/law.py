@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.document import read_bytes
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.spice.library import LAW, PREFIX, Library, LibraryParameter, parse_library, read_library
 from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
@@ -152,9 +153,13 @@ class Law:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The nodes inside a motor whose capacitors hold the state of the contact, for ``.ic``."""
+        """The nodes inside a motor whose capacitors hold the state of its first contact, for ``.ic``."""
+        return self.states_of("")
+
+    def states_of(self, suffix: str) -> tuple[str, ...]:
+        """Return these nodes of a contact by the suffix of its nodes."""
         nodes = contact_library(self).states
-        return tuple(node if node in PINS else f"xcontact.{node}" for node in nodes)
+        return tuple(f"{node}{suffix}" if node in PINS else f"xcontact{suffix}.{node}" for node in nodes)
 
     @property
     def touching(self) -> NDArray[np.float64]:
@@ -197,6 +202,16 @@ def reached(law: Law, contact: Contact, depth: float) -> int:
 def _width(depth: float, flat: float) -> float:
     """Return half of the contact's width squared, over the radius of a new tip, in m."""
     return 0.5 * (sqrt(flat**2 + 4.0 * depth**2) + flat)
+
+
+def motor_library_of(law: Law, motor: Motor) -> Library:
+    """Return the library of the contacts of a motor: one for all, with what any of them needs."""
+    contacts = [one.contact for one in motor.touching]
+    needs = {
+        "worn_flat_radius_m": max(contact.worn_flat_radius_m for contact in contacts),
+        "sliding_ratio": min(contact.sliding_ratio for contact in contacts),
+    }
+    return contact_library(law, motor.contact.model_copy(update=needs))
 
 
 ContactLaw = Law | str | Path  # as an analysis accepts it: a law, its name, or the path of a user's own

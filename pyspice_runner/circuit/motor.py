@@ -27,6 +27,7 @@ from pyspice_runner.circuit.law import (
     contact_library,
     contact_values,
     is_own,
+    motor_library_of,
     touching_law,
     unplotted,
 )
@@ -42,9 +43,10 @@ from pyspice_runner.circuit.state import (
     motor_states,
     plate_nodes,
     plates_of,
+    preload_motion,
     pushes,
     start_values,
-    static_sway,
+    static_places,
     stems,
     transducer_branches,
     written,
@@ -52,10 +54,11 @@ from pyspice_runner.circuit.state import (
 )
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.groups import GROUPS
-from pyspice_runner.motor.motor import Motor, derived
+from pyspice_runner.motor.motor import Motor, derived, require_one_contact
 from pyspice_runner.motor.parameters import Feedback, Mode, Mount, Piezo
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.stator import STEP_WORDS, longest_step
@@ -75,6 +78,8 @@ from pyspice_runner.spice.library import (
 SUBCIRCUIT = PREFIX
 MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
 MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if the carrier moves along it, too
+ALL = "_all"  # ending of the node of a sum over several contacts
+_OF_TIP = ("x", "y", "vx", "vy")  # its nodes, which sum what the modes add
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
 TRANSDUCER = "transducer"
@@ -182,16 +187,13 @@ class MotorSubCircuit(Assembly):
         name: str = "",
         prefix: str = "",
     ) -> None:
-        flexibility = float(written_stator(motor, discretisation).flexibility[1, 1])
-        flexibility += motor.contact.series_compliance_m_per_n
-        preload = motor.contact.preload_n
-        library = contact_library(law, motor.contact) if law else None
+        if motor.contacts and law and law.row:
+            require_one_contact(motor, f"The contact {law.name} is")
+        library = motor_library_of(law, motor) if law else None
         touching: dict[str, float] = {}
         if law:
-            touching = contact_values(
-                law, motor.contact, radius=motor.rotor.radius_m, preload=preload, deflection=preload * flexibility,
-                slider_time=discretisation.slider_time if discretisation else None,
-            )  # fmt: skip
+            touching = _touching_values(motor, law, motor.touching[0], discretisation)
+            touching |= {"preload": motor.contact.preload_n}
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
         rotor = read_library("piezomotor_rotor")
         self.settable = (
@@ -208,29 +210,19 @@ class MotorSubCircuit(Assembly):
         super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
         self.prefix, self._starts = prefix or self.name, starts
         self._motor, self._law, self._discretisation, self._thermal = motor, law, discretisation, thermal
+        self._plotted = plotted
         self._common = "common" if check else "com"
         self._mount = carrier(motor, law)
         if plates:
             self._add_groups(warm)
-        self._add_modes(warm, preload if law else 0.0)
+        self._add_modes(warm)
         if motor.feedback:
             self._add_feedback(motor.feedback)
         if library:
-            moved = {}
-            if sway := static_sway(motor, law, discretisation):  # the crown stands beside the tip at rest
-                self.V("sway", "x", CROWN, f"DC {{{rounded(1e6 * (sway / preload))!r}*preload}}")
-                moved["x"] = CROWN
-            moved |= self._add_tangential("fx", moved.get("x", "x"))
-            moved |= self._add_mount(approach=approach)
-            for stem, compliance in stems(motor, law).items():
-                moved |= self._add_stem(stem, compliance, moved)
-            check_parameters(library.name, library.parameters, touching)
-            library = library if plotted or law is None or not law.row else unplotted(library)
-            expressions = _expressions(library, touching, flexibility, law.covered if law else 1.0)
-            self._put("contact", library, [moved.get(pin, pin) for pin in PINS], {**touching, **expressions})
+            self._add_contacts(library, approach=approach)
         else:
-            self.R("free_fx", "fx", self.gnd, 1)
-            self.R("free_fy", "fy", self.gnd, 1)
+            for force in (f"{name}{one.suffix}" for one in motor.touching for name in ("fx", "fy")):
+                self.R(f"free_{force}", force, self.gnd, 1)
             if self._mount:
                 values = spring_values(self._mount, discretisation) | {"preload": 0.0}
                 self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
@@ -285,15 +277,94 @@ class MotorSubCircuit(Assembly):
             drawn = (f"{_shared(piezo, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
             self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
 
-    def _add_modes(self, warm: tuple[str, ...], preload: float) -> None:
+    def _add_contacts(self, library: Library, *, approach: bool) -> None:
+        """Add the contacts with what is between them and the modes, and the nodes of the total forces of several."""
+        motor, law, discretisation = self._motor, self._law, self._discretisation
+        assert law is not None
+        several = motor.touching if motor.contacts else ()
+        for total, gains in (
+            ("fx", motor.stator.forward), ("fy", np.ones(len(several))), ("normal", np.ones(len(several))),
+            ("friction", motor.stator.lever),
+        ):  # fmt: skip
+            self._add_total(total, [one.suffix for one in several], gains.tolist())
+        first_x = "x"
+        places = 1e6 * static_places(motor, law, discretisation) / motor.contact.preload_n
+        plain = library if self._plotted or not law.row else unplotted(library)
+        for one, (sway, bent), forward in zip(motor.touching, places, motor.stator.forward, strict=True):
+            moved: dict[str, str] = {}
+            suffix = one.suffix
+            if sway:  # the crown stands beside the tip at rest
+                self.V(f"sway{suffix}", f"x{suffix}", f"{CROWN}{suffix}", f"DC {{{rounded(sway)!r}*preload}}")
+                moved["x"] = f"{CROWN}{suffix}"
+            if suffix:
+                along_x = (moved.get("x", f"x{suffix}"), first_x, float(forward))
+                moved |= self._add_carried(suffix, along_x, approach=approach)
+            else:
+                first_x = moved.get("x", "x")
+                all_of = ALL if several else ""
+                moved |= self._add_tangential(f"fx{all_of}", first_x)
+                moved |= self._add_mount(f"fy{all_of}", approach=approach)
+            for stem, compliance in stems(motor, law).items():
+                if stem in (f"stem{suffix}", f"stem_x{suffix}"):
+                    moved |= self._add_stem(stem, compliance, moved, one)
+            values = _touching_values(motor, law, one, discretisation, library)
+            check_parameters(library.name, library.parameters, values)
+            flexible = -1e-6 * bent + one.contact.series_compliance_m_per_n * one.share
+            expressions = _expressions(plain, values, flexible, law.covered, one.height_m)
+            if several:
+                expressions |= self._own_values(plain, values, one)
+            nodes = [moved.get(pin, pin if pin == "shaft" else f"{pin}{suffix}") for pin in PINS]
+            self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
+
+    def _own_values(self, library: Library, values: Mapping[str, float], one: Touching) -> dict[str, str]:
+        """Return the parameters of one of several contacts that differ from those of the X line, as expressions."""
+        defaults = {item.name: item.default for item in self.settable}
+        found = {"preload": f"{{{one.share!r}*preload}}"}
+        for item in library.parameters:
+            name, outer = item.name, _outer(item.name)
+            if name in found or outer not in defaults or name not in values or values[name] == defaults[outer]:
+                continue
+            if defaults[outer]:
+                found[name] = f"{{{rounded(values[name] / defaults[outer])!r}*{outer}}}"
+        return found
+
+    def _add_total(self, node: str, suffixes: Sequence[str], gains: Sequence[float]) -> None:
+        """Add the sum of the voltages of a node of several contacts, each times a gain."""
+        for number, (suffix, gain) in enumerate(zip(suffixes, gains, strict=False)):
+            low = f"{node}{ALL}{number + 1}" if number + 1 < len(suffixes) else self.gnd
+            high = f"{node}{ALL}{number or ''}"
+            self.VCVS(high, high, low, f"{node}{suffix}", self.gnd, voltage_gain=rounded(gain))
+
+    def _add_carried(self, suffix: str, along_x: tuple[str, str, float], *, approach: bool) -> dict[str, str]:
+        """Move another contact with the carrier, or the approach, as the first; return the nodes that it then has.
+
+        ``along_x`` are its node x, that of the first, and the direction of the carrier's x.
+        """
+        x, first, forward = along_x
+        moved: dict[str, str] = {}
+        along: list[tuple[str, str, str, str, float]] = []
+        if self._mount and self._mount.tangential:
+            along += [("x", x, MOUNTED_X["x"], first, forward), ("vx", f"vx{suffix}", MOUNTED_X["vx"], "vx", forward)]
+        if self._mount:
+            along += [(name, f"{name}{suffix}", MOUNTED[name], name, 1.0) for name in MOUNTED]
+        elif approach:
+            along.append(("y", f"y{suffix}", "pressed", "y", 1.0))
+        for name, own, carried, base, gain in along:
+            moved[name] = f"{carried}{suffix}"
+            self.VCVS(moved[name], moved[name], own, carried, base, voltage_gain=gain)
+        return moved
+
+    def _add_modes(self, warm: tuple[str, ...]) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
+        pressed = preload_motion(self._motor) if self._law else ()
+        suffixes = [one.suffix for one in self._motor.touching] if not self._motor.is_transducer else [""]
         shaking = written_stator(self._motor, self._discretisation, self._mount).carrier_recoil.T.tolist()
         pins = [*self._motor.groups, *[self._common] * (3 - len(self._motor.groups))]
         for index, (mode, (along_y, along_x)) in enumerate(zip(self._motor.modes, shaking, strict=True), start=1):
             part, more = _mode_part(self._motor, mode, self._thermal)
             values: dict[str, float | str] = dict(mode_values(mode, self._discretisation))
             tip = {name: values.pop(name) for name in ("tip_x", "tip_y")}
-            values["preload"] = f"{{{rounded(mode.tip_y)!r}*preload}}" if preload else 0.0
+            values["preload"] = f"{{{rounded(float(pressed[index - 1]))!r}*preload}}" if len(pressed) else 0.0
             base: str | int = "base" if self._mount else self.gnd
             if along_y and along_x:
                 base = self._add_slant(index, along_x / along_y)
@@ -307,9 +378,13 @@ class MotorSubCircuit(Assembly):
             self._put(f"mode{index}", part, (*pins, *inside, base, *warm), values | more)
             tip["stiffness"] = values["stiffness"]
             force, _, velocity, elastic = inside
-            ends = (force, velocity, elastic, "fx", "fy", "x", "y", "vx", "vy")
-            self._put(f"tip{index}", "piezomotor_tip", ends, tip)
-        for node in ("x", "y", "vx", "vy", *(("heat",) if warm else ())):
+            for suffix, (tip_x, tip_y) in zip(
+                suffixes, self._motor.stator.contact[:, index - 1].reshape(-1, 2), strict=True
+            ):
+                ends = (force, velocity, elastic, *(f"{node}{suffix}" for node in ("fx", "fy", "x", "y", "vx", "vy")))
+                of_this = {"tip_x": float(tip_x), "tip_y": float(tip_y)} if suffix else {}
+                self._put(f"tip{index}{suffix and f'_{suffix}'}", "piezomotor_tip", ends, tip | of_this)
+        for node in (*(f"{name}{suffix}" for suffix in suffixes for name in _OF_TIP), *(("heat",) if warm else ())):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:
             self.R("open_temperature", "temperature", self.gnd, 1e9)
@@ -345,24 +420,27 @@ class MotorSubCircuit(Assembly):
         self._put("mount_x", "piezomotor_mount", (force, x, "vx", *MOUNTED_X.values(), "base_x"), values)
         return MOUNTED_X
 
-    def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str]) -> dict[str, str]:
-        """Add a compliance in series with the contact, which the contact force compresses, or friction along x.
+    def _add_stem(self, name: str, compliance: float, nodes: Mapping[str, str], one: Touching) -> dict[str, str]:
+        """Add a compliance in series with a contact, which the contact force compresses, or friction along x.
 
         ``nodes`` are those to which the contact would be connected. Return those that take their place: along x only
         the velocity, because the displacement, of some ten nm, would move the contact on the rotor by 1e-6 of its
         radius, and as a part of the penetration it makes ngspice's iteration diverge where the contact closes.
         """
-        axis, force = ("x", "friction") if name == "stem_x" else ("y", "normal")
-        values = {"compliance": compliance}
+        axis, force = ("x", "friction") if name.startswith("stem_x") else ("y", "normal")
+        values: dict[str, float | str] = {"compliance": compliance}
         passed = [item.name for item in self.settable if item.name == SLIDER_TIME]
         if not passed and self._discretisation:
             values[SLIDER_TIME] = self._discretisation.slider_time
-        if axis == "y":
-            passed.append("preload")
-        else:
+        suffix, force = one.suffix, f"{force}{one.suffix}"
+        if axis == "x":
             values["preload"] = 0.0  # at rest there is no friction
-        moved = {axis: f"stem_{axis}", f"v{axis}": f"stem_v{axis}"}
-        own = [nodes.get(axis, axis), nodes.get(f"v{axis}", f"v{axis}")]
+        elif one.share < 1.0:
+            values["preload"] = f"{{{one.share!r}*preload}}"
+        else:
+            passed.append("preload")
+        moved = {axis: f"stem_{axis}{suffix}", f"v{axis}": f"stem_v{axis}{suffix}"}
+        own = [nodes.get(node, f"{node}{suffix}") for node in (axis, f"v{axis}")]
         for group, per_volt in zip(GROUPS, pushes(self._motor, self._law).get(name, ()), strict=False):
             pushed, turn = groups.named(f"pushed_{axis}", group), rounded(per_volt)
             self.VCVS(pushed, pushed, force, group, self._common, voltage_gain=-turn)
@@ -372,8 +450,11 @@ class MotorSubCircuit(Assembly):
         moved.pop("x", None)
         return moved
 
-    def _add_mount(self, *, approach: bool) -> dict[str, str]:
-        """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins."""
+    def _add_mount(self, force: str, *, approach: bool) -> dict[str, str]:
+        """Add carrier and approach, and return the nodes to which the contact is connected instead of its pins.
+
+        ``force`` is the node of the force of all contacts on the stator.
+        """
         mount = self._mount
         if approach:
             self.R("open_approach", "approach", self.gnd, 1e9)
@@ -385,8 +466,8 @@ class MotorSubCircuit(Assembly):
         values = spring_values(mount, self._discretisation)
         if approach:  # the far end of the springs moves
             gain = rounded(1e-6 * values["stiffness"])
-            self.VCVS("approach", "pressed", "fy", "approach", self.gnd, voltage_gain=gain)
-        nodes = ("pressed" if approach else "fy", "y", "vy", *MOUNTED.values(), "base")
+            self.VCVS("approach", "pressed", force, "approach", self.gnd, voltage_gain=gain)
+        nodes = ("pressed" if approach else force, "y", "vy", *MOUNTED.values(), "base")
         self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
         return MOUNTED
 
@@ -415,7 +496,7 @@ class TransducerSubCircuit(MotorSubCircuit):
         self._motor, self._law, self._discretisation, self._thermal = motor, None, discretisation, None
         self._common, self._mount = "common" if check else "com", None
         self._add_groups(())
-        self._add_modes((), 0.0)
+        self._add_modes(())
         self.R("free_fx", "fx", self.gnd, 1)
         self.R("free_fy", "fy", self.gnd, 1)
         self._add_load("V(tool)" if approach else "{load}")
@@ -440,13 +521,32 @@ class TransducerSubCircuit(MotorSubCircuit):
             self.raw_spice += f"Fmass {force} 0 Vmass 1\n"
 
 
-def _expressions(law: Library, values: Mapping[str, float], flexibility: float, covered: float) -> dict[str, str]:
+def _touching_values(
+    motor: Motor, law: Law, one: Touching, discretisation: Discretisation | None, library: Library | None = None
+) -> dict[str, float]:
+    """Return the parameters of an instance of a law at one contact, and those that only other contacts need."""
+    places = static_places(motor, law, discretisation)[[other.name for other in motor.touching].index(one.name)]
+    bent = float(-places[1]) + one.contact.series_compliance_m_per_n * one.contact.preload_n
+    values = contact_values(
+        law, one.contact, radius=one.radius_m, preload=one.contact.preload_n, deflection=bent + one.height_m,
+        slider_time=discretisation.slider_time if discretisation else None,
+    )  # fmt: skip
+    for item in library.parameters if library else ():
+        if item.name == "flat" and "flat" not in values:  # new, beside worn ones
+            values["flat"] = item.least
+    return values
+
+
+def _expressions(
+    law: Library, values: Mapping[str, float], flexibility: float, covered: float, height_m: float = 0.0
+) -> dict[str, str]:
     """Return a law's parameters that depend on the X line, as expressions; ``flexibility`` of the stator in m/N.
 
-    ``covered`` is that of :class:`.Law`.
+    ``covered`` is that of :class:`.Law`, ``height_m`` that by which a tip stands out.
     """
     written = {item.name: f"{{{_outer(item.name)}}}" for item in law.parameters if item.name not in _DERIVED}
-    written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload}}"
+    above = f"{rounded(1e6 * height_m):+}" if height_m else ""
+    written["deflection"] = f"{{{rounded(1e6 * flexibility)!r}*preload{above}}}"
     if "span" in values:
         part = f"{covered!r}*" if covered < 1.0 else ""
         deep = f"{1e6 * REACH!r}*(preload/normal_stiffness)**(2/3)"
@@ -513,9 +613,14 @@ def require_no_feedback(motor: Motor, what: str) -> None:
         )
 
 
-def contact_nodes(motor: Motor, law: Law | None = None) -> dict[str, str]:
-    """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy, with a law as voltages move it."""
-    nodes = {name: name for name in ("x", "y", "vx", "vy")}
+def contact_nodes(motor: Motor, law: Law | None = None, suffix: str = "") -> dict[str, str]:
+    """Return the nodes of the tip at the contact: x (from the crown), y, vx and vy, with a law as voltages move it.
+
+    ``suffix`` is that of the nodes of one of several contacts.
+    """
+    if suffix:
+        return {name: f"{node}{suffix}" for name, node in contact_nodes(motor, law).items()}
+    nodes = {name: name for name in _OF_TIP}
     if motor.sway_m:
         nodes["x"] = CROWN
     nodes |= (MOUNTED if motor.mount else {}) | (MOUNTED_X if motor.mount and motor.mount.tangential else {})

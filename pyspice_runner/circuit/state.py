@@ -22,7 +22,7 @@ from pyspice_runner.motor.dielectric import Branch
 from pyspice_runner.motor.equivalent import constant_loss
 from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Mode, Mount, Piezo
-from pyspice_runner.motor.stator import Stator, carriers, discretised
+from pyspice_runner.motor.stator import ROUNDING, Stator, carriers, discretised
 
 PLATES = ("plate", "slow1", "slow2", "slow3", "slow4", "slow5")  # pins of a group's capacitances, the fastest first
 MICRO = 1e-6
@@ -69,17 +69,16 @@ def written_stator(motor: Motor, discretisation: Discretisation | None, mount: M
 
 
 def stems(motor: Motor, law: Law | None) -> dict[str, float]:
-    """Return the compliances in series with the contact in m/N, by the instances that have them.
+    """Return the compliances in series with the contacts in m/N, by the instances that have them.
 
     A law without a tangential spring has none along the rotor.
     """
-    if law is None:
-        return {}
-    contact, found = motor.contact, {}
-    if contact.series_compliance_m_per_n:
-        found["stem"] = contact.series_compliance_m_per_n
-    if contact.tangential_series_compliance_m_per_n and law.spring:
-        found["stem_x"] = contact.tangential_series_compliance_m_per_n
+    found: dict[str, float] = {}
+    for one in motor.touching if law else ():
+        if one.contact.series_compliance_m_per_n:
+            found[f"stem{one.suffix}"] = one.contact.series_compliance_m_per_n
+        if law and law.spring and one.contact.tangential_series_compliance_m_per_n:
+            found[f"stem_x{one.suffix}"] = one.contact.tangential_series_compliance_m_per_n
     return found
 
 
@@ -89,8 +88,8 @@ def pushes(motor: Motor, law: Law | None) -> dict[str, tuple[float, ...]]:
 
     They are by the instances that voltages move. The compression by a force F is that by F less these forces.
     """
-    moved = dict(zip(("stem_x", "stem"), motor.stator.residual_per_volt, strict=True))
-    softness = stems(motor, law)
+    moved = dict(zip(("stem_x", "stem"), motor.stator.residual_per_volt, strict=False))
+    softness = {} if motor.contacts else stems(motor, law)  # voltages move no compliance of several contacts
     return {name: tuple((moved[name] / softness[name]).tolist()) for name in softness if moved[name].any()}
 
 
@@ -106,25 +105,30 @@ def held_piezo(motor: Motor, law: Law | None) -> Piezo:
 
 
 def first_guess(
-    motor: Motor, law: Law | None, stem_m: float, discretisation: Discretisation | None
+    motor: Motor, law: Law | None, stems_m: Sequence[float], discretisation: Discretisation | None
 ) -> dict[str, float]:
     """Return the voltages inside a motor from which ngspice's first iteration starts, by node.
 
     Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
     in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
-    ``stem_m`` is the compression of the compliance in series at the start in m, less that at rest.
+    ``stems_m`` are the compressions of the compliances in series along y at the start in m, less those at rest, of the
+    contacts that have one; by default 0.
     """
-    compliance = stems(motor, law).get("stem")
-    if law is None or not compliance or discretisation is None:
-        return {}
-    contact = motor.contact
-    if not {"delta", "factor"} <= {*contact_library(law, contact).subcircuit.split()}:  # of a law of the user's own
-        return {}
-    rate = compliance * contact.preload_n / discretisation.slider_time
-    if contact_law.normal_damping(contact) * rate < _STRONG:
-        return {}
-    force = max(contact.preload_n + stem_m / compliance, 0.0)
-    return {"xcontact.delta": contact_law.penetration(contact, force) / MICRO, "xcontact.factor": 1.0}
+    found, compressed = dict[str, float](), iter(stems_m)
+    if law is None or discretisation is None:
+        return found
+    for one in motor.touching:
+        contact, compliance = one.contact, one.contact.series_compliance_m_per_n
+        if not compliance:
+            continue
+        force = max(contact.preload_n + next(compressed, 0.0) / compliance, 0.0)
+        if not {"delta", "factor"} <= {*contact_library(law, contact).subcircuit.split()}:  # of the user's own law
+            continue
+        rate = compliance * contact.preload_n / discretisation.slider_time
+        if contact_law.normal_damping(contact) * rate >= _STRONG:
+            guess = {"delta": contact_law.penetration(contact, force) / MICRO, "factor": 1.0}
+            found |= {f"xcontact{one.suffix}.{node}": value for node, value in guess.items()}
+    return found
 
 
 @derived
@@ -134,11 +138,25 @@ def carrier(motor: Motor, law: Law | None) -> Mount | None:
 
 
 @derived
-def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
-    """Return the sideways displacement in m of the tip under the preload, above which the rotor's crown stands."""
+def static_places(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> Array:
+    """Return the displacements x and y in m of each contact under the preload, shape (contacts, 2)."""
     if law is None:
-        return 0.0
-    return float(-motor.contact.preload_n * written_stator(motor, discretisation).flexibility[0, 1])
+        return np.zeros((1, 2))
+    flexibility = written_stator(motor, discretisation).flexibility[:, 1::2]
+    bent = flexibility @ motor.preload_shares
+    bent[np.abs(bent) < ROUNDING * np.trace(flexibility[1::2])] = 0.0  # where the shares of several cancel
+    return np.asarray(-motor.contact.preload_n * bent.reshape(-1, 2) + 0.0)
+
+
+def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
+    """Return the sideways displacement in m of the first tip under the preload, where the rotor's crown stands."""
+    return float(static_places(motor, law, discretisation)[0, 0])
+
+
+@derived
+def preload_motion(motor: Motor) -> Array:
+    """Return what the modes move the contacts towards the rotor, weighted by their shares of the preload."""
+    return np.asarray(motor.preload_shares @ motor.stator.contact[1::2])
 
 
 @dataclass(frozen=True)
@@ -150,11 +168,12 @@ class Motion:
     speed_rad_s: float = 0.0  # speed of the rotor
     plates_a_v: tuple[float, ...] = ()  # voltages of the capacitances :data:`PLATES` of group A
     plates_b_v: tuple[float, ...] = ()  # the same of group B
-    contact_m: tuple[float, ...] = ()  # states of the law, the nodes :attr:`.Law.states`, 1 V = 1 µm
-    stem_m: float = 0.0  # compression of the compliance in series with the contact, less that at rest, with its lag
-    stem_m_s: float = 0.0  # its rate, with its lag
-    stem_x_m: float = 0.0  # the same along the rotor
-    stem_x_m_s: float = 0.0
+    contact_m: tuple[float, ...] = ()  # states of the law, the nodes :attr:`.Law.states` of each contact, 1 V = 1 µm
+    # compressions of the compliances in series with the contacts, less those at rest, and their rates, with their lags
+    stem_m: tuple[float, ...] = ()
+    stem_m_s: tuple[float, ...] = ()
+    stem_x_m: tuple[float, ...] = ()  # the same along the rotor
+    stem_x_m_s: tuple[float, ...] = ()
     carrier_m: float = 0.0  # displacement of the carrier towards the rotor
     carrier_m_s: float = 0.0  # velocity of the carrier
     carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
@@ -207,11 +226,11 @@ class State:
 def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> tuple[State, ...]:
     """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
     modes = list(enumerate(motor.modes))
-    preload = motor.contact.preload_n if law else 0.0
+    rest = -preload_motion(motor) * motor.contact.preload_n if law else np.zeros(len(modes))
     states = [
         State(
             f"displacement_{at + 1}", "mode", f"v({{0}}.xmode{at + 1}.elastic)", "displacements_m", at,
-            f"mode{at + 1}", unit=MICRO, spring=mode, rest=-mode.tip_y * preload,
+            f"mode{at + 1}", unit=MICRO, spring=mode, rest=float(rest[at]),
         )
         for at, mode in modes
     ]  # fmt: skip
@@ -222,14 +241,17 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
         )
         for at, _ in modes
     ]  # fmt: skip
+    inside = [node for one in motor.touching for node in law.states_of(one.suffix)] if law else []
     states += [
-        State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO)
-        for at, node in enumerate(law.states if law else ())
+        State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO) for at, node in enumerate(inside)
     ]
+    seen: dict[str, int] = {}
     for name in stems(motor, law):
+        kind = "stem_x" if name.startswith("stem_x") else "stem"
+        at = seen[kind] = seen.get(kind, -1) + 1
         states += [
-            State(name, "stem", f"v({{0}}.x{name}.lag)", f"{name}_m", part=name, unit=MICRO),
-            State(f"{name}_rate", "stem", f"v({{0}}.x{name}.slow)", f"{name}_m_s", part=name, start="velocity"),
+            State(name, "stem", f"v({{0}}.x{name}.lag)", f"{kind}_m", at, name, unit=MICRO),
+            State(f"{name}_rate", "stem", f"v({{0}}.x{name}.slow)", f"{kind}_m_s", at, name, "velocity"),
         ]
     for spring, (name, part) in zip(
         carriers(carrier(motor, law)), (("carrier", "mount"), ("carrier_x", "mount_x")), strict=False

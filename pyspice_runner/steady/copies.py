@@ -231,9 +231,8 @@ class Plant:
         values, nodes = start_values(self.states, state.tolist(), discretisation)
         if self.load.speed is not None:
             values["start_speed"] = self.load.speed
-        compressed = state[self.places["stem"]]  # the first is that along y, of a motor that has it
-        stem_m = float(compressed[0]) if len(compressed) else 0.0
-        nodes |= first_guess(self.motor, self.law, stem_m, discretisation)
+        compressed = [value for one, value in zip(self.states, state, strict=False) if one.field == "stem_m"]
+        nodes |= first_guess(self.motor, self.law, compressed, discretisation)
         for group, tones in zip("ab", self.drive.tones, strict=True) if plates else ():
             for node, (ohm, farad) in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
                 nodes[node] = 0.0
