@@ -105,15 +105,21 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         return StatorLag(omega / (2.0 * pi), mass * omega / damping, force_n / damping / omega)
     if not contact:
         return StatorLag(own.frequency_hz, own.quality_factor, highest)
-    normal = contact_law.normal_stiffness_at_preload(motor.contact) * own.tip_y**2
+    contacts = [one.contact for one in motor.touching]
+    along, towards = np.reshape(motor.stator.contact[:, mode], (-1, 2)).T
+    normal = float(np.array([contact_law.normal_stiffness_at_preload(one) for one in contacts]) @ towards**2)
 
     def state(amplitude: float) -> tuple[float, float]:
         """Angular frequency of resonance, and the loss per amplitude in N/m."""
-        stiffness, loss = slider_cycle(motor.contact, abs(own.tip_x) * amplitude) if own.tip_x else (0.0, 0.0)
-        omega = sqrt((own.stiffness_n_per_m + normal + own.tip_x**2 * stiffness) / own.mass_kg)
-        return omega, omega * own.damping_n_s_per_m + own.tip_x**2 * loss
+        cycles = [
+            slider_cycle(one, abs(moved) * amplitude) if moved else (0.0, 0.0)
+            for one, moved in zip(contacts, along.tolist(), strict=True)
+        ]
+        stiffness, loss = (along**2 @ cycles).tolist()
+        omega = sqrt((own.stiffness_n_per_m + normal + stiffness) / own.mass_kg)
+        return omega, omega * own.damping_n_s_per_m + loss
 
-    if own.tip_x:
+    if along.any():
         amplitude = root(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, 1e-9 * highest)
     else:  # no rubbing: the loss does not depend on the amplitude
         amplitude = force_n / state(highest)[1]
