@@ -126,7 +126,7 @@ def staying(state: SteadyState, periods: int = STAYING) -> str:
             return "the long run fails"
         modes = slice(2 * plant.modes)  # displacements and velocities
         return "stays" if (np.abs(end - point.state)[modes] <= AGREES * point.scale[modes]).all() else "leaves"
-    force, friction = trace.forces.tolist()
+    force, friction = trace.forces(plant).tolist()
     if point.sticks:  # a standing shaft is held at any torque
         return "stays" if abs(force - state.normal_force_n) <= AGREES * state.normal_force_n else "leaves"
     return "stays" if _close(state, friction * plant.motor.rotor.radius_m, force) else "leaves"

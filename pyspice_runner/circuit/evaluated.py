@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import Law, contact_library, contact_values
+from pyspice_runner.circuit.law import Law, contact_library, contact_values, motor_library_of
+from pyspice_runner.circuit.motor import touching_values
+from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.spice.expressions import TOKEN, equations, translated
 from pyspice_runner.spice.library import Library, number
@@ -148,21 +150,19 @@ def evaluable(library: Library) -> bool:
 
 
 def parameter_columns(
-    law: Law, motors: Sequence[Motor], deflections_m: Sequence[float], slider_time: float | None = None
+    law: Law, motors: Sequence[Motor], discretisation: Discretisation | None = None
 ) -> dict[str, Array]:
-    """Return the parameters of a law's library in its units and order, each for all motors.
+    """Return the parameters of a law's library in its units and order, each for all contacts of all motors.
 
-    The motors have the same library. The deflections are those of stator and series compliance under the preload.
+    The motors have the same library (:func:`.motor_library_of`).
     """
-    defaults = contact_library(law, motors[0].contact).defaults
-    rows = []
-    for motor, deflection in zip(motors, deflections_m, strict=True):
-        values = contact_values(
-            law, motor.contact, radius=motor.rotor.radius_m, preload=motor.contact.preload_n, deflection=deflection,
-            slider_time=slider_time,
-        )  # fmt: skip
-        rows.append([*(defaults | values).values()])
-    return dict(zip(defaults, np.array(rows, dtype=float).T, strict=True))
+    library = motor_library_of(law, motors[0])
+    rows = [
+        [*(library.defaults | touching_values(motor, law, one, discretisation, library)).values()]
+        for motor in motors
+        for one in motor.touching
+    ]
+    return dict(zip(library.defaults, np.array(rows, dtype=float).T, strict=True))
 
 
 LINE = re.compile(r"^B((?:loss|feed|store|limit)_\w+) \w+ 0 V=(.*)\n", re.M)  # of a power: its node and expression

@@ -546,7 +546,15 @@ class Motor(Shown, Parameters):
             mode.model_copy(update=dict(zip(MODE_COLUMNS, map(float, row), strict=True)))
             for mode, row in zip(self.modes, stator.mode_rows, strict=True)
         )
-        return self.model_copy(update={"modes": modes})
+        names, rows = [mode.name for mode in modes], stator.contact.reshape(-1, 2, len(modes))
+        contacts = tuple(
+            place.model_copy(update={
+                "tip_x": dict(zip(names, (place.direction * x).tolist(), strict=True)),
+                "tip_y": dict(zip(names, y.tolist(), strict=True)),
+            })
+            for place, (x, y) in zip(self.contacts, rows if self.contacts else (), strict=True)
+        )  # fmt: skip
+        return self.model_copy(update={"modes": modes, "contacts": contacts})
 
     @property
     def moved(self) -> str:

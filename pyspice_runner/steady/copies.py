@@ -186,10 +186,16 @@ class Plant:
         n, mount = self.modes, [*range(self.order)[self.places["mount"]]]
         return [*range(n), *mount[::2]], [*range(n, 2 * n), *mount[1::2]]
 
+    @cached_property
+    def sliders(self) -> NDArray[np.int_]:
+        """The places of the states of each contact, shape (k, states)."""
+        return np.arange(self.order)[self.places["contact"]].reshape(len(self.motor.touching), -1)
+
     @property
     def friction_n(self) -> float:
-        """The friction force under the preload, N."""
-        return self.motor.contact.friction * self.motor.contact.preload_n
+        """The friction force of all contacts under the preload, at the radius of the rotor, N."""
+        forces = [one.contact.friction * one.contact.preload_n for one in self.motor.touching]
+        return float(self.motor.stator.lever @ forces)
 
     @cached_property
     def turns(self) -> bool:

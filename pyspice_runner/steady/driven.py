@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, PRIMARY, Copy, Plant, copy_name, driven_bench
-from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing
+from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing, worst_contact
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -155,6 +156,7 @@ class Answer:
     error: float = float("nan")  # estimated error of the torque, N·m
     speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
     method: str = ""  # of quantities that are not those of the point
+    contacts: tuple[dict[str, Any], ...] = ()  # of each of several contacts, as in :class:`.SteadyState`
 
 
 def check_driven(setup: Point) -> None:
@@ -334,4 +336,5 @@ def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, 
     assert trace is not None
     worn = rubbing(plant, trace, period_map.discretisation, result["friction_loss_w"])
     result |= strength.peak_of_motion(plant.motor, modal(plant, trace)[0])
-    return result | strength.of_contact(plant.motor.contact, float(trace.normal.max()), worn)
+    points = np.array([one.multiplicity for one in plant.motor.touching])
+    return result | worst_contact(plant, zip((trace.normal.max(axis=1) / points).tolist(), worn, strict=True))

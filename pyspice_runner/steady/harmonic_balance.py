@@ -2,8 +2,8 @@
 r"""A start for shooting that is nearly the steady state: harmonic balance of the tip, for many points together.
 
 The stator is linear, so the motion of the tip follows from the two forces of the contact. With :math:`D_h` the harmonic
-h of the displacement of tip and carrier along x and y, :math:`C_h` its dynamic compliance (2 × 2) and :math:`D^0_h` the
-response to the voltages and, for h = 0, to the preload,
+h of the displacement of tip and carrier along x and y, at k contacts, :math:`C_h` its dynamic compliance (2k × 2k) and
+:math:`D^0_h` the response to the voltages and, for h = 0, to the preload,
 
 .. math::
     D_h = D^0_h + C_h F_h(D), \qquad C_h = P\,(K - (h\omega)^2 M + jh\omega B)^{-1} P^T .
@@ -37,8 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
-from pyspice_runner.circuit.law import PAPER_LAW, Law, contact_library
-from pyspice_runner.circuit.state import MICRO, static_sway
+from pyspice_runner.circuit.law import PAPER_LAW, Law, motor_library_of
+from pyspice_runner.circuit.state import MICRO, static_places
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Tone
@@ -97,18 +97,19 @@ class Stators(_OfPoints):
     Coordinates are those of modes and carriers; a point with fewer than others has some that do not move.
     """
 
-    tip: Array  # what each coordinate moves the tip along x and y, shape (points, 2, n)
+    tip: Array  # what each coordinate moves the k contacts along x₁, y₁, x₂ and so on, shape (points, 2k, n)
     impedance: Complex  # force over displacement, shape (points, harmonics, n, n), N/m
     memory: Complex  # force over the rate of an amplitude that changes slowly, N s/m
     forces: Complex  # by voltages and preload, shape (points, harmonics, n), N
-    direct: Complex  # motion of the tip by the voltages through modes left out, shape (points, harmonics, 2), m
-    series: Array  # compliances in series along x and y, shape (points, 2), m/N
-    contact: Array  # parameters of the library, shape (points, parameters)
-    preload: Array  # N; this and the following have the shape (points, 1)
-    grip: Array  # static limit of the friction force, N
-    depth: Array  # static penetration, m
+    direct: Complex  # motion of the contacts by the voltages through modes left out, shape (points, harmonics, 2k), m
+    series: Array  # compliances in series, shape (points, 2k, 2k), m/N
+    contact: Array  # parameters of the library, shape (points, k, parameters)
+    preload: Array  # N; this and the following have the shape (points, k)
     sway: Array  # crown of the rotor, m
     radius: Array  # m
+    lever: Array  # radius over that of the rotor
+    grip: Array  # static limit of all friction forces, N; this and the following have the shape (points, 1)
+    depth: Array  # largest static penetration, m
     surface: Array  # surface speed of a held shaft over ω, m
     turns: Array  # 1 for a free shaft, 0 for a held one
     drag: Array  # of the bearing at the surface of the rotor, N s/m
@@ -118,12 +119,12 @@ class Stators(_OfPoints):
 
 @dataclass
 class Response(_OfPoints):
-    """How the tip answers forces of the contact: D = free + compliance F."""
+    """How the contacts answer their forces: D = free + compliance F."""
 
     gains: Complex  # of all coordinates, shape (points, harmonics, n, n), m/N
     coordinates: Complex  # without the contact, shape (points, harmonics, n), m
-    compliance: Complex  # shape (points, harmonics, 2, 2), m/N
-    free: Complex  # shape (points, harmonics, 2), m
+    compliance: Complex  # shape (points, harmonics, 2k, 2k), m/N
+    free: Complex  # shape (points, harmonics, 2k), m
 
 
 def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
@@ -134,7 +135,7 @@ def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
     coordinates = np.einsum("phnm,phm->phn", gains, forces)
     tip = stators.tip[:, np.newaxis]
     compliance = np.asarray(tip @ gains @ np.swapaxes(tip, -1, -2), dtype=complex)
-    compliance[..., [0, 1], [0, 1]] += stators.series[:, np.newaxis]  # which the contact force compresses
+    compliance += stators.series[:, np.newaxis]  # which the contact forces compress
     return Response(
         np.asarray(gains, dtype=complex),
         coordinates,
@@ -145,25 +146,22 @@ def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
 
 def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     """Return contacts and linear equations of operating points whose contacts have the library of the grid."""
-    rows, motors, bent = [], [], []
+    rows = []
     most = max(len(plant.motor.modes) + len(carriers(plant.mount)) for plant in plants)
     for plant in plants:
-        motor, contact = plant.motor, plant.motor.contact
-        preload, radius = contact.preload_n, motor.rotor.radius_m
-        series = contact.tangential_series_compliance_m_per_n, contact.series_compliance_m_per_n
+        motor, several = plant.motor, [one.contact for one in plant.motor.touching]
+        radius, preloads = motor.rotor.radius_m, [contact.preload_n for contact in several]
         rows.append((
-            *linear(plant, grid.omega, grid.orders, most), series, preload, contact.friction * preload,
-            contact_law.static_penetration(contact), static_sway(motor, plant.law, None), radius,
-            (plant.load.speed or 0.0) * radius / grid.omega, float(plant.turns),
-            motor.rotor.bearing_damping_n_m_s / radius**2, (plant.load.torque or 0.0) / radius,
-            motor.stator.with_carrier(plant.mount).decay_s,
+            *linear(plant, grid.omega, grid.orders, most), motor.stator.residual, preloads,
+            static_places(motor, plant.law, None)[:, 0], [one.radius_m for one in motor.touching], motor.stator.lever,
+            [sum(contact.friction * contact.preload_n for contact in several)],
+            [max(map(contact_law.static_penetration, several))], [(plant.load.speed or 0.0) * radius / grid.omega],
+            [float(plant.turns)], [motor.rotor.bearing_damping_n_m_s / radius**2],
+            [(plant.load.torque or 0.0) / radius], [motor.stator.with_carrier(plant.mount).decay_s],
         ))  # fmt: skip
-        motors.append(motor)
-        bent.append(motor.deflection_m + preload * contact.series_compliance_m_per_n)
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    parameters = np.array(list(parameter_columns(PAPER_LAW, motors, bent).values())).T
-    scalars = [column[:, np.newaxis] for column in columns[6:]]
-    return Stators(*[*columns[:6], parameters, *scalars])
+    parameters = np.array(list(parameter_columns(PAPER_LAW, [plant.motor for plant in plants]).values())).T
+    return Stators(*[*columns[:6], parameters.reshape(*columns[6].shape, -1), *columns[6:]])
 
 
 def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array, Complex, Complex, Complex, Complex]:
@@ -177,7 +175,7 @@ def linear(plant: Plant, omega: float, orders: Array, most: int) -> tuple[Array,
         padded[:count, :count] = square(own)
     rates = 1j * omega * orders[:, np.newaxis, np.newaxis]
     tip = np.pad(stator.contact, ((0, 0), (0, most - count)))
-    forces, direct = np.zeros((len(orders), most), dtype=complex), np.zeros((len(orders), 2), dtype=complex)
+    forces, direct = np.zeros((len(orders), most), dtype=complex), np.zeros((len(orders), len(tip)), dtype=complex)
     moved = plant.motor.stator.residual_per_volt.T
     for tones, coupling, per_volt in zip(plant.drive.tones, stator.coupling.T, moved, strict=True):
         for tone in tones:
@@ -195,14 +193,14 @@ def tone_phasor(tone: Tone, omega: float) -> tuple[int, complex]:
 
 
 def real_parts(phasors: Complex) -> Array:
-    """Return the coefficients of cosines and sines of x, then of y, from phasors of shape (points, harmonics, 2, …)."""
-    parts = np.concatenate([phasors.real, -phasors.imag[:, 1:]], axis=1)
-    return np.concatenate([parts[:, :, 0], parts[:, :, 1]], axis=1)
+    """Return coefficients of cosines and sines of x₁, of y₁ … from phasors, shape (points, harmonics, 2k, …)."""
+    parts = np.concatenate([phasors.real, -phasors.imag[:, 1:]], axis=1).swapaxes(1, 2)
+    return parts.reshape(len(parts), -1, *parts.shape[3:])
 
 
 @dataclass
 class Forces(_OfPoints):
-    """The forces of the contact at the phases of a period, N, shape (points, phases)."""
+    """The forces of the contacts at the phases of a period, N, shape (points, k, phases)."""
 
     force_x: Array  # on the tip
     force_y: Array
@@ -211,16 +209,17 @@ class Forces(_OfPoints):
 
     @property
     def on_tip(self) -> Array:
-        """The forces on the tip along x and y, shape (points, phases, 2)."""
-        return np.stack([self.force_x, self.force_y], axis=2)
+        """The forces on the contacts along x₁, y₁, x₂ and so on, shape (points, phases, 2k)."""
+        both = np.stack([self.force_x, self.force_y], axis=2)
+        return both.reshape(len(both), -1, both.shape[-1]).swapaxes(1, 2)
 
 
 @dataclass
 class TouchingContact(Forces):
-    """The contact at the phases of a period, and the derivatives of forces with respect to the unknowns."""
+    """The contacts at the phases of a period, and the derivatives of forces with respect to their own unknowns."""
 
     slider: Array  # µm
-    slope_x: Array  # derivative of force_x, shape (points, phases, unknowns)
+    slope_x: Array  # derivative of force_x, shape (points, k, phases, unknowns)
     slope_y: Array
     slope_friction: Array
 
@@ -228,23 +227,29 @@ class TouchingContact(Forces):
 def moving_tip(stators: Stators, grid: Grid, unknowns: Array) -> tuple[Array, Array]:
     """Return the :data:`PINS` of a library at the phases, and the relative motion from the phase before in µm.
 
-    The shapes are (6, points, phases) and (points, phases). The last of the pins, the slider, is 0.
+    The shapes are (6, points times k, phases) and (points times k, phases): contacts are as points. The last of the
+    pins, the slider, is 0.
     """
     width, omega = grid.shape.shape[1], grid.omega
-    along, towards, surface = unknowns[:, :width], unknowns[:, width:-1], unknowns[:, -1:]
-    x, y = along @ grid.shape.T - stators.sway, towards @ grid.shape.T
+    moved, sway = unknowns[:, :-1].reshape(-1, 2 * width), stators.sway.reshape(-1, 1)
+    along, towards, surface = moved[:, :width], moved[:, width:], (unknowns[:, -1:] * stators.lever).reshape(-1, 1)
+    x, y = along @ grid.shape.T - sway, towards @ grid.shape.T
     pins = np.zeros((len(PINS), *x.shape))
     pins[:2] = x / MICRO, y / MICRO
     pins[2:4] = omega * along @ grid.rate.T, omega * towards @ grid.rate.T
-    pins[4] = omega * surface / stators.radius
+    pins[4] = omega * surface / stators.radius.reshape(-1, 1)
     return pins, (x - np.roll(x, 1, axis=1) - surface * grid.angles[1]) / MICRO
 
 
 def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingContact:
-    """Evaluate the contact: the unknowns are coefficients of x, of y, and the surface speed of the rotor over ω."""
-    s, width, omega = stators, grid.shape.shape[1], grid.omega
+    """Evaluate the contacts: the unknowns are coefficients of x₁, of y₁ and so on, and the surface speed over ω.
+
+    Those of the slopes are coefficients of the own x and y, and the surface speed at the contact over ω.
+    """
+    width, omega = grid.shape.shape[1], grid.omega
     pins, slid = moving_tip(stators, grid, unknowns)
-    constants = dict(zip(grid.parameters, s.contact.T[..., np.newaxis], strict=True))
+    columns = stators.contact.reshape(len(slid), -1).T[..., np.newaxis]
+    constants = dict(zip(grid.parameters, columns, strict=True))
     touching = grid.contact(constants | dict(zip(PINS, pins, strict=True)))
     depth = touching["delta"]
     before = np.roll(depth, 1, axis=1)
@@ -288,7 +293,8 @@ def touching_contact(stators: Stators, grid: Grid, unknowns: Array) -> TouchingC
     d_slider[..., -1:] += share * grid.angles[1] / MICRO
     slopes = [by(slope) + slope[4] * d_slider for slope in map(by_pins, ("fx", "fy", "friction"))]
     forces = [np.broadcast_to(found[name], many.shape[1:])[0] for name in ("fx", "fy", "friction", "normal")]
-    return TouchingContact(*[*forces, pins[5], *slopes])
+    every = (one.reshape(*stators.sway.shape, *one.shape[1:]) for one in (*forces, pins[5], *slopes))
+    return TouchingContact(*every)
 
 
 def clipped(slid: Array, limit: Array) -> tuple[Array, Array]:
@@ -325,12 +331,12 @@ def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> li
     middle speed of each curve runs up from rest, and the others start from it. A brush is balanced as a single slider.
     """
     found: list[Balance | None] = [None] * len(plants)
-    groups: dict[tuple[float, Library, Law], dict[int, Plant]] = {}
+    groups: dict[tuple[float, Library, Law, int], dict[int, Plant]] = {}
     for place, plant in enumerate(plants):
         if plant.law and plant.law.sliding and tones(plant):
-            library = contact_library(PAPER_LAW, plant.motor.contact)
-            groups.setdefault((plant.drive.period, library, plant.law), {})[place] = plant
-    for (period, library, _), some in groups.items():
+            library, count = motor_library_of(PAPER_LAW, plant.motor), len(plant.motor.touching)
+            groups.setdefault((plant.drive.period, library, plant.law, count), {})[place] = plant
+    for (period, library, *_), some in groups.items():
         points = _Points(list(some.values()), Grid(period, max(map(tones, some.values())), library))
         points.solve([near[place] if near else None for place in some])
         for place, balance in zip(some, points.balances(), strict=True):
@@ -349,16 +355,22 @@ def _residual(stators: Stators, grid: Grid, response: Response, unknowns: Array)
     s, found = stators, touching_contact(stators, grid, unknowns)
     phasors = grid.phasors(found.on_tip, grid.orders)
     driven = response.free + np.einsum("phxf,phf->phx", response.compliance, phasors)
-    slopes = np.stack((grid.phasors(found.slope_x, grid.orders), grid.phasors(found.slope_y, grid.orders)), axis=2)
     count = unknowns.shape[1]
     residual, derivative = np.empty_like(unknowns), np.empty((len(unknowns), count, count))
     residual[:, :-1] = unknowns[:, :-1] - real_parts(driven)
-    derivative[:, :-1] = np.eye(count)[:-1] - real_parts(response.compliance @ slopes)
+    # the motion by the forces of each contact, which depend on its own motion, then by the surface
+    both = np.stack([grid.phasors(slope, grid.orders) for slope in (found.slope_x, found.slope_y)], axis=3)
+    by_contact = response.compliance.reshape(*response.compliance.shape[:3], -1, 2).transpose(0, 3, 1, 2, 4) @ both
+    moved = np.moveaxis(by_contact[..., :-1], 1, 3)
+    derivative[:, :-1, :-1] = np.eye(count - 1) - real_parts(moved.reshape(*moved.shape[:3], -1))
+    derivative[:, :-1, -1] = -real_parts(np.einsum("pkhx,pk->phx", by_contact[..., -1], s.lever))
     # the rotor: held, or in balance with bearing and load
     unit, turns, surface = (s.depth / s.grip)[:, 0], s.turns[:, 0], unknowns[:, -1]
-    balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - found.friction.mean(axis=1)
+    balance = grid.omega * s.drag[:, 0] * surface + s.load[:, 0] - (s.lever * found.friction.mean(axis=2)).sum(axis=1)
     residual[:, -1] = np.where(turns, unit * balance, surface - s.surface[:, 0])
-    derivative[:, -1] = -(turns * unit)[:, np.newaxis] * found.slope_friction.mean(axis=1)
+    slopes = (turns * unit)[:, np.newaxis, np.newaxis] * s.lever[..., np.newaxis] * found.slope_friction.mean(axis=2)
+    derivative[:, -1, :-1] = -slopes[..., :-1].reshape(len(slopes), -1)
+    derivative[:, -1, -1] = -(s.lever * slopes[..., -1]).sum(axis=1)
     derivative[:, -1, -1] += np.where(turns, unit * grid.omega * s.drag[:, 0], 1.0)
     return residual, derivative
 
@@ -412,7 +424,7 @@ class _Points:
         self.plants, self.grid = plants, grid
         self.stators = stators_of(plants, grid)
         self.steady = response_of(self.stators, np.zeros(len(plants)), np.zeros_like(self.stators.forces))
-        self.unknowns = np.zeros((len(plants), 2 * grid.shape.shape[1] + 1))
+        self.unknowns = np.zeros((len(plants), self.stators.tip.shape[1] * grid.shape.shape[1] + 1))
         self.found = np.zeros(len(plants), dtype=bool)
         self.speeds = self.stators.surface[:, 0]
         curves: dict[str, list[int]] = {}
@@ -454,9 +466,10 @@ class _Points:
         unknowns[:, -1] = stators.surface[:, 0]
         coordinates = np.zeros(stators.forces.shape, dtype=complex)
         # the preload bends the modes; of a carrier it is balanced
-        pressed = stators.forces[:, 0] - stators.preload * stators.tip[:, 1]
+        pressed = stators.forces[:, 0] - np.einsum("pk,pkn->pn", stators.preload, stators.tip[:, 1::2])
         coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
-        unknowns[:, grid.shape.shape[1]] = np.einsum("pn,pn->p", stators.tip[:, 1], coordinates[:, 0].real)
+        width = grid.shape.shape[1]
+        unknowns[:, width : -1 : 2 * width] = np.einsum("pkn,pn->pk", stators.tip[:, 1::2], coordinates[:, 0].real)
         step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
         reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         for _ in range(MOST_TIMES):
@@ -494,7 +507,7 @@ class _Points:
         for number, place in enumerate(places.tolist()):
             found[place] = Balance(
                 self.plants[place], self.grid, unknowns[number], coordinates[number],
-                forces.of(np.array([number])), touching.slider[number, :1],
+                forces.of(np.array([number])), touching.slider[number, :, 0],
             )  # fmt: skip
         return found
 
@@ -505,10 +518,10 @@ class Balance:
 
     plant: Plant
     grid: Grid
-    unknowns: Array  # coefficients of x, of y, and the surface speed of the rotor over ω
+    unknowns: Array  # coefficients of x₁, of y₁ and so on, and the surface speed of the rotor over ω
     coordinates: Complex  # phasors of modes and carriers, shape (harmonics, n), m
     forces: Forces  # of this point
-    sliders: Array  # at t = 0, µm
+    sliders: Array  # of the contacts at t = 0, µm
 
     @property
     def speed(self) -> float:
@@ -544,19 +557,21 @@ class Balance:
         state, (displacements, velocities) = np.zeros(plant.order), plant.moving
         state[displacements] = coordinates.sum(axis=0).real
         state[velocities] = (1j * grid.omega * orders @ coordinates).real
-        state[plant.places["contact"]] = MICRO * self.sliders
+        state[plant.sliders] = MICRO * self.sliders[:, np.newaxis]
         if plant.motor.feedback:
             stator, charge = plant.motor.stator, -coordinates[:, : plant.modes] @ plant.motor.stator.sensed
             state[plant.places["feedback"]] = (stator.feedback_gain(grid.omega * orders) @ charge).real
-        contact, stem = plant.motor.contact, []
+        stem = []
         moved, moving = direct.sum(axis=0).real, (1j * grid.omega * orders @ direct).real
-        for axis, series, force, rest in (
-            (1, contact.series_compliance_m_per_n, self.forces.normal[0], contact.preload_n),
-            (0, contact.tangential_series_compliance_m_per_n, self.forces.friction[0], 0.0),
-        ):
-            if series:
-                rate = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1])
-                stem += [series * (force[0] - rest) - moved[axis], series * rate - moving[axis]]
+        for number, one in enumerate(plant.motor.touching):
+            contact = one.contact
+            for axis, series, force, rest in (
+                (1, contact.series_compliance_m_per_n, self.forces.normal[0, number], contact.preload_n),
+                (0, contact.tangential_series_compliance_m_per_n, self.forces.friction[0, number], 0.0),
+            ):
+                if series:
+                    rate, at = (force[1] - force[-1]) * grid.omega / (2.0 * grid.angles[1]), 2 * number + axis
+                    stem += [series * (force[0] - rest) - moved[at], series * rate - moving[at]]
         state[plant.places["stem"]] = stem
         if plant.turns:
             state[-1] = self.speed
@@ -595,12 +610,12 @@ def balanced_states(setups: Sequence[Point], starts: Sequence[Balance | None]) -
 
 def _state(balance: Balance) -> BalancedState:
     motor, plant = balance.plant.motor, balance.plant
-    torque = motor.rotor.radius_m * float(balance.forces.friction.mean())
+    torque = motor.rotor.radius_m * float(motor.stator.lever @ balance.forces.friction[0].mean(axis=1))
     bearing = motor.rotor.bearing_damping_n_m_s * balance.speed
     dry = float(np.sign(plant.load.speed or 0.0)) * motor.rotor.bearing_friction_n_m
     values = {
         "speed_rad_s": balance.speed, "torque_n_m": torque, "load_torque_n_m": torque - bearing - dry,
-        "normal_force_n": float(balance.forces.normal.mean()),
+        "normal_force_n": float(balance.forces.normal[0].mean(axis=1).sum()),
     }  # fmt: skip
     for group in "ab":
         volts, amperes = balance.phasors(group)

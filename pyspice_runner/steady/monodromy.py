@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, evaluable, library_function, parameter_columns
-from pyspice_runner.circuit.law import contact_library, unplotted
+from pyspice_runner.circuit.law import motor_library_of, unplotted
 from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
-from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_sway, stems, written_stator
+from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_places, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.stator import square
 from pyspice_runner.run.window import Array
@@ -46,7 +46,7 @@ class Derivative:
 
     at_start: Array  # of the state at the beginning of the period, shape (order, order)
     at_end: Array  # of the state at its end
-    forces: Array  # of the mean normal and the mean friction force, N, shape (2, order)
+    forces: Array  # of the mean normal and the mean friction force of all contacts, N, shape (2, order)
     monodromy: Array  # of the state at the end with respect to that at the beginning
 
 
@@ -57,7 +57,7 @@ class Course:
     plant: Plant
     time: Array  # s
     states: Array  # shape (order, points)
-    normal: Array  # N
+    normal: Array  # N, shape (k, points) as the following
     friction: Array  # N
     penetration_um: Array
     first: int  # the point at which the period begins
@@ -73,8 +73,14 @@ class Course:
 
 
 def differentiable(plant: Plant) -> bool:
-    """Return whether the equations of a plant are known; a user's own law has them if numpy can evaluate it."""
-    return plant.law is not None and evaluable(contact_library(plant.law, plant.motor.contact))
+    """Return whether the equations of a plant are known; a user's own law has them if numpy can evaluate it.
+
+    Contacts of which some alone have a compliance in series are not alike, and their derivatives are those of copies.
+    """
+    if plant.law is None:
+        return False
+    alike = len(stems(plant.motor, plant.law)) % len(plant.motor.touching) == 0
+    return alike and evaluable(motor_library_of(plant.law, plant.motor))
 
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
@@ -83,7 +89,7 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
     groups: dict[tuple[Any, ...], dict[int, Course]] = {}
     for place, course in enumerate(courses):
         plant = course.plant
-        library = contact_library(plant.law, plant.motor.contact) if plant.law else None
+        library = motor_library_of(plant.law, plant.motor) if plant.law else None
         kinds = tuple((state.kind, state.part) for state in plant.states)
         groups.setdefault((library, kinds, course.first, course.time.tobytes()), {})[place] = course
     for group in groups.values():
@@ -92,23 +98,30 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
 
 
 class Linearised:
-    """Linearised runs of similar plants with the same points in time. Axes of arrays are runs, points, and others."""
+    """Linearised runs of similar plants with the same points in time. Axes of arrays are runs, points, and others.
+
+    Where an array has rows, these are the contacts of the first run, then those of the next.
+    """
 
     def __init__(self, courses: Sequence[Course], discretisation: Discretisation) -> None:
         self.courses, self.discretisation = courses, discretisation
         self.plant = courses[0].plant
         assert self.plant.law is not None
         self.law = self.plant.law
-        self.library = unplotted(contact_library(self.law, self.plant.motor.contact))
+        self.library = unplotted(motor_library_of(self.law, self.plant.motor))
         self.function = library_function(self.library)
         self.row = slice(5, 5 + self.law.sliders) if self.law.row else None  # place of the sliders among the inputs
-        self.inner = np.r_[self.plant.places["contact"], self.plant.places["stem"]]  # states of contact and stem
-        self.units = np.array([self.plant.states[place].unit for place in self.inner])
+        self.count, places = len(self.plant.motor.touching), self.plant.places
+        self.inner = np.r_[places["contact"], places["stem"]]  # states of contacts and stems
+        lags = np.arange(self.plant.order)[places["stem"]].reshape(self.count, -1)
+        self.own = np.concatenate([self.plant.sliders, lags], axis=1)  # those of each contact
+        self.units = np.array([self.plant.states[place].unit for place in self.own[0]])
         self.states = np.array([course.states.T for course in courses])
         # runs of the same motor share what depends on it alone
         names = [course.plant.motor_name for course in courses]
         _, first, self.which = np.unique(names, return_index=True, return_inverse=True)  # ``which``: motor of each run
         self.plants = [courses[place].plant for place in first]
+        self.rows = (self.which[:, np.newaxis] * self.count + np.arange(self.count)).ravel()  # of those of the motors
 
     @cached_property
     def stems(self) -> dict[str, dict[str, Any]]:
@@ -116,44 +129,51 @@ class Linearised:
         slider_time = rounded(self.discretisation.slider_time)  # a law may have no slider
         known = read_library("piezomotor_stem").defaults | {SLIDER_TIME: slider_time}
         # rounded as in the netlist: the rate is a small difference of two forces, over half a step
-        found = {}
-        for name in stems(self.plant.motor, self.law):
+        found: dict[str, dict[str, Any]] = {}
+        for name in ("stem", "stem_x"):
+            if name not in stems(self.plant.motor, self.law):
+                continue
             own = []
             for plant in self.plants:
-                preload = rounded(plant.motor.contact.preload_n) if name == "stem" else 0.0
-                own.append((preload, rounded(stems(plant.motor, self.law)[name])))
-            values = np.array(own)[self.which, np.newaxis]
+                softness = stems(plant.motor, self.law)
+                for one in plant.motor.touching:
+                    preload = rounded(one.contact.preload_n) if name == "stem" else 0.0
+                    own.append((preload, rounded(softness[f"{name}{one.suffix}"])))
+            values = np.array(own)[self.rows, np.newaxis]
             found[name] = known | {"preload": values[..., 0], "compliance": values[..., 1]}
         return found
 
     @cached_property
     def tip(self) -> Array:
-        """What each state moves the contact's x, y (µm), vx, vy (m/s) and the shaft (rad/s), shape (runs, 5, order)."""
-        found = np.zeros((len(self.plants), 5, self.plant.order))
+        """What each state moves x, y (µm), vx, vy (m/s), shaft (rad/s) of each contact, shape (runs, k, 5, order)."""
+        found = np.zeros((len(self.plants), self.count, 5, self.plant.order))
         places, speeds = self.plant.moving
         for one, plant in enumerate(self.plants):
             contact = plant.motor.stator.with_carrier(plant.mount).contact
-            found[one][np.ix_((0, 1), places)] = contact / MICRO
-            found[one][np.ix_((2, 3), speeds)] = contact
+            found[one][:, 0:2, places] = contact.reshape(self.count, 2, -1) / MICRO
+            found[one][:, 2:4, speeds] = contact.reshape(self.count, 2, -1)
         if self.plant.turns:
-            found[:, 4, -1] = 1.0
+            found[:, :, 4, -1] = 1.0
         return np.asarray(found[self.which])
 
     def _contact(self) -> tuple[Array, Array]:
-        """Return the derivatives of the contact's outputs: forces on the tip and rates of its states.
+        """Return the derivatives of the contacts' outputs: forces on the tips and rates of their states.
 
-        The outputs are fx, fy, friction, normal force in N, and the rates of the inner states in SI units, shape (runs,
-        points, outputs, order). The second array has those by the forces on what is in series along x and y.
+        The outputs are fx, fy, friction, normal force in N of each contact, and the rates of the inner states in SI
+        units, shape (runs, points, outputs, order). The second array has those by the forces on what is in series along
+        x and y, of each output those at its own contact.
         """
-        plant, own = self.plant, len(self.function.states)
-        held = np.zeros((len(self.courses), 1, 5))
-        sways = np.array([static_sway(one.motor, plant.law, self.discretisation) for one in self.plants])
-        held[:, 0, 0] = -sways[self.which] / MICRO
-        held[:, 0, 4] = 0.0 if plant.turns else [course.plant.load.speed or 0.0 for course in self.courses]
-        pins = self.states @ self.tip.swapaxes(1, 2) + held
-        inner = self.states[..., self.inner] / self.units
+        plant, own, runs, count = self.plant, len(self.function.states), len(self.courses), self.count
+        held = np.zeros((runs, count, 1, 5))
+        places = np.array([static_places(one.motor, plant.law, self.discretisation) for one in self.plants])
+        held[..., 0, 0] = -places[self.which, :, 0] / MICRO
+        speeds = [0.0 if plant.turns else course.plant.load.speed or 0.0 for course in self.courses]
+        held[..., 0, 4] = np.array(speeds)[:, np.newaxis]
+        pins = self.states[:, np.newaxis] @ self.tip.swapaxes(2, 3) + held
+        inner = np.moveaxis(self.states[..., self.own], 2, 1) / self.units
         each = [(one.friction - one.pushed("stem_x"), one.normal - one.pushed("stem")) for one in self.courses]
-        forces = np.array(each).swapaxes(1, 2)
+        forces = np.moveaxis(np.array(each), 1, 3)
+        pins, inner, forces = (one.reshape(runs * count, *one.shape[2:]) for one in (pins, inner, forces))
         moved = self._through_stems(np.concatenate([pins, inner[..., own:], forces], axis=2))
         slopes = self._slopes(np.concatenate([moved[..., :5], inner[..., :own]], axis=2))
         # what is in series with the contact is linear, and its forces depend on how far they compress it
@@ -170,14 +190,23 @@ class Linearised:
         outputs = slopes[..., :5] @ total[..., :5, :]  # a sum of products with the slopes would amplify their errors
         outputs[..., 5 : 5 + own] += slopes[..., 5:]
         every = np.concatenate([outputs, self.units[own:, np.newaxis] * total[..., 5:, :]], axis=2)
-        found = every[..., :5] @ self.tip[:, np.newaxis]
-        found[..., self.inner] += every[..., 5:-2] / self.units
-        return found, every[..., -2:]
+        every = every.reshape(runs, count, *every.shape[1:])
+        found = every[..., :5] @ self.tip[:, :, np.newaxis]
+        for number, places in enumerate(self.own):
+            found[:, number][..., places] += every[:, number, ..., 5:-2] / self.units
+        return self._in_order(found), self._in_order(every[..., -2:])
+
+    def _in_order(self, outputs: Array) -> Array:
+        """Return outputs of shape (runs, k, points, outputs, …) in the order of :meth:`_contact`."""
+        own, every = 4 + len(self.function.states), np.moveaxis(outputs, 1, 2)
+        parts = every[:, :, :, :4], every[:, :, :, 4:own], every[:, :, :, own:]
+        return np.concatenate([part.reshape(*part.shape[:2], -1, part.shape[-1]) for part in parts], axis=2)
 
     def _slopes(self, values: Array) -> Array:
-        """Return the derivatives of the outputs of :meth:`_outputs`, shape (runs, points, outputs, inputs)."""
+        """Return the derivatives of the outputs of :meth:`_outputs`, shape (rows, points, outputs, inputs)."""
         scales = np.abs(values).max(axis=(0, 1))
-        damping = max(contact_law.normal_damping(plant.motor.contact) for plant in self.plants)
+        contacts = [one.contact for plant in self.plants for one in plant.motor.touching]
+        damping = max(map(contact_law.normal_damping, contacts))
         scales[3] = min(scales[3], 1.0 / damping) if damping else scales[3]  # vy, which damping multiplies
         steps = DIFFERENCE * np.where(scales > 0.0, scales, 1.0)
         changes = np.diag(steps)
@@ -212,8 +241,8 @@ class Linearised:
         The inputs are x, y, vx, vy, shaft as the base of the tip has them, the lags, friction and normal force, both
         less that by which the voltages move what is in series.
         """
-        if inputs.ndim == 2:  # the same in all runs
-            inputs = np.broadcast_to(inputs, (len(self.courses), *inputs.shape))
+        if inputs.ndim == 2:  # the same in all rows
+            inputs = np.broadcast_to(inputs, (len(self.rows), *inputs.shape))
         x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(inputs, -1, 0)
         pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, []
         function, at = library_function(read_library("piezomotor_stem")), 0
@@ -231,18 +260,12 @@ class Linearised:
 
         The inputs are x, y, vx, vy, shaft and the contact's states.
         """
-        motors = [plant.motor for plant in self.plants]
-        law, step = self.law, self.discretisation
-        bent = []
-        for motor in motors:
-            flexibility = float(written_stator(motor, step).flexibility[1, 1])
-            bent.append(motor.contact.preload_n * (flexibility + motor.contact.series_compliance_m_per_n))
-        columns = parameter_columns(law, motors, bent, step.slider_time)
-        values: dict[str, Any] = {name: one[self.which, np.newaxis, np.newaxis] for name, one in columns.items()}
+        columns = parameter_columns(self.law, [plant.motor for plant in self.plants], self.discretisation)
+        values: dict[str, Any] = {name: one[self.rows, np.newaxis, np.newaxis] for name, one in columns.items()}
         x, y, vx, vy, shaft, *states = np.moveaxis(inputs, -1, 0)
         names = self.function.states
         values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft} | dict(zip(names, states, strict=True))
-        depth = np.array([course.penetration_um for course in self.courses])[..., np.newaxis]
+        depth = np.concatenate([course.penetration_um for course in self.courses])[..., np.newaxis]
         found = self.function.of([*FORCES, *(f"rate_{name}" for name in names)], values, {"delta": depth})
         outputs = np.stack(np.broadcast_arrays(*found.values()), axis=-1)
         outputs[..., len(FORCES) :] *= self.units[: len(names)]
@@ -255,7 +278,8 @@ class Linearised:
         """
         plant, (places, speeds), runs = self.plant, self.plant.moving, len(self.plants)
         rates = np.zeros((runs, plant.order, plant.order))
-        inputs = np.zeros((runs, plant.order, 4 + len(self.inner)))
+        inputs = np.zeros((runs, plant.order, 4 * self.count + len(self.inner)))
+        on_tips = [4 * number + axis for number in range(self.count) for axis in (0, 1)]
         driven = np.zeros((runs, plant.order, 3))
         rates[:, places, speeds] = 1.0
         for run, one in enumerate(self.plants):
@@ -263,7 +287,7 @@ class Linearised:
             inverse = np.linalg.inv(square(stator.mass))
             rates[run][np.ix_(speeds, places)] = -inverse @ square(stator.stiffness)
             rates[run][np.ix_(speeds, speeds)] = -inverse @ square(stator.damping)
-            inputs[run][np.ix_(speeds, (0, 1))] = inverse @ stator.contact.T
+            inputs[run][np.ix_(speeds, on_tips)] = inverse @ stator.contact.T
             driven[run, speeds, :2] = inverse @ stator.coupling[:, :2]
             if electrode := stator.feedback:
                 place = self.plant.places["feedback"].start
@@ -273,9 +297,10 @@ class Linearised:
             if plant.turns:
                 rotor = one.motor.rotor
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
-                inputs[run, -1, 2] = rotor.radius_m / rotor.inertia_kg_m2
+                radii = np.array([touching.radius_m for touching in one.motor.touching])
+                inputs[run, -1, 2 : 4 * self.count : 4] = radii / rotor.inertia_kg_m2
                 driven[run, -1, 2] = 1.0 / rotor.inertia_kg_m2
-        inputs[:, self.inner, 4:] = np.eye(len(self.inner))
+        inputs[:, self.inner, 4 * self.count :] = np.eye(len(self.inner))
         return rates[self.which], inputs[self.which], driven[self.which]
 
     def _softening(self) -> Array:
@@ -310,13 +335,16 @@ class Linearised:
         now: Array = np.broadcast_to(unit, at_start.shape)
         for place in range(len(since)):
             now = np.matmul(forward[:, first + place], now, out=since[place])
-        forces = np.moveaxis(contact[:, first + 1 :, 3:1:-1], 1, 0) @ since
+        levers = np.array([course.plant.motor.stator.lever for course in self.courses])[:, np.newaxis, :, np.newaxis]
+        normal, friction = (contact[:, first + 1 :, place : 4 * self.count : 4] for place in (3, 2))
+        forces = np.stack([normal.sum(axis=2), (levers * friction).sum(axis=2)], axis=2)
+        forces = np.moveaxis(forces, 1, 0) @ since
         return list(map(Derivative, at_start, now @ at_start, forces.mean(axis=0) @ at_start, now))
 
     def responses(self, probes: Sequence[tuple[str, float]], turns: Complex) -> Complex:
-        """Return the responses of states, normal and friction force of the first run to small inputs e^{jωt}.
+        """Return the responses of states, normal and friction forces of the first run to small inputs e^{jωt}.
 
-        They are those of which a period later each is ``turns`` times itself, shape (probes, order + 2, points of the
+        They are those of which a period later each is ``turns`` times itself, shape (probes, order + 2k, points of the
         period). A probe is one of :data:`PLACES` and its frequency in Hz, below 0 too. A frequency of the drive, in Hz,
         adds minus the rates of the states over the drive's: the response is that beside the motion with its phase.
         """
@@ -349,5 +377,6 @@ class Linearised:
         right = (states[-1, :, order:] / size[:, np.newaxis]).T
         starts = [np.linalg.lstsq(*pair, rcond=1e-10)[0] * size for pair in zip(left, right, strict=True)]
         found = states[..., :order] @ np.array(starts).T + states[..., order:]
-        forces = contact[:, 3:1:-1] @ found + pushed[:, 3:1:-1] @ pushing @ waves
+        of_forces = [4 * number + place for place in (3, 2) for number in range(self.count)]
+        forces = contact[:, of_forces] @ found + pushed[:, of_forces] @ pushing @ waves
         return np.asarray(np.concatenate([found, forces], axis=1).T)

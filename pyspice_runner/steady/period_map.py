@@ -14,7 +14,7 @@ import hashlib
 import os
 import shutil
 from cmath import rect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -22,12 +22,12 @@ from itertools import chain
 from math import atan2, ceil, degrees, nan
 from threading import Lock
 from time import perf_counter
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pyspice_runner.circuit.law import MOST_SLIDERS, reached
-from pyspice_runner.circuit.state import Discretisation, pushes, static_sway
+from pyspice_runner.circuit.state import Discretisation, pushes, static_places
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups, strength
@@ -59,8 +59,8 @@ _LONG = 1000  # steps that take longer than the start
 # shortens the last two
 _LEAD = 5.5
 _MORE = 4.5  # steps beyond the period, where it has a lead of its own: ngspice 46 shortens the last two of a run
-_PEAKS = ("peak_a", "peak_b", "greatest")  # of the means, maxima over time
-CONTACT = ("normal", "friction", "state", "slider", "xcontact.delta")
+_PEAKS = ("peak_", "greatest_")  # beginnings of the names of the means that are maxima over time
+CONTACT = ("normal{}", "friction{}", "state{}", "slider{}", "xcontact{}.delta")  # vectors, by the suffix of a contact
 
 
 def cores() -> int:
@@ -95,7 +95,7 @@ class Trace:
 
     time: Array  # since the drive's phase was that of t = 0, s
     states: Array  # shape (order, points), SI units
-    normal: Array  # normal force, N
+    normal: Array  # normal force, N; this and the following have the shape (k, points) of k contacts
     friction: Array  # friction force, N
     contact_state: Array  # switch state, 0 separated, 1 stick, 2 slip
     slider_um: Array  # displacement of the slider, not cut off at its limit, µm
@@ -112,10 +112,9 @@ class Trace:
         share = min(max((at - time[place - 1]) / (time[place] - time[place - 1]), 0.0), 1.0)
         return np.asarray((1.0 - share) * self.states[:, place - 1] + share * self.states[:, place])
 
-    @property
-    def forces(self) -> Array:
-        """Mean normal and mean friction force in N."""
-        return np.array([self.normal[1:].mean(), self.friction[1:].mean()])
+    def forces(self, plant: Plant) -> Array:
+        """Return the mean normal and the mean friction force of all contacts in N, as :func:`forces_on_rotor`."""
+        return np.array([force[1:].mean() for force in forces_on_rotor(plant, self)])
 
 
 @dataclass
@@ -249,8 +248,9 @@ class PeriodMap:
             if not plant.driver and plant.motor_name not in self._texts:
                 self._texts[plant.motor_name] = plant.motor_texts(self.discretisation, plates=False)
         workers, law = self.workers, copies[0].plant.law  # the same in all
+        sliders = (law.sliders if law else 1) * max(len(copy.plant.motor.touching) for copy in copies)
         most = COPIES_PER_DECK if self.uniform else 1  # elsewhere the steps would depend on the other copies
-        decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(law.sliders if law else 1, 1))))
+        decks = ceil(len(copies) / max(1, min(most, _SLIDERS_PER_DECK // max(sliders, 1))))
         least = _FEWEST if whole and self.steps < _LONG else 1  # a long run is worth a deck of its own
         decks = max(ceil(decks / workers) * workers if decks > 1 else 1, min(workers, len(copies) // least))
         decks = min(decks, len(copies))
@@ -296,7 +296,7 @@ class PeriodMap:
         names = plant.vectors(copy)
         if whole:
             motor = plant.inside(copy)
-            names += [f"v({motor}.{name})" for name in CONTACT if plant.law]
+            names += [f"v({motor}.{name})" for name in _touching_vectors(plant)]
             names += plant.pins(copy).values()
         return names
 
@@ -309,20 +309,20 @@ class PeriodMap:
         traces: list[Trace | None] = []
         for number, copy in enumerate(copies):
             plant, name = copy.plant, copy_name(number)
-            states, contact = plant.sampled(raw, name, self.discretisation), np.zeros((len(CONTACT), len(time)))
+            states = plant.sampled(raw, name, self.discretisation)
+            contact = np.zeros((len(CONTACT), len(plant.motor.touching), len(time)))
             if whole and plant.law:
-                motor = plant.inside(name)
-                for row, one in enumerate(CONTACT):
-                    contact[row] = raw[f"v({motor}.{one})"]
+                rows = [raw[f"v({plant.inside(name)}.{one})"] for one in _touching_vectors(plant)]
+                contact[:] = np.reshape(rows, contact.shape)
             if self.lead:
-                traces.append(self._evened(plant, name, raw, np.vstack([states, contact]), window))
+                traces.append(self._evened(plant, name, raw, np.vstack([states, *contact]), window))
                 continue
             course = None
             if whole and differentiable(plant):
-                states, contact = states[:, : window.stop], contact[:, : window.stop]
+                states, contact = states[:, : window.stop], contact[..., : window.stop]
                 normal, friction, *_, depth = contact
                 course = Course(plant, time[: window.stop], states, normal, friction, depth, window.start, copy.begun)
-            trace = Trace(copy.begun + time[window], states[:, window], *contact[:, window])
+            trace = Trace(copy.begun + time[window], states[:, window], *contact[..., window])
             traces.append(replace(trace, course=course))
         return traces
 
@@ -334,7 +334,8 @@ class PeriodMap:
         rows = np.array([np.interp(even, time, row) for row in values])
         pins = {name: np.interp(even, time, raw[vector]) for name, vector in plant.pins(copy).items() if last > first}
         begun = even + plant.begins * self.period  # since the control of group A had the phase 0
-        return replace(Trace(begun, rows[: plant.order], *rows[plant.order :]), pins=pins)
+        contact = rows[plant.order :].reshape(len(CONTACT), -1, len(even))
+        return replace(Trace(begun, rows[: plant.order], *contact), pins=pins)
 
     def window(self, time: Array) -> slice | None:
         """Return the points of the period: after the lead, or the first uniform steps but one, a whole number."""
@@ -370,6 +371,11 @@ class PeriodMap:
         return in_threads(evaluated, decks, self.workers)
 
 
+def _touching_vectors(plant: Plant) -> list[str]:
+    """Return the vectors of :data:`CONTACT` of all contacts; none of a free tip."""
+    return [name.format(one.suffix) for name in CONTACT for one in plant.motor.touching if plant.law]
+
+
 class _Uneven(Exception):
     """ngspice shortened steps, because Newton's iteration did not converge for one of the copies."""
 
@@ -391,9 +397,15 @@ def speed(plant: Plant, trace: Trace) -> Array:
 
 
 def contact_motion(plant: Plant, trace: Trace) -> tuple[Array, Array, Array, Array]:
-    """Return the displacements x, y (m) of the tip on its carrier and its velocities (m/s)."""
+    """Return the displacements x, y (m) of the contacts on their carrier and their velocities (m/s), (k, points)."""
     contact, (displacements, velocities) = plant.motor.stator.with_carrier(plant.mount).contact, plant.moving
-    return (*(contact @ trace.states[displacements]), *(contact @ trace.states[velocities]))
+    moved, moving = contact @ trace.states[displacements], contact @ trace.states[velocities]
+    return moved[::2], moved[1::2], moving[::2], moving[1::2]
+
+
+def forces_on_rotor(plant: Plant, trace: Trace) -> tuple[Array, Array]:
+    """Return the normal force and the friction force of all contacts in N, the latter at the radius of the rotor."""
+    return trace.normal.sum(axis=0), plant.motor.stator.lever @ trace.friction
 
 
 def current(plant: Plant, group: str, trace: Trace) -> Array:
@@ -404,8 +416,8 @@ def current(plant: Plant, group: str, trace: Trace) -> Array:
         for tone in tones:
             gain = complex(plant.dielectrics[tone.frequency][place, at])
             amperes += phasor_at(tone, gain, trace.time)[0]
-    moved = plant.motor.stator.residual_per_volt[:, place]
-    for name, per_volt, force in zip(("stem_x", "stem"), moved, (trace.friction, trace.normal), strict=True):
+    moved, forces = plant.motor.stator.residual_per_volt[:2, place], (trace.friction[0], trace.normal[0])
+    for name, per_volt, force in zip(("stem_x", "stem"), moved, forces, strict=True):  # of a single contact
         if name in pushes(plant.motor, plant.law):
             amperes -= per_volt * np.gradient(force, trace.time, edge_order=2)
     return np.asarray(amperes)
@@ -424,49 +436,64 @@ def _dielectric_loss(plant: Plant) -> float:
 
 
 def held_by_friction(plant: Plant, trace: Trace) -> bool:
-    """Return whether friction holds a shaft at rest: the contact stays closed, and does not slip as a whole.
+    """Return whether friction holds a shaft at rest: all contacts stay closed, and none slips as a whole.
 
     In a periodic motion the slip of one direction is equal to that of the other. A path shorter than :data:`GRAZE` of
     the elastic range is no slip: single time steps exceed the limit where the direction of the motion changes.
     """
     if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
         return False
-    contact, state, (_, _, along_m_s, _) = plant.motor.contact, trace.contact_state, contact_motion(plant, trace)
-    elastic_m = 2.0 * contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
-    path_m = np.abs(along_m_s[state > GROSS_SLIP]).sum() * (trace.time[1] - trace.time[0])
-    return bool(state.min() > 0.5 and path_m < GRAZE * elastic_m)
+    state, (_, _, along_m_s, _) = trace.contact_state, contact_motion(plant, trace)
+    contacts = [one.contact for one in plant.motor.touching]
+    elastic_m = [2.0 * contact_law.limit_ratio(one) * contact_law.static_penetration(one) for one in contacts]
+    path_m = np.where(state > GROSS_SLIP, np.abs(along_m_s), 0.0).sum(axis=1) * (trace.time[1] - trace.time[0])
+    return bool(state.min() > 0.5 and np.all(path_m < GRAZE * np.array(elastic_m)))
+
+
+def parts_of_force(plant: Plant) -> Array:
+    """Return the friction of each contact per force on the rotor, if they share it as they share the preload."""
+    shares = plant.motor.preload_shares
+    return np.asarray(shares / (shares @ plant.motor.stator.lever))
 
 
 def held_forces(plant: Plant, trace: Trace) -> tuple[float, float]:
     """Return the minimum and the maximum of a constant force in N that friction can carry in addition.
 
     The force shifts the friction of every step, which must stay within ±μ F_N. This is a lower bound of the range: the
-    contact's tangential spring softens towards its limit, which reduces the alternating part.
+    contact's tangential spring softens towards its limit, which reduces the alternating part. Contacts carry it as
+    :func:`parts_of_force`.
     """
-    limit, friction = plant.motor.contact.friction * trace.normal[1:], trace.friction[1:]
-    return min(float(np.max(-limit - friction)), 0.0), max(float(np.min(limit - friction)), 0.0)
+    ratios = np.array([one.contact.friction for one in plant.motor.touching])
+    limit, friction = ratios[:, np.newaxis] * trace.normal[:, 1:], trace.friction[:, 1:]
+    part = parts_of_force(plant)[:, np.newaxis]
+    return min(float(np.max((-limit - friction) / part)), 0.0), max(float(np.min((limit - friction) / part)), 0.0)
 
 
 def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[str, float]:
-    """Return the means over a period from which the quantities follow; all are linear in time averages."""
-    motor, radius = plant.motor, plant.motor.rotor.radius_m
-    x, _, vx, vy = np.array(contact_motion(plant, trace))[:, 1:]
-    x = x - static_sway(motor, plant.law, discretisation)
+    """Return the means over a period from which the quantities follow; all are linear in time averages.
+
+    Forces and powers are those of all contacts, shares of time their means with the shares of the preload as weights.
+    What belongs to each contact has its number, from 0: ``normal_0`` and ``touching_0``, and ``greatest_0`` and
+    ``rubbing_0`` of one of its points.
+    """
+    motor, radius, shares = plant.motor, plant.motor.rotor.radius_m, plant.motor.preload_shares
+    x, _, vx, vy = np.array(contact_motion(plant, trace))[..., 1:]
+    x = x - static_places(motor, plant.law, discretisation)[:, :1]
+    radii = np.array([[one.radius_m] for one in motor.touching])
     towards = pushes(motor, plant.law)
     for moved, tones in zip(motor.stator.residual_per_volt.T, plant.drive.tones, strict=True):
         for tone in tones:  # what is in series with the contact stores, and gives it back
             rate = np.asarray(phasor_at(tone, 1.0, trace.time)[1])[1:]
             vx = vx + moved[0] * rate * ("stem_x" in towards)
             vy = vy + moved[1] * rate * ("stem" in towards)
-    normal, friction, state = trace.normal[1:], trace.friction[1:], trace.contact_state[1:]
-    turning = speed(plant, trace)[1:]
-    points = len(state)
+    normal, friction, state = trace.normal[:, 1:], trace.friction[:, 1:], trace.contact_state[:, 1:]
+    on_rotor, turning = forces_on_rotor(plant, trace)[1][1:], speed(plant, trace)[1:]
+    points = state.shape[1]
     touching, slipping = state > 0.5, state > 1.5
     if held := held_by_friction(plant, trace):
         slipping[:] = False
     # slip that ended within a step: on average half of it
-    ended = np.count_nonzero(touching[1:] & ~slipping[1:] & slipping[:-1])
-    ended += int(touching[0] and not slipping[0] and slipping[-1])
+    ended = np.count_nonzero(touching & ~slipping & np.roll(slipping, 1, axis=1), axis=1)
     displacement, velocity = modal(plant, trace)
     mount_loss = 0.0
     for spring, rise in zip(carriers(plant.mount), trace.states[plant.moving[1][plant.modes :]], strict=True):
@@ -480,22 +507,26 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
         heating *= 1.0 + np.array(growth)[:, np.newaxis] * displacement[:, 1:] ** 2
     found = {
         **strength.peak_of_motion(motor, displacement),
-        "friction": float(friction.sum()) / points,
-        "friction_square": float(friction @ friction) / points,
+        "friction": float(on_rotor.sum()) / points,
+        "friction_square": float(on_rotor @ on_rotor) / points,
         "normal": float(normal.sum()) / points,
-        "touching": np.count_nonzero(touching) / points,
-        "slip": (np.count_nonzero(slipping) - 0.5 * ended) / points,
-        "work": float(friction @ (vx + x * vy / radius)) / points,
-        "press": float(normal @ (vy - x * vx / radius)) / points,
-        "given": radius * float(friction @ turning) / points,
+        "touching": float(shares @ np.count_nonzero(touching, axis=1)) / points,
+        "slip": float(shares @ (np.count_nonzero(slipping, axis=1) - 0.5 * ended)) / points,
+        "work": float(np.vdot(friction, vx + x * vy / radii)) / points,
+        "press": float(np.vdot(normal, vy - x * vx / radii)) / points,
+        "given": radius * float(on_rotor @ turning) / points,
         "speed": float(turning.sum()) / points,
         "damping_loss": float(motor.stator.damping @ heating.sum(axis=1)) / points + mount_loss + taken,
         "dielectric_loss": _dielectric_loss(plant),
-        "greatest": float(normal.max()),
         "stored": (_stored(plant, trace, -1) - _stored(plant, trace, 0)) / (trace.time[-1] - trace.time[0]),
     }
     found["held_min"], found["held_max"] = held_forces(plant, trace) if held else (0.0, 0.0)
-    found["rubbing"] = rubbing(plant, trace, discretisation, found["work"] - found["given"])
+    rubbed = rubbing(plant, trace, discretisation, found["work"] - found["given"])
+    for number, one in enumerate(motor.touching):
+        found[f"normal_{number}"] = float(normal[number].sum()) / points
+        found[f"touching_{number}"] = np.count_nonzero(touching[number]) / points
+        found[f"greatest_{number}"] = float(normal[number].max()) / one.multiplicity
+        found[f"rubbing_{number}"] = rubbed[number]
     for group, tones in zip(GROUPS, plant.drive.tones, strict=True):
         voltage = drive_voltage(tones, trace.time)[1:]
         amperes = current(plant, group, trace)[1:]
@@ -533,20 +564,29 @@ def phases(found: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> float:
-    """Return the mean of normal force times slip velocity in W; of other laws than the paper's by their loss.
+def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> list[float]:
+    """Return the mean of normal force times slip velocity in W at a point of each contact.
 
-    The spring of the paper's law is not quite conservative: its loss also has what the spring gives or takes.
+    Of other laws than the paper's it follows from the loss, which contacts share as the preload. The spring of the
+    paper's law is not quite conservative: its loss also has what the spring gives or takes.
     """
-    if plant.law is None:
-        return nan
-    if "averaged" not in plant.law.forms:
-        return loss_w / plant.motor.contact.friction
-    velocity = strength.slip_velocity(
-        plant.motor.contact, 1e-6 * trace.slider_um, 1e-6 * trace.penetration_um, trace.normal,
-        discretisation.slider_time,
-    )  # fmt: skip
-    return float(trace.normal[1:] @ velocity[1:]) / len(velocity[1:])
+    found = []
+    for at, one in enumerate(plant.motor.touching):
+        if plant.law is None:
+            found.append(nan)
+        elif "averaged" not in plant.law.forms:
+            found.append(one.share * loss_w / one.contact.friction / one.multiplicity)
+        else:
+            slider, depth, normal = 1e-6 * trace.slider_um[at], 1e-6 * trace.penetration_um[at], trace.normal[at]
+            velocity = strength.slip_velocity(one.contact, slider, depth, normal, discretisation.slider_time)
+            found.append(float(normal[1:] @ velocity[1:]) / len(velocity[1:]) / one.multiplicity)
+    return found
+
+
+def worst_contact(plant: Plant, loads: Iterable[tuple[float, float]]) -> dict[str, float]:
+    """Return pressure, tension and wear at the point that has most, from those of :func:`.of_contact` at each."""
+    found = [strength.of_contact(one.point, *load) for one, load in zip(plant.motor.touching, loads, strict=True)]
+    return {name: max(load[name] for load in found) for name in found[0]}
 
 
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
@@ -560,7 +600,7 @@ def mean_of(several: Sequence[Mapping[str, float]], weights: Array | None = None
     """Return the mean, with weights, of the means of copies or of successive runs; of peaks the maximum."""
     values = np.array([list(found.values()) for found in several])
     found = dict(zip(several[0], np.average(values, axis=0, weights=weights).tolist(), strict=True))
-    return found | {name: max(one[name] for one in several) for name in _PEAKS}
+    return found | {name: max(one[name] for one in several) for name in found if name.startswith(_PEAKS)}
 
 
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:
@@ -570,11 +610,12 @@ def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: 
     """
     weight = 1.0 / (ratio**2 - 1.0)
     limit = {name: value + weight * (value - coarse[name]) for name, value in fine.items()}
-    for name in ("touching", "slip"):
-        limit[name] = min(max(limit[name], 0.0), 1.0)
+    for name in limit:
+        if name.startswith(("touching", "slip")):
+            limit[name] = min(max(limit[name], 0.0), 1.0)
+        if name.startswith((*_PEAKS, "rubbing_")):
+            limit[name] = max(limit[name], 0.0)
     limit["slip"] = min(limit["slip"], limit["touching"])
-    for name in ("peak_a", "peak_b", "greatest", "rubbing"):
-        limit[name] = max(limit[name], 0.0)
     return limit
 
 
@@ -585,4 +626,13 @@ def quantities(plant: Plant, found: Mapping[str, float]) -> dict[str, float]:
     dry = float(np.sign(plant.load.speed or 0.0)) * motor.rotor.bearing_friction_n_m
     bearing = motor.rotor.bearing_damping_n_m_s * found["speed"] + dry
     load_torque = motor.rotor.radius_m * found["friction"] - bearing
-    return quantities_of(motor, {**found, "load_torque": load_torque})
+    loads = [(found[f"greatest_{at}"], found[f"rubbing_{at}"]) for at in range(len(motor.touching))]
+    return quantities_of(motor, {**found, "load_torque": load_torque}) | worst_contact(plant, loads)
+
+
+def of_contacts(plant: Plant, found: Mapping[str, float]) -> tuple[dict[str, Any], ...]:
+    """Return mean normal force and separated share of each of several contacts from means; none of one."""
+    return tuple(
+        {"name": one.name, "normal_force_n": found[f"normal_{at}"], "separated": 1.0 - found[f"touching_{at}"]}
+        for at, one in enumerate(plant.motor.touching if plant.motor.contacts else ())
+    )

@@ -25,7 +25,15 @@ from pyspice_runner.run.waveforms import Array, interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import Course, Derivative, derivatives, differentiable
-from pyspice_runner.steady.period_map import GROSS_SLIP, PeriodMap, Trace, held_by_friction, held_forces, in_threads
+from pyspice_runner.steady.period_map import (
+    GROSS_SLIP,
+    PeriodMap,
+    Trace,
+    held_by_friction,
+    held_forces,
+    in_threads,
+    parts_of_force,
+)
 
 LONG_CURVE = 9  # points of a curve from which on most of them start from solved neighbours
 SPACING = 3  # of the points that are solved first
@@ -80,7 +88,7 @@ class Slip:
     # whether each state at the beginning of the period acts on it: no slider that slips or touches nothing does, since
     # the first step of the period takes it to its limit, and no lag of the stem.
     persistent: NDArray[np.bool_]
-    stuck: bool  # whether a contact with sliders sticks for the whole period
+    stuck: NDArray[np.bool_]  # whether each contact with sliders sticks for the whole period
 
 
 @dataclass(eq=False)
@@ -140,16 +148,18 @@ class Orbit:
         step = np.asarray((self.trace.later(self.begun) - self.state) / self.scale)
         step[free] = right.T @ np.where(kept, -(left.T @ self.gap[free]) / np.where(kept, sizes, 1.0), 0.0)
         if drifting:  # in the end the sliders slip; the first step takes them back to their limit
-            sliders = self.plant.places["contact"]
             ahead = -1.0 if (self.plant.load.speed or 0.0) > 0.0 else 1.0  # of the tip, relative to the shaft
             slipping = self.state / self.scale
-            slipping[sliders] = NEWTON.slipped * ahead
-            along = [place for place, state in enumerate(self.plant.states) if state.part == "stem_x"]
-            if along:  # the friction compresses what is in series along the rotor, and its rate is 0
-                contact = self.plant.motor.contact
-                compressed = contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
-                slipping[along] = ahead * compressed / self.scale[along[0]], 0.0
-            places = [*range(sliders.start, sliders.stop), *along]
+            places: list[int] = []
+            for one, stuck, sliders in zip(self.plant.motor.touching, self.slip.stuck, self.plant.sliders, strict=True):
+                part = f"stem_x{one.suffix}"
+                along = [place for place, state in enumerate(self.plant.states) if state.part == part]
+                slipping[sliders] = NEWTON.slipped * ahead
+                if along:  # the friction compresses what is in series along the rotor, and its rate is 0
+                    contact = one.contact
+                    compressed = contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
+                    slipping[along] = ahead * compressed / self.scale[along[0]], 0.0
+                places += [*sliders, *along] if stuck else []
             step[places] = (slipping - self.state / self.scale)[places]
         return step
 
@@ -162,15 +172,16 @@ class Orbit:
         plant, trace = self.plant, self.trace
         if self._slip is not None and self._slip.trace is trace:
             return self._slip
-        influential, persistent, stuck = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool), False
+        influential, persistent = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool)
+        stuck = np.zeros(len(plant.motor.touching), dtype=bool)
         if trace is not None and plant.law is not None and plant.law.sliding:
-            time, sliders = trace.time, plant.places["contact"]
+            time = trace.time
             end = self.begun + time[-1] - time[0]
             later = int(np.searchsorted(time, end - 1.01 * (time[1] - time[0]), "right"))
             slips = np.abs(trace.contact_state - 1.0)
-            influential[sliders] = bool(np.any(slips[later:] < NEWTON.gross_slip))
-            persistent[sliders] = bool(np.any(slips[[0, -1]] < NEWTON.gross_slip))
-            stuck = not np.any(slips > NEWTON.gross_slip)
+            influential[plant.sliders] = np.any(slips[:, later:] < NEWTON.gross_slip, axis=1)[:, np.newaxis]
+            persistent[plant.sliders] = np.any(slips[:, [0, -1]] < NEWTON.gross_slip, axis=1)[:, np.newaxis]
+            stuck = ~np.any(slips > NEWTON.gross_slip, axis=1)
         influential[plant.places["stem"]] = persistent[plant.places["stem"]] = False
         if plant.driver is not None:
             influential[:] = True
@@ -190,17 +201,18 @@ class Orbit:
 
     @property
     def sticks(self) -> int:
-        """Number of directions in which a contact that sticks for the whole period keeps its state.
+        """Number of directions in which contacts that stick for the whole period keep their state.
 
-        Sliders that stick keep their distances from the innermost one. On a shaft that is held still, all together also
-        keep any torque.
+        Sliders that stick keep their distances from the innermost one of the contact. On a shaft that is held still,
+        all together also keep any torque.
         """
-        sliders = self.plant.places["contact"]
-        if self.trace is None or not self.slip.stuck:
+        if self.trace is None or not self.slip.stuck.any():
             return 0
-        apart = (self.trace.states[sliders] - self.trace.states[sliders.start]) / self.scale[sliders, np.newaxis]
-        together = (np.ptp(apart, axis=1) < NEWTON.residual) & self.free[sliders]
-        return int(np.count_nonzero(together)) - int(self.plant.load.speed != 0.0)
+        found = -int(self.plant.load.speed != 0.0)
+        for sliders in self.plant.sliders[self.slip.stuck]:
+            apart = (self.trace.states[sliders] - self.trace.states[sliders[0]]) / self.scale[sliders, np.newaxis]
+            found += int(np.count_nonzero((np.ptp(apart, axis=1) < NEWTON.residual) & self.free[sliders]))
+        return max(found, 0)
 
     @property
     def drift(self) -> float:
@@ -208,7 +220,7 @@ class Orbit:
 
         Such a motion repeats itself only if the tip comes back to its place, and then the slider does not.
         """
-        if not (self.plant.load.speed and self.slip.stuck):
+        if not (self.plant.load.speed and self.slip.stuck.any()):
             return 0.0
         distance = self.plant.load.speed * self.plant.motor.rotor.radius_m * self.plant.drive.period
         return abs(distance) / float(self.scale[self.plant.places["contact"]].max())
@@ -224,7 +236,7 @@ class Orbit:
         size = max(float(np.sqrt(np.mean(np.maximum(np.abs(step), np.abs(left)) ** 2))), self.drift)
         if self.plant.law is None:
             return size
-        force = max(motor.contact.preload_n, abs(float(self.trace.forces[0])) if self.trace else 0.0)
+        force = max(motor.contact.preload_n, abs(float(self.trace.forces(self.plant)[0])) if self.trace else 0.0)
         changes = np.abs(self.force_slope @ step) / np.array([force, motor.contact.friction * force])
         return max(size, float(changes.max()))
 
@@ -238,13 +250,16 @@ class Orbit:
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
         state = interpolated(time, self.trace.states, at)
-        law, place = self.plant.law, self.plant.places["contact"].start
+        law = self.plant.law
         if step is not None and law and law.sliding and not law.row:
-            depth = max(1e-6 * float(np.interp(at, time, self.trace.penetration_um)), 0.0)
-            normal = float(np.interp(at, time, self.trace.normal))
-            limit = contact_law.stick_limit(self.plant.motor.contact, depth, normal)
-            held = np.clip(state[place], -limit, limit)
-            state[place] = held + (state[place] - held) * step / (time[1] - time[0])
+            for one, place, normal, penetration in zip(
+                self.plant.motor.touching, self.plant.sliders[:, 0], self.trace.normal, self.trace.penetration_um,
+                strict=True,
+            ):  # fmt: skip
+                depth = max(1e-6 * float(np.interp(at, time, penetration)), 0.0)
+                limit = contact_law.stick_limit(one.contact, depth, float(np.interp(at, time, normal)))
+                held = np.clip(state[place], -limit, limit)
+                state[place] = held + (state[place] - held) * step / (time[1] - time[0])
         return replace(self, state=state, begun=begun, trace=None, step=None)
 
     @property
@@ -256,11 +271,12 @@ class Orbit:
     def with_force(self, force_n: float) -> Orbit:
         """Return the point with a constant friction force in addition, at the static deflections that it causes."""
         plant, motor, state = self.plant, self.plant.motor, self.state.copy()
-        stator = motor.stator.with_carrier(plant.mount)
-        state[plant.moving[0]] -= np.linalg.solve(square(stator.stiffness), stator.contact[0]) * force_n
-        state[plant.places["contact"]] += force_n / contact_law.tangential_stiffness_at_preload(motor.contact)
-        along = [place for place, part in enumerate(plant.states) if part.part == "stem_x"]
-        state[along[:1]] += motor.contact.tangential_series_compliance_m_per_n * force_n
+        stator, forces = motor.stator.with_carrier(plant.mount), force_n * parts_of_force(plant)
+        state[plant.moving[0]] -= np.linalg.solve(square(stator.stiffness), forces @ stator.contact[::2])
+        for one, sliders, force in zip(motor.touching, plant.sliders, forces.tolist(), strict=True):
+            state[sliders] += force / contact_law.tangential_stiffness_at_preload(one.contact)
+            along = [place for place, part in enumerate(plant.states) if part.part == f"stem_x{one.suffix}"]
+            state[along[:1]] += one.contact.tangential_series_compliance_m_per_n * force
         return replace(self, state=state, at_start=None, at_end=None, measured_end=None, trace=None, step=None)
 
     def copy(self, state: Array) -> Copy:
@@ -347,7 +363,8 @@ class Orbit:
         ends = np.array([(trace.states[:, -1] - base.states[:, -1]) / self.scale for base, trace in both]).T
         self.at_start, self.at_end = starts / NEWTON.perturbation, ends / NEWTON.perturbation
         self.measured_end, self.measured_at = self.at_end, self.state
-        self.force_slope = np.array([trace.forces - base.forces for base, trace in both]).T / NEWTON.perturbation
+        self.force_slope = np.array([trace.forces(self.plant) - base.forces(self.plant) for base, trace in both]).T
+        self.force_slope /= NEWTON.perturbation
         self.stale = False
         self.step = self.newton_step()
 
@@ -416,33 +433,34 @@ def start_point(plant: Plant) -> Orbit:
             state[displacements] += displacement
             state[velocities] += velocity
         amplitudes += abs(gains[:n] @ [tone.amplitude * np.exp(1j * tone.phase) for tone in tones])
-    along, towards = motor.stator.contact  # of the modes
-    followed = float(along @ state[:n])  # by the tip since rest
-    state[:n] -= towards * preload / motor.stator.stiffness
+    contacts = [one.contact for one in motor.touching]
+    along, towards = motor.stator.contact[::2], motor.stator.contact[1::2]  # of the modes
+    followed = along @ state[:n]  # by the tips since rest
+    state[:n] -= motor.preload_shares @ towards * preload / motor.stator.stiffness
     energy = 0.5 * float(motor.stator.stiffness @ amplitudes**2)
+    depths = np.array([contact_law.static_penetration(one) for one in contacts])
     if plant.law:
-        energy += 0.4 * preload * contact_law.static_penetration(motor.contact)
+        energy += 0.4 * preload * float(motor.preload_shares @ depths)
     energy = max(energy, np.finfo(float).tiny * 1e100)
     fastest = np.sqrt(2.0 * energy / motor.stator.mass)
-    slide = contact_law.limit_ratio(motor.contact) * contact_law.static_penetration(motor.contact)
+    slides = np.array([contact_law.limit_ratio(one) for one in contacts]) * depths
     if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip
-        state[plant.places["contact"]] = np.clip(followed, -slide, slide) * plant.law.touching
+        state[plant.sliders] = np.outer(np.clip(followed, -slides, slides), plant.law.touching)
     swift = float(np.abs(motor.stator.contact * fastest).max())
     carrier = []
     for _, tip in zip(carriers(plant.mount), (towards, along), strict=False):
-        lift = contact_law.static_penetration(motor.contact) + float(np.abs(tip * amplitudes).max())
+        lift = float(depths.max() + np.abs(tip * amplitudes).max())
         carrier += [lift, lift / plant.drive.period]
     sensed = []
     if motor.feedback:
         charge = float(np.abs(motor.stator.sensed) @ np.sqrt(2.0 * energy / motor.stator.stiffness))
         sensed = [max(charge / motor.feedback.capacitance_f, 1e-6)]
     turning = [swift / motor.rotor.radius_m] if plant.turns else []
-    sliders = plant.places["contact"]
     stem = []
     for compliance in stems(motor, plant.law).values():
-        stem += [compliance * preload, swift]
+        stem += [compliance * preload / len(contacts), swift]
     scale = np.array([
-        *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *(slide,) * (sliders.stop - sliders.start), *stem,
+        *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *np.repeat(slides, plant.sliders.shape[1]), *stem,
         *carrier, *sensed, *turning,
     ])  # fmt: skip
     return Orbit(plant, state, scale)
@@ -585,7 +603,7 @@ class Shooting:
             for point in points:
                 assert point.trace is not None
                 least, most = held_forces(point.plant, point.trace)
-                change = float(np.clip(-point.trace.friction[1:].mean(), NEWTON.held * least, NEWTON.held * most))
+                change = float(np.clip(-point.trace.forces(point.plant)[1], NEWTON.held * least, NEWTON.held * most))
                 if abs(change) > NEWTON.balance * point.plant.motor.contact.preload_n:
                     moved.append((point, point.with_force(change)))
             if not moved:
@@ -631,7 +649,8 @@ def rest(plant: Plant) -> Array:
     """Return the state of a motor at preloaded rest."""
     state, stator = np.zeros(plant.order), plant.motor.stator
     if plant.law:
-        state[: plant.modes] = -plant.motor.contact.preload_n * stator.contact[1] / stator.stiffness
+        pressed = plant.motor.preload_shares @ stator.contact[1::2]
+        state[: plant.modes] = -plant.motor.contact.preload_n * pressed / stator.stiffness
     return state
 
 

@@ -33,7 +33,7 @@ from pyspice_runner.result import Result, contact_row, json_ready
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.steady.copies import Plant
 from pyspice_runner.steady.monodromy import Linearised, differentiable
-from pyspice_runner.steady.period_map import PeriodMap, Trace, current, modal, speed
+from pyspice_runner.steady.period_map import PeriodMap, Trace, current, forces_on_rotor, modal, speed
 from pyspice_runner.steady.shooting import Orbit, Shooting
 from pyspice_runner.steady.speed_torque import axis
 from pyspice_runner.steady.steady import SteadyState, settled
@@ -303,8 +303,9 @@ class _Linear:
         deviations = plant.widened(deviations, trace.course.plant, 1)
         found, base = [], _signals(plant, trace)
         for (place, frequency), at, rows in zip(probes, modulation.tolist(), deviations, strict=True):
-            moved: Any = {"states": trace.states + rows[:-2], "normal": trace.normal + rows[-2]}
-            signals = _signals(plant, replace(trace, friction=trace.friction + rows[-1], **moved)) - base
+            states, normal, friction = np.split(rows, [plant.order, plant.order + len(trace.normal)])
+            moved: Any = {"states": trace.states + states, "normal": trace.normal + normal}
+            signals = _signals(plant, replace(trace, friction=trace.friction + friction, **moved)) - base
             signals[_CURRENTS] += self._by_source(place, frequency, trace)
             waves = np.exp(-2j * pi * np.outer(trace.time, at + self.drive.frequency * np.array([0, 1, -1])))
             found.append(np.asarray(signals[:, 1:] @ waves[1:] / len(waves[1:]), dtype=complex))
@@ -322,7 +323,7 @@ class _Linear:
         other = dielectric_matrix(motor, frequency - carrier) - dielectric_matrix(motor, -carrier)
         turn = np.exp(2j * pi * carrier * trace.time)
         found = (np.outer(change @ volts, turn) + np.outer(other @ volts.conj(), turn.conj())) / (2j * frequency)
-        moved, forces = motor.stator.residual_per_volt, np.array([trace.friction, trace.normal])
+        moved, forces = motor.stator.residual_per_volt[:2], np.array([trace.friction[0], trace.normal[0]])
         moved = moved * [[name in pushes(motor, self.point.plant.law)] for name in ("stem_x", "stem")]
         found -= moved.T @ np.gradient(forces, trace.time, axis=1, edge_order=2) / carrier
         return found * wave
@@ -365,7 +366,7 @@ def _signals(plant: Plant, trace: Trace) -> Array:
     """Return speed, friction force, currents and motional currents over a period."""
     currents = [current(plant, group, trace) for group in GROUPS]
     motional = plant.motor.stator.coupling.T @ modal(plant, trace)[1]
-    return np.array([speed(plant, trace), trace.friction, *currents, *motional])
+    return np.array([speed(plant, trace), forces_on_rotor(plant, trace)[1], *currents, *motional])
 
 
 def cold_admittance(motor: Motor, frequency: float) -> Complex:

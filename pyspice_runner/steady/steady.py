@@ -17,6 +17,7 @@ from typing import Any, Generic, TypeVar, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from pyspice_runner.circuit.motor import ALL
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, DriveSource
 from pyspice_runner.circuit.state import motor_states
 from pyspice_runner.drivers.driver import Driver
@@ -30,19 +31,22 @@ from pyspice_runner.run.audit import audit_point, delivering
 from pyspice_runner.run.dynamometer import STUCK, Quantities, stuck
 from pyspice_runner.run.point import Point, Settings
 from pyspice_runner.run.recording import VECTORS, Recording
-from pyspice_runner.run.waveforms import HEATED, Array, Waveforms, described
+from pyspice_runner.run.waveforms import Array, Waveforms, described
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
 from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
 from pyspice_runner.steady.period_map import (
+    CONTACT,
     Effort,
     PeriodMap,
     cores,
     current,
     extrapolated,
+    forces_on_rotor,
     in_threads,
     mean_of,
     means,
+    of_contacts,
     phases,
     quantities,
     speed,
@@ -87,6 +91,7 @@ class SteadyState(Quantities, Result):
         solution: the solved point at the coarse step; ``None`` without a solution, and behind a driver.
         behind: the solved point behind a driver; else ``None``.
         failure: the first failure of ngspice if every run failed, else ``None``.
+        contacts: name, mean normal force and separated share of each of several contacts; not known behind a driver.
     """
 
     motor: Motor = field(repr=False)
@@ -107,6 +112,7 @@ class SteadyState(Quantities, Result):
     failure: SimulationError | None = field(default=None, repr=False)
     current_a_phase_deg: float = float("nan")
     current_b_phase_deg: float = float("nan")
+    contacts: tuple[dict[str, Any], ...] = ()
 
     @property
     def stable(self) -> bool:
@@ -171,6 +177,7 @@ class SteadyState(Quantities, Result):
             **json_ready(self.quantities),
             **self._entries("current_a_phase_deg", "current_b_phase_deg", "torque_error_n_m"),
             **self.sensed(),
+            **(self._entries("contacts") if self.contacts else {}),
             **self._entries("floquet_multipliers", "stable", "instability", "converged"),
             **self._entries("residual", "iterations", "method", "step_s", "audit", "cautions"),
             **self.provenance,
@@ -487,7 +494,10 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
 def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
     """Return the answer for means and the error of the friction force in N."""
     torque_error = point.plant.motor.rotor.radius_m * error
-    return Answer(point, period_map, quantities(point.plant, found) | phases(found), torque_error, found["speed"])
+    values = quantities(point.plant, found) | phases(found)
+    return Answer(
+        point, period_map, values, torque_error, found["speed"], contacts=of_contacts(point.plant, found)
+    )  # fmt: skip
 
 
 def _between(points: Mapping[int, Orbit], period_map: PeriodMap) -> dict[int, list[Orbit]]:
@@ -563,7 +573,7 @@ def _result(
         residual=last.residual, iterations=point.iterations, step_s=step,
         method=(answer.method or point.method) if found else "",
         audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
-        provenance=provenance, solution=None, behind=None, failure=coarse.failure,
+        provenance=provenance, contacts=answer.contacts, solution=None, behind=None, failure=coarse.failure,
     )  # fmt: skip
 
 
@@ -574,21 +584,15 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
     assert trace is not None
     assert period_map is not None
     discretisation = period_map.discretisation
-    x, y = plant.motor.stator.contact @ trace.states[: plant.modes]
-    samples = {
-        "time": trace.time,
-        "v(xmotor.x)": 1e6 * x,
-        "v(xmotor.y)": 1e6 * y,
-        "v(shaft)": speed(plant, trace),
-    }
-    if plant.law:
-        samples |= {
-            "v(xmotor.normal)": trace.normal,
-            "v(xmotor.friction)": trace.friction,
-            "v(xmotor.slider)": trace.slider_um,
-            "v(xmotor.xcontact.delta)": trace.penetration_um,
-            "v(xmotor.state)": trace.contact_state,
-        }
+    samples = {"time": trace.time, "v(shaft)": speed(plant, trace)}
+    moved = 1e6 * plant.motor.stator.contact @ trace.states[: plant.modes]
+    for number, one in enumerate(plant.motor.touching):
+        samples |= {f"v(xmotor.{axis}{one.suffix})": moved[2 * number + at] for at, axis in enumerate("xy")}
+        of_contact = (trace.normal, trace.friction, trace.contact_state, trace.slider_um, trace.penetration_um)
+        for name, values in zip(CONTACT, of_contact if plant.law else (), strict=False):
+            samples[f"v(xmotor.{name.format(one.suffix)})"] = values[number]
+    for name, force in zip(("normal", "friction"), forces_on_rotor(plant, trace), strict=True):
+        samples[f"v(xmotor.{name}{ALL})"] = force
     for state, row in zip(plant.states, trace.states, strict=False):  # behind a driver its own states follow
         samples[state.within("xmotor")] = row / state.scale(discretisation)
     for state in motor_states(setup.motor, plant.law, ("bearing",)):
@@ -603,9 +607,10 @@ def _waveforms(setup: Point, answer: Answer, provenance: dict[str, Any]) -> Wave
         samples[VECTORS["feedback_v"][0]] = trace.states[plant.places["feedback"]][0] + shared
     recording = Recording(setup, discretisation, started=False)
     waves = recording.columns(samples, recording.all_columns)
-    arrays: dict[str, Any] = dict.fromkeys(HEATED) | waves
+    arrays: dict[str, Any] = {name: waves.get(name) for name in Waveforms.units}
     return Waveforms(
         **arrays,
+        of_contacts={name: values for name, values in waves.items() if name not in Waveforms.units},
         energy=recording.energy(waves, samples),
         drive_period_s=period_map.period,
         rotor_radius_m=setup.motor.rotor.radius_m,

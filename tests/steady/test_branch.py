@@ -79,7 +79,7 @@ def test_an_unstable_motion_that_is_disturbed_leaves_to_either_side() -> None:
     motion[: 2 * plant.modes] = 1e-2
     # in 80 periods 1.15, the largest multiplier, makes 7e4 of 1
     traces = period_map.traces([Copy(plant, state * (1.0 + sign * motion)) for sign in (1.0, -1.0)], 80)
-    low, high = sorted(float(trace.forces[0]) for trace in traces if trace is not None)
+    low, high = sorted(float(trace.forces(plant)[0]) for trace in traces if trace is not None)
     between = float(at["normal_force_n"])
     assert low < 0.95 * between  # in contact
     assert high > 1.5 * between  # hammering

@@ -76,7 +76,7 @@ def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tup
         np.array([one.states[:, at] - other.states[:, at] for one, other in zip(up, down, strict=True)]).T / width
         for at in (0, -1)
     )
-    forces = np.array([one.forces - other.forces for one, other in zip(up, down, strict=True)]).T / width
+    forces = np.array([one.forces(plant) - other.forces(plant) for one, other in zip(up, down, strict=True)]).T / width
     return point, along, Derivative(start, end, forces, along.monodromy)
 
 
@@ -133,8 +133,8 @@ def test_runs_with_other_points_in_time_are_differentiated_apart() -> None:
     course = trace.course
     assert course is not None
     later = replace(
-        course, time=course.time[1:], states=course.states[:, 1:], normal=course.normal[1:], first=course.first - 1,
-        friction=course.friction[1:], penetration_um=course.penetration_um[1:],
+        course, time=course.time[1:], states=course.states[:, 1:], normal=course.normal[:, 1:], first=course.first - 1,
+        friction=course.friction[:, 1:], penetration_um=course.penetration_um[:, 1:],
     )  # fmt: skip
     alone = [derivatives([one], period_map.discretisation)[0] for one in (course, later)]
     for one, other in zip(alone, derivatives([course, later], period_map.discretisation), strict=True):
