@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
 from pathlib import Path
 
 import numpy as np
@@ -11,72 +10,81 @@ import pytest
 from fmpy import simulate_fmu
 
 import pyspice_runner as pr
+from pyspice_runner.averaged.run import AveragedRun
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.errors import ParameterError
-from pyspice_runner.motor.contacts import gathered
-from pyspice_runner.motor.parameters import Contact, ContactPlace, Mount, Piezo, Rotor
-from tests.motors import mode
+from tests.rings import ring, with_contacts
 
-WAVE = {"cosine": (1.0, 0.0), "sine": (0.0, 1.0)}  # of a ring with a travelling wave, along the circumference
-DRIVE = pr.TwoPhaseDrive(voltage=175.0, frequency=39.9e3, phase_deg=90.0)
-
-
-def ring(points: int = 8) -> pr.Motor:
-    """A ring of 60 mm with nine waves, each of which touches the rotor at some points."""
-    places = []
-    for number in range(points):
-        angle = 2.0 * pi * number / points
-        tip_x = {"cosine": 1.2 * sin(angle), "sine": -1.2 * cos(angle)}
-        tip_y = {"cosine": cos(angle), "sine": sin(angle)}
-        places.append(ContactPlace(name=f"point{number}", multiplicity=9, tip_x=tip_x, tip_y=tip_y))
-    moved = [{"tip_x": places[0].tip_x[name], "tip_y": places[0].tip_y[name]} for name in WAVE]
-    modes = [
-        mode(name, 39.43e3, 0.0176, 97.0, coupling_a_n_per_v=0.3 * a, coupling_b_n_per_v=0.3 * b, **tip)
-        for (name, (a, b)), tip in zip(WAVE.items(), moved, strict=True)
-    ]
-    return pr.Motor(
-        name="ring", modes=tuple(modes), contacts=tuple(places),
-        piezo=Piezo(capacitance_a_f=10e-9, capacitance_b_f=10e-9, loss_tangent=0.0),
-        contact=Contact(
-            normal_stiffness_n_per_m15=2.7e8, tangential_compliance_tip_m_per_n23=1.44e-6,
-            tangential_compliance_rotor_m_per_n23=1.44e-6, friction=0.2, preload_n=170.0,
-        ),
-        rotor=Rotor(radius_m=0.03, inertia_kg_m2=7e-5, bearing_damping_n_m_s=1e-5),
-        mount=Mount(stiffness_n_per_m=100.0, mass_kg=0.1, damping_n_s_per_m=400.0),
-    )  # fmt: skip
+UNEQUAL = (  # on a carrier that moves along the rotor, too
+    {"share": 0.6, "height_m": 5e-8, "contact": {"friction": 0.2}},
+    {"share": 0.4, "height_m": -3e-8, "radius_m": 0.012, "direction": -1, "multiplicity": 2},
+)
+ALONG = {"mount.tangential_stiffness_n_per_m": 3e5, "mount.tangential_damping_n_s_per_m": 5.0}
 
 
-def halves(points: int) -> pr.Motor:
-    """The flagship with two tips that do the same, or the one tip that stands for them."""
-    still = {f"piezo.motion_{axis}_{group}_m_per_v": 0.0 for axis in "xy" for group in "ab"}
-    one = pr.load_motor("bimodal40").updated(still)
-    if points == 1:
-        return one.model_copy(update={"contact": gathered(one.contact, 2, one.contact.preload_n)})
-    tips = {f"tip_{axis}": {of.name: getattr(of, f"tip_{axis}") for of in one.modes} for axis in "xy"}
-    return one.model_copy(update={"contacts": tuple(ContactPlace(name=name, **tips) for name in ("left", "right"))})
-
-
-def test_two_equal_contacts_are_the_one_that_stands_for_both() -> None:
+@pytest.mark.parametrize("name", ["bimodal40", "examples/plate40.toml"])
+def test_two_equal_contacts_are_the_one_that_stands_for_both(name: str) -> None:
+    """With courses of the voltage and of the load; the C code has the values rounded to ten digits."""
+    motor = pr.load_motor(name)
+    drive = pr.default_drive(motor).model_copy(update={"voltage": 80.0})
     courses = {"voltage": [(0.0, 80.0), (10e-3, 120.0)], "load_torque": [(5e-3, 0.0), (5.1e-3, 5e-4)]}
-    drive = pr.default_drive(halves(1))
-    one, two = (simulate_averaged(halves(points), drive, 20e-3, courses=courses) for points in (1, 2))
+    one, two = (
+        simulate_averaged(with_contacts(motor, *places), drive, 20e-3, courses=courses)
+        for places in ([{"multiplicity": 2}], [{}, {}])
+    )
     assert one.slip.max() > 0.3
-    for name in one.units:
-        values = getattr(one, name)
-        at = np.interp(one.time_s, two.time_s, getattr(two, name))
-        assert at == pytest.approx(values, rel=1e-9, abs=1e-9 * np.abs(values).max()), name
+    for column in one.units:
+        values = getattr(one, column)
+        at = np.interp(one.time_s, two.time_s, getattr(two, column))
+        assert at == pytest.approx(values, rel=1e-8, abs=1e-8 * np.abs(values).max()), column
+
+
+def difference(averaged: AveragedRun, full: pr.Result) -> np.ndarray:
+    """Return the speed of the averaged motor minus the mean of the full motor in each period, over its maximum."""
+    period = 1.0 / averaged.frequency_hz.max()
+    edges = np.arange(0.0, full.time_s[-1], period)
+    angle = np.concatenate(([0.0], np.cumsum(np.diff(full.time_s) * full.rotor_speed_rad_s[1:])))
+    mean = np.diff(np.interp(edges, full.time_s, angle)) / period
+    ours = np.interp(0.5 * (edges[1:] + edges[:-1]), averaged.time_s, averaged.rotor_speed_rad_s)
+    return np.asarray(ours - mean) / np.abs(mean).max()
+
+
+@pytest.mark.soak
+def test_unequal_contacts_turn_the_rotor_as_in_the_full_motor() -> None:
+    """0.2 % of the maximum speed, RMS: shares, heights, levers, friction, a tip that faces backward, and the carrier."""
+    flagship = pr.load_motor("bimodal40").updated(ALONG)
+    back = {"tip_x": {one.name: -0.8 * one.tip_x for one in flagship.modes}}
+    motor = with_contacts(flagship, UNEQUAL[0], UNEQUAL[1] | back)
+    drive = pr.default_drive(motor)
+    runs = simulate_averaged(motor, drive, 10e-3), pr.simulate(motor, drive, 10e-3)
+    assert np.sqrt(np.mean(difference(*runs) ** 2)) <= 2e-3
+
+
+@pytest.mark.soak
+def test_a_ring_is_trusted_in_a_step_of_the_load_and_of_the_frequency(tmp_path: Path) -> None:
+    """Against steady states of the full motor."""
+    motor = ring(tmp_path)
+    drive = pr.default_drive(motor)
+    courses = {
+        "load_torque": [(20e-3, 0.0), (20.1e-3, 0.05)],
+        "frequency": [(40e-3, drive.frequency), (40.1e-3, drive.frequency + 300.0)],
+    }
+    run = simulate_averaged(motor, drive, 60e-3, courses=courses)
+    assert max(run.error_estimate.shares.values()) < 0.01
+    assert run.trusted
 
 
 def test_an_exported_unit_has_the_contacts_of_the_motor(tmp_path: Path) -> None:
-    file = pr.export_motor(halves(2), tmp_path / "motor.fmu")
-    run = simulate_averaged(halves(2), pr.default_drive(halves(2)), 10e-3)
-    start = {"contact[2].share": 0.5, "contact[2].friction_ratio": 1.0, "contact[2].mode[1].tip_x": 0.9856614997}
+    motor = with_contacts(pr.load_motor("bimodal40"), {"share": 0.7}, {"share": 0.3, "tip_y": {"mode-3": 0.9}})
+    run = simulate_averaged(motor, pr.default_drive(motor), 10e-3)
+    file = pr.export_motor(motor, tmp_path / "motor.fmu")
+    start = {"contact[2].share": 0.3, "contact[2].mode[3].tip_y": 0.9}
     unit = simulate_fmu(str(file), stop_time=10e-3, output_interval=1e-3, start_values=start, output=["speed"])
     assert unit["speed"][-1] == pytest.approx(run.rotor_speed_rad_s[-1], rel=1e-3)
 
 
-def test_ngspice_has_one_contact_only() -> None:
-    run = simulate_averaged(ring(), DRIVE, 10e-3)
-    assert run.deck is None
+def test_ngspice_has_one_contact_only(tmp_path: Path) -> None:
+    motor = ring(tmp_path)
+    assert simulate_averaged(motor, pr.default_drive(motor), 10e-3).deck is None
     with pytest.raises(ParameterError, match=r"averaged motor in ngspice, and its \.lib, are for a motor with one"):
-        simulate_averaged(ring(), DRIVE, 10e-3, engine="spice")
+        simulate_averaged(motor, pr.default_drive(motor), 10e-3, engine="spice")
