@@ -634,6 +634,12 @@ def contact_nodes(motor: Motor, law: Law | None = None, suffix: str = "") -> dic
     return nodes | {pin: node for name in pushes(motor, law) for pin, node in moved[name].items()}
 
 
+def force_vectors(motor: Motor) -> tuple[str, str]:
+    """Return the vectors of normal and friction force of ``Xmotor``, of several contacts those of the sums."""
+    all_of = ALL if motor.contacts else ""
+    return f"v(xmotor.normal{all_of})", f"v(xmotor.friction{all_of})"
+
+
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s of an exported motor, for its modes, free and pressed; a carrier is slow."""
     frequency, quality = motor.pressed_stator.damped()

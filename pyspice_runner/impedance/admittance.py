@@ -34,6 +34,7 @@ from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_por
 from pyspice_runner.units import engineering
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
+_SAME = 0.01  # of a bandwidth, within which two modes cannot be told apart
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
 _LOWEST_SHARE, _LARGEST_LOGARITHM = 1e-3, 50.0  # of a frequency to its start, and of a quality factor
 _TAILS = 1.0  # of the zoom: modes nearer than that have an arm of their own; the tails of others are a cubic
@@ -263,7 +264,7 @@ def _resonances(
     A mode that its neighbours mask, so that it has no maximum of its own or no arm of positive resistance fits, is left
     out.
     """
-    found = []
+    found, near = [], _distinct(near)
     for item, (frequency, matrix) in near:
         y = connect(matrix, connection)
         fs = _local_peak(frequency, y.real, item.frequency_hz)
@@ -300,6 +301,21 @@ def _resonances(
                 )
             )
     return tuple(resonances)
+
+
+def _distinct(near: Sequence[tuple[Mode, Swept]]) -> list[tuple[Mode, Swept]]:
+    """Return the modes with one in place of those at the same frequency, such as the two of a ring: they have one peak.
+
+    Its name is those of all.
+    """
+    found: list[tuple[Mode, Swept]] = []
+    for mode, swept in near:
+        if found and abs(found[-1][0].frequency_hz - mode.frequency_hz) < _SAME * _bandwidth(mode):
+            before = found[-1][0]
+            found[-1] = before.model_copy(update={"name": f"{before.name} and {mode.name}"}), found[-1][1]
+        else:
+            found.append((mode, swept))
+    return found
 
 
 def _zoom(sweep: _Sweep, centre: float, mode: Mode) -> Swept:

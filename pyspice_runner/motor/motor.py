@@ -585,7 +585,7 @@ class Motor(Shown, Parameters):
         of_beam: tuple[str, ...] = ()
         if (structure := self.structure) is not None:
             of_beam = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
-        return (*unknown_recoil(self.modes, self.mount), *of_beam, *self.left_out)
+        return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_beam, *self.left_out)
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""
