@@ -12,7 +12,7 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.motor.load import SETS, Arm
-from pyspice_runner.motor.motor import Materials
+from pyspice_runner.motor.motor import Lining, Materials
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
@@ -78,6 +78,7 @@ def parameters_page() -> str:
         ("Piezo", Piezo, "piezo", vars(motor.piezo), _own(Piezo)),
         ("Contact", Contact, "contact", vars(motor.contact), _own(Contact)),
         ("Materials", Materials, "contact.materials", materials, _own(Materials)),
+        ("Lining", Lining, "contact.lining", {}, _own(Lining)),
         ("Rotor", Rotor, "rotor", vars(motor.rotor), _own(Rotor)),
         ("Slider", Slider, "slider", {}, _own(Slider)),
         ("Mount", Mount, "mount", vars(motor.mount), _own(Mount)),
@@ -100,6 +101,7 @@ _REMARKS = {
     "Arms": "Seen at group A with group B shorted. It also has `tip_x`, `tip_y`, `recoil_kg` and `recoil_x_kg`.",
     "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
+    "Lining": "[Explanation](contact.md#a-lining-or-rough-surfaces)",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",
     "Limits": "Results warn beyond those that are known.",

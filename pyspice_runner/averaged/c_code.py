@@ -22,10 +22,11 @@ from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms,
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.contacts import HERTZ, Touching
+from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, Equations, equations, translated

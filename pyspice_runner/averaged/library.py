@@ -37,10 +37,10 @@ from pyspice_runner.circuit.motor import (
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
-from pyspice_runner.motor.contacts import HERTZ
 from pyspice_runner.motor.drive import ShaftLoad, TwoPhaseDrive, default_drive
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor, require_one_contact
+from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, Pin, check_name, read_library
