@@ -48,7 +48,7 @@ static phasor turned_by(double degrees) { return (phasor){cos(degrees * PI / 180
 
 /* --- the contact --- */
 
-struct contact {
+struct contact { /* one of them */
     phasor fx[ORDERS], fy[ORDERS]; /* N, force on the tip; [0] is the mean */
     double normal, friction;       /* N, means */
     double separated, slip;        /* shares of the period */
@@ -90,6 +90,45 @@ struct path {
    the present preload; without a mount another preload is another distance. */
 static double laid_preload(const struct motor *m) { return MOUNTED ? m->laid : m->value.preload; }
 
+/* What each of several contacts has. */
+static struct seat seat_of(const struct values *p, int contact)
+{
+#if CONTACTS > 1
+    return p->seat[contact];
+#else
+    (void)p, (void)contact;
+    return (struct seat){.share = 1.0, .friction_ratio = 1.0, .direction = 1.0};
+#endif
+}
+
+/* The motion of a contact by a mode, or by the carrier towards and along the rotor. */
+static struct tip tip_of(const struct values *p, int contact, int number)
+{
+    if (number >= MODES)
+        return number == MODES ? (struct tip){0.0, 1.0} : (struct tip){seat_of(p, contact).direction, 0.0};
+#if CONTACTS > 1
+    if (contact > 0)
+        return p->tip[contact - 1][number];
+#endif
+    return (struct tip){p->mode[number].tip_x, p->mode[number].tip_y};
+}
+
+/* The bending of a mode, m, away from the rotor, under a static preload, N. */
+static double bent(const struct values *p, int mode, double preload)
+{
+    double force = 0.0;
+
+    for (int c = 0; c < CONTACTS; c++)
+        force += tip_of(p, c, mode).tip_y * (seat_of(p, c).share * preload);
+    return force / p->mode[mode].stiffness;
+}
+
+/* The penetration of the first contact under the preload, m. */
+static double static_penetration(const struct values *p)
+{
+    return pow(seat_of(p, 0).share * p->preload / p->normal_stiffness, 1.0 / EXPONENT);
+}
+
 /* The slider in m at the end of a period, from that at its beginning. At each phase it moves with the tip and is clipped at
    the limits of stick; all phases together are one motion and one pair of limits. */
 static double clip_slider(const struct contact *c, double slider)
@@ -97,18 +136,20 @@ static double clip_slider(const struct contact *c, double slider)
     return 1e-6 * fmin(fmax(1e6 * slider + c->shift, c->low), c->high);
 }
 
-/* One period of the contact; piezomotor_phase.h takes displacements in um. */
-static struct contact touch(const struct motor *m, const struct path *path)
+/* One period of a contact; piezomotor_phase.h takes displacements in um. */
+static struct contact touch(const struct motor *m, int contact, const struct path *path)
 {
-    const struct values *p = &m->value;
+    const struct values *v = &m->value;
+    const struct touching *p = &v->contact[contact];
+    struct seat seat = seat_of(v, contact);
     double x[PHASES], y[PHASES], fx[PHASES], fy[PHASES];
-    double deflection = 0.0, laid = laid_preload(m);
+    double deflection = seat.height, preload = laid_preload(m), laid = seat.share * preload;
     struct contact found = {.low = -INFINITY, .high = INFINITY};
 
     for (int i = 0; i < MODES; i++)
-        deflection += p->mode[i].tip_y * p->mode[i].tip_y * laid / p->mode[i].stiffness;
+        deflection += tip_of(v, contact, i).tip_y * bent(v, i, preload);
     struct phase at = {
-        .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = p->friction, .radius = p->radius,
+        .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = seat.friction_ratio * v->friction, .radius = p->radius,
         .sliding = p->sliding_ratio, .stribeck = p->stribeck_velocity, .preload = laid, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
         .series_x = p->series_compliance_x,
         .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * path->frequency),
@@ -133,7 +174,7 @@ static struct contact touch(const struct motor *m, const struct path *path)
         double top = y[0];
         for (int n = 1; n < PHASES; n++)
             top = larger(top, y[n]);
-        double force = p->normal_stiffness * 1e-9 * pow(fmax(at.seat + top, 0.0), 1.5);
+        double force = p->normal_stiffness * pow(1e-6 * fmax(at.seat + top, 0.0), EXPONENT);
         double memory = p->normal_damping * p->series_compliance * at.rate * force;
         double left = fmin(5.0 * memory / (1.0 + 3.0 * memory), 0.999);
         first = -(int)fmin(PHASES / 2, left > 0.0 ? ceil(log(FORGOTTEN) / log(left)) : 0.0);
@@ -192,7 +233,7 @@ struct flow {
     double heat, contact_power;  /* W */
     double stored;               /* J, in the modes and the clamped capacitances */
     phasor push, velocity;       /* of the mode that a loop follows: force of the groups, N; velocity, m/s */
-    struct contact contact;
+    struct contact contact[CONTACTS];
 };
 
 /* Temperature of the stator above that at which the parameters hold. */
@@ -207,9 +248,8 @@ static struct mode moving(const struct values *p, int number)
     if (number < MODES)
         return p->mode[number];
     if (number == MODES)
-        return (struct mode){.mass = p->mount_mass, .damping = p->mount_damping, .stiffness = p->mount_stiffness, .tip_y = 1.0};
-    return (struct mode){
-        .mass = p->mount_x_mass, .damping = p->mount_x_damping, .stiffness = p->mount_x_stiffness, .tip_x = 1.0};
+        return (struct mode){.mass = p->mount_mass, .damping = p->mount_damping, .stiffness = p->mount_stiffness};
+    return (struct mode){.mass = p->mount_x_mass, .damping = p->mount_x_damping, .stiffness = p->mount_x_stiffness};
 }
 
 /* The place of an amplitude among the states. */
@@ -249,35 +289,55 @@ static phasor voltage(const struct motor *m, const double state[STATES], int gro
 #endif
 }
 
-/* The path of the tip: the sum of the modes; x from the crown of the rotor, which is above the tip at rest; y with the
-   carrier. */
-static struct path find_path(const struct motor *m, const double state[STATES])
+/* Find the path of the tip at each contact: the sum of the modes; x from the crown of the rotor, which is above the tip at rest;
+   y with the carrier. */
+static void find_paths(const struct motor *m, const double state[STATES], struct path paths[CONTACTS])
 {
     const struct values *p = &m->value;
-    double laid = laid_preload(m);
-    struct path found = {
-        .slider = state[SLIDER], .speed = state[SPEED] - state[CARRIER_X_VELOCITY] / p->radius,
-        .frequency = drive_frequency(m, state),
-    };
-
-    for (int i = 0; i < MODES; i++) {
-        const struct mode *mode = &p->mode[i];
-        found.x[0].re += mode->tip_x * (state[DEFLECTION + i] + mode->tip_y * laid / mode->stiffness);
-        found.y[0].re += mode->tip_y * state[DEFLECTION + i];
-    }
-    for (int i = 0; i < MOVING; i++) {
-        struct mode mode = moving(p, i);
-        for (int h = 1; h <= HARMONICS; h++) {
-            phasor amplitude = {state[place(i, h)], state[place(i, h) + 1]};
-            found.x[h] = sum(found.x[h], scaled(mode.tip_x, amplitude));
-            found.y[h] = sum(found.y[h], scaled(mode.tip_y, amplitude));
-        }
-    }
+    double laid = laid_preload(m), frequency = drive_frequency(m, state), rest[MODES];
     phasor u_a = voltage(m, state, 0), u_b = voltage(m, state, 1);
-    found.x[1] = sum(found.x[1], sum(scaled(p->motion_x_a, u_a), scaled(p->motion_x_b, u_b)));
-    found.y[1] = sum(found.y[1], sum(scaled(p->motion_y_a, u_a), scaled(p->motion_y_b, u_b)));
-    found.x[0].re += state[CARRIER_X];
-    found.y[0].re += state[CARRIER];
+
+    for (int i = 0; i < MODES; i++)
+        rest[i] = bent(p, i, laid);
+    for (int c = 0; c < CONTACTS; c++) {
+        double along = seat_of(p, c).direction;
+        struct path found = {
+            .slider = state[SLIDER + c], .frequency = frequency,
+            .speed = state[SPEED] - along * state[CARRIER_X_VELOCITY] / p->contact[c].radius,
+        };
+        for (int i = 0; i < MODES; i++) {
+            struct tip tip = tip_of(p, c, i);
+            found.x[0].re += tip.tip_x * (state[DEFLECTION + i] + rest[i]);
+            found.y[0].re += tip.tip_y * state[DEFLECTION + i];
+        }
+        for (int i = 0; i < MOVING; i++) {
+            struct tip tip = tip_of(p, c, i);
+            for (int h = 1; h <= HARMONICS; h++) {
+                phasor amplitude = {state[place(i, h)], state[place(i, h) + 1]};
+                found.x[h] = sum(found.x[h], scaled(tip.tip_x, amplitude));
+                found.y[h] = sum(found.y[h], scaled(tip.tip_y, amplitude));
+            }
+        }
+        if (c == 0) { /* modes that are left out move the first contact only */
+            found.x[1] = sum(found.x[1], sum(scaled(p->motion_x_a, u_a), scaled(p->motion_x_b, u_b)));
+            found.y[1] = sum(found.y[1], sum(scaled(p->motion_y_a, u_a), scaled(p->motion_y_b, u_b)));
+        }
+        found.x[0].re += along * state[CARRIER_X];
+        found.y[0].re += state[CARRIER];
+        paths[c] = found;
+    }
+}
+
+/* The force of all contacts on a mode, or on the carrier, N: the mean or a harmonic. */
+static phasor modal_force(const struct values *p, const struct contact contact[CONTACTS], int number, int harmonic)
+{
+    phasor found = {0.0, 0.0};
+
+    for (int c = 0; c < CONTACTS; c++) {
+        struct tip tip = tip_of(p, c, number);
+        phasor force = sum(scaled(tip.tip_x, contact[c].fx[harmonic]), scaled(tip.tip_y, contact[c].fy[harmonic]));
+        found = c > 0 ? sum(found, force) : force;
+    }
     return found;
 }
 
@@ -344,24 +404,24 @@ static void charge(const struct motor *m, const double state[STATES], double fre
     f->current_b = sum(f->current_b, sum(scaled(p->capacitance_b, rise_b), scaled(-p->capacitance_ab, rise_a)));
 }
 
-/* Find the rate, m/s, at which the tip moves on the carrier along the rotor from one period to the next, at the last phase, where
+/* Find the rate, m/s, at which the tip at a contact moves on the carrier along the rotor from one period to the next, at the last phase, where
    the slider is carried over. The speed of the path has that of the carrier. */
-static double creep(const struct motor *m, const double rate[STATES])
+static double creep(const struct motor *m, int contact, const double rate[STATES])
 {
     const phasor *last = m->wheel[PHASES - 1];
     double found = 0.0;
 
     for (int i = 0; i < MODES; i++)
-        found += m->value.mode[i].tip_x * rate[DEFLECTION + i];
+        found += tip_of(&m->value, contact, i).tip_x * rate[DEFLECTION + i];
     for (int i = 0; i < MOVING; i++)
         for (int h = 1; h <= HARMONICS; h++) {
             const double *amplitude = rate + place(i, h);
-            found += moving(&m->value, i).tip_x * (amplitude[0] * last[h].re - amplitude[1] * last[h].im);
+            found += tip_of(&m->value, contact, i).tip_x * (amplitude[0] * last[h].re - amplitude[1] * last[h].im);
         }
     return found;
 }
 
-/* Find the rates of the states, and what the outputs need, for the contact in f. */
+/* Find the rates of the states, and what the outputs need, for the contacts in f. */
 static void respond(const struct motor *m, const double state[STATES], struct flow *f)
 {
     const struct values *p = &m->value;
@@ -384,7 +444,7 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     /* modes */
     for (int i = 0; i < MODES; i++) {
         const struct mode *mode = &p->mode[i];
-        double mean = mode->tip_x * f->contact.fx[0].re + mode->tip_y * f->contact.fy[0].re;
+        double mean = modal_force(p, f->contact, i, 0).re;
         f->rate[DEFLECTION + i] = (mean / mode->stiffness - state[DEFLECTION + i]) / LAG;
     }
     for (int i = 0; i < MOVING; i++) {
@@ -395,8 +455,7 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
             double omega = 2.0 * PI * h * frequency;
             phasor amplitude = {state[s], state[s + 1]};
             phasor spring = {stiffness - mode->mass * omega * omega, mode->damping * omega};
-            phasor pushed = sum(scaled(mode->tip_x, f->contact.fx[h]), scaled(mode->tip_y, f->contact.fy[h]));
-            phasor force = pushed;
+            phasor pushed = modal_force(p, f->contact, i, h), force = pushed;
             if (h == 1)
                 force = sum(force, scaled(gain, sum(scaled(mode->coupling_a, u_a), scaled(mode->coupling_b, u_b))));
             force = sum(force, scaled(-1.0, product(spring, amplitude)));
@@ -418,8 +477,9 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     }
 
     /* modes that are left out: the force on the tip moves the charges S F of the groups */
-    phasor pressed_a = sum(scaled(p->motion_x_a, f->contact.fx[1]), scaled(p->motion_y_a, f->contact.fy[1]));
-    phasor pressed_b = sum(scaled(p->motion_x_b, f->contact.fx[1]), scaled(p->motion_y_b, f->contact.fy[1]));
+    phasor fx = f->contact[0].fx[1], fy = f->contact[0].fy[1];
+    phasor pressed_a = sum(scaled(p->motion_x_a, fx), scaled(p->motion_y_a, fy));
+    phasor pressed_b = sum(scaled(p->motion_x_b, fx), scaled(p->motion_y_b, fy));
     phasor drawn_a = scaled(2.0 * PI * frequency, turned(pressed_a)), drawn_b = scaled(2.0 * PI * frequency, turned(pressed_b));
     f->current_a = sum(f->current_a, drawn_a);
     f->current_b = sum(f->current_b, drawn_b);
@@ -428,11 +488,17 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     charge(m, state, frequency, f);
 
     /* carrier, rotor, slider, temperature */
-    double push = p->preload + f->contact.fy[0].re - p->mount_stiffness * state[CARRIER]
+    double torque = 0.0, pressed = 0.0, along = 0.0; /* N.m, N: of all contacts */
+    for (int c = 0; c < CONTACTS; c++) {
+        torque += p->contact[c].radius * f->contact[c].friction;
+        pressed += f->contact[c].fy[0].re;
+        along += seat_of(p, c).direction * f->contact[c].fx[0].re;
+    }
+    double push = p->preload + pressed - p->mount_stiffness * state[CARRIER]
         - p->mount_damping * state[CARRIER_VELOCITY];
-    double push_x = f->contact.fx[0].re - p->mount_x_stiffness * state[CARRIER_X]
+    double push_x = along - p->mount_x_stiffness * state[CARRIER_X]
         - p->mount_x_damping * state[CARRIER_X_VELOCITY];
-    double drive = p->radius * f->contact.friction - p->load_torque - p->bearing * state[SPEED]
+    double drive = torque - p->load_torque - p->bearing * state[SPEED]
         - p->bearing_friction * state[BEARING];
     f->rate[CARRIER] = state[CARRIER_VELOCITY];
     f->rate[CARRIER_VELOCITY] = MOUNTED ? push / p->mount_mass : 0.0;
@@ -441,7 +507,10 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
     turn(p, state, drive, f->rate);
     f->rate[BEARING] = (state[SPEED] - state[BEARING] * fabs(state[SPEED])) / p->bearing_presliding; /* Dahl */
     /* the tip takes the slider along; what slips in the period that follows sets it anew */
-    f->rate[SLIDER] = frequency * (clip_slider(&f->contact, state[SLIDER] + creep(m, f->rate) / frequency) - state[SLIDER]);
+    for (int c = 0; c < CONTACTS; c++) {
+        double slider = state[SLIDER + c];
+        f->rate[SLIDER + c] = frequency * (clip_slider(&f->contact[c], slider + creep(m, c, f->rate) / frequency) - slider);
+    }
     f->rate[TEMPERATURE] = 0.0;
     if (p->heat_capacity > 0.0) {
         double cooling = (warm - p->ambient_temperature) / p->thermal_resistance;
@@ -473,33 +542,44 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
 /* Evaluate the motor in some state. */
 static void evaluate(const struct motor *m, const double state[STATES], struct flow *f)
 {
-    struct path path = find_path(m, state);
+    struct path paths[CONTACTS];
 
-    f->contact = touch(m, &path);
+    find_paths(m, state, paths);
+    for (int c = 0; c < CONTACTS; c++)
+        f->contact[c] = touch(m, c, &paths[c]);
     respond(m, state, f);
 }
 
-/* The motion that the harmonics left out would cause, relative to the static penetration and the limit of stick. */
-static double check(const struct values *p, const struct contact *contact)
+/* The motion that the harmonics left out would cause, relative to the static penetration and the limit of stick; of several
+   contacts at the one that moves most. */
+static double check(const struct values *p, const struct contact contact[CONTACTS])
 {
-    double depth = pow(p->preload / p->normal_stiffness, 2.0 / 3.0);
-    double limit = p->friction * p->compliance * pow(p->normal_stiffness, 2.0 / 3.0) * depth;
-    double total = 0.0;
+    double depth = static_penetration(p), largest = 0.0;
+    double limit = seat_of(p, 0).friction_ratio * p->friction * p->compliance * pow(p->normal_stiffness, 1.0 / EXPONENT) * depth;
+    phasor moved[MOVING][ORDERS];
 
     for (int h = HARMONICS + 1; h < ORDERS; h++) {
         double omega = 2.0 * PI * h * p->frequency;
-        phasor x = {0.0, 0.0}, y = {0.0, 0.0};
         for (int i = 0; i < MOVING; i++) {
             struct mode one = moving(p, i), *mode = &one;
             phasor spring = {mode->stiffness - mode->mass * omega * omega, mode->damping * omega};
-            phasor force = sum(scaled(mode->tip_x, contact->fx[h]), scaled(mode->tip_y, contact->fy[h]));
-            phasor moved = quotient(force, spring);
-            x = sum(x, scaled(mode->tip_x, moved));
-            y = sum(y, scaled(mode->tip_y, moved));
+            moved[i][h] = quotient(modal_force(p, contact, i, h), spring);
         }
-        total += square(x) / (limit * limit) + square(y) / (depth * depth);
     }
-    return sqrt(total);
+    for (int c = 0; c < CONTACTS; c++) {
+        double total = 0.0;
+        for (int h = HARMONICS + 1; h < ORDERS; h++) {
+            phasor x = {0.0, 0.0}, y = {0.0, 0.0};
+            for (int i = 0; i < MOVING; i++) {
+                struct tip tip = tip_of(p, c, i);
+                x = sum(x, scaled(tip.tip_x, moved[i][h]));
+                y = sum(y, scaled(tip.tip_y, moved[i][h]));
+            }
+            total += square(x) / (limit * limit) + square(y) / (depth * depth);
+        }
+        largest = fmax(largest, total);
+    }
+    return sqrt(largest);
 }
 
 /* --- what others call --- */
@@ -528,7 +608,7 @@ void motor_rest(struct motor *motor)
     motor->step = motor_shortest_step(motor);
     motor->solver = (struct solver){0};
     for (int i = 0; i < MODES; i++)
-        motor->state[DEFLECTION + i] = -p->mode[i].tip_y * p->preload / p->mode[i].stiffness;
+        motor->state[DEFLECTION + i] = -bent(p, i, p->preload);
     motor->state[TEMPERATURE] = p->ambient_temperature;
 #if TRACKED
     motor->state[LOOP] = motor->state[LOOP + 1] = motor->tracker.start;
@@ -554,20 +634,27 @@ void motor_measure(struct motor *motor)
     p->current_amplitude_b = size(current_b);
     p->current_phase_b = 180.0 / PI * atan2(current_b.im, current_b.re);
     p->temperature = stator_temperature(p, motor->state);
-    p->check = check(p, &flow.contact);
-    p->separated = flow.contact.separated;
-    p->slip = flow.contact.slip;
-    p->torque = p->radius * flow.contact.friction;
-    p->normal_force = flow.contact.normal;
+    p->check = check(p, flow.contact);
+    p->separated = p->slip = p->torque = p->normal_force = 0.0;
+    for (int c = 0; c < CONTACTS; c++) { /* equal points have equal shares of the preload */
+        p->separated += seat_of(p, c).share * flow.contact[c].separated;
+        p->slip += seat_of(p, c).share * flow.contact[c].slip;
+        p->torque += p->contact[c].radius * flow.contact[c].friction;
+        p->normal_force += flow.contact[c].normal;
+    }
     phasor u_a = voltage(motor, motor->state, 0), u_b = voltage(motor, motor->state, 1);
     p->electrical_power = 0.5 * (u_a.re * flow.current_a.re + u_a.im * flow.current_a.im)
         + 0.5 * (u_b.re * flow.current_b.re + u_b.im * flow.current_b.im);
     p->heat = flow.heat;
     p->contact_power = flow.contact_power;
     p->stored_energy = flow.stored;
-    struct path path = find_path(motor, motor->state);
-    p->tip_x_amplitude = size(path.x[1]);
-    p->tip_y_amplitude = size(path.y[1]);
+    struct path paths[CONTACTS];
+    find_paths(motor, motor->state, paths);
+    p->tip_x_amplitude = p->tip_y_amplitude = 0.0;
+    for (int c = 0; c < CONTACTS; c++) {
+        p->tip_x_amplitude = fmax(p->tip_x_amplitude, size(paths[c].x[1]));
+        p->tip_y_amplitude = fmax(p->tip_y_amplitude, size(paths[c].y[1]));
+    }
 #if DRIVEN
     p->pin_amplitude_a = size(u_a);
     p->pin_amplitude_b = size(u_b);
@@ -588,13 +675,19 @@ void motor_measure(struct motor *motor)
 /* Find the scales of the states: the static penetration, and what moves the tip by it in a period. */
 static void find_scales(const struct values *p, double scale[STATES])
 {
-    double depth = pow(p->preload / p->normal_stiffness, 2.0 / 3.0);
+    double depth = static_penetration(p);
 
     for (int s = 0; s < STATES; s++)
         scale[s] = depth;
-    for (int i = 0; i < MODES; i++)
+    for (int i = 0; i < MODES; i++) {
+        double most = 1e-6;
+        for (int c = 0; c < CONTACTS; c++) {
+            struct tip tip = tip_of(p, c, i);
+            most = fmax(most, fmax(fabs(tip.tip_x), fabs(tip.tip_y)));
+        }
         for (int s = place(i, 1); s < place(i + 1, 1); s++)
-            scale[s] = depth / fmax(1e-6, fmax(fabs(p->mode[i].tip_x), fabs(p->mode[i].tip_y)));
+            scale[s] = depth / most;
+    }
     scale[POSITION] = scale[LOAD_POSITION] = depth / p->radius;
     scale[SPEED] = scale[LOAD_SPEED] = scale[POSITION] * p->frequency;
     scale[BEARING] = 1.0;
@@ -615,44 +708,49 @@ void motor_scales(const struct motor *motor, double scale[STATES])
         scale[s] = 1.0;
 }
 
-/* Find the derivatives of the rates by the states. The contact, which takes most of the time, is evaluated once for each
-   number in its path; it changes with the states as its path does. */
+/* Find the derivatives of the rates by the states. The contacts, which take most of the time, are evaluated once for each
+   number in their paths; they change with the states as these do. */
 static void find_jacobian(struct motor *m, const double state[STATES])
 {
     enum { NUMBERS = sizeof(struct path) / sizeof(double), FOUND = sizeof(struct contact) / sizeof(double) };
     struct solver *solver = &m->solver;
-    struct path path = find_path(m, state);
-    struct flow here = {.contact = touch(m, &path)}, there;
-    double depth = pow(m->value.preload / m->value.normal_stiffness, 2.0 / 3.0);
-    double slope[NUMBERS][FOUND], moved[STATES];
+    struct path paths[CONTACTS], others[CONTACTS];
+    struct flow here, there;
+    double depth = static_penetration(&m->value);
+    double slope[CONTACTS][NUMBERS][FOUND], moved[STATES];
 
+    find_paths(m, state, paths);
+    for (int c = 0; c < CONTACTS; c++)
+        here.contact[c] = touch(m, c, &paths[c]);
     respond(m, state, &here);
-    for (int n = 0; n < NUMBERS; n++) {
-        struct path other = path;
-        const double *number = &((double *)&path)[n];
-        double change = 1e-6 * (number == &path.speed ? depth * path.frequency / m->value.radius : depth);
-        if (number == &path.frequency) {
-            change = 1e-6 * path.frequency;
-            if (!TRACKED) /* no state changes it */
-                continue;
+    for (int c = 0; c < CONTACTS; c++)
+        for (int n = 0; n < NUMBERS; n++) {
+            struct path other = paths[c];
+            const double *number = &((double *)&paths[c])[n];
+            double change = 1e-6 * (number == &paths[c].speed ? depth * other.frequency / m->value.radius : depth);
+            if (number == &paths[c].frequency) {
+                change = 1e-6 * other.frequency;
+                if (!TRACKED) /* no state changes it */
+                    continue;
+            }
+            ((double *)&other)[n] += change;
+            struct contact touched = touch(m, c, &other);
+            for (int k = 0; k < FOUND; k++)
+                slope[c][n][k] = (((double *)&touched)[k] - ((double *)&here.contact[c])[k]) / change;
         }
-        ((double *)&other)[n] += change;
-        struct contact touched = touch(m, &other);
-        for (int k = 0; k < FOUND; k++)
-            slope[n][k] = (((double *)&touched)[k] - ((double *)&here.contact)[k]) / change;
-    }
     for (int column = 0; column < STATES; column++) {
         double change = isfinite(solver->scale[column]) ? 1e-6 * solver->scale[column] : 1.0;
         memcpy(moved, state, sizeof moved);
         moved[column] += change;
-        struct path other = find_path(m, moved);
-        there.contact = here.contact;
-        for (int n = 0; n < NUMBERS; n++) {
-            double by = ((double *)&other)[n] - ((double *)&path)[n];
-            if (by != 0.0)
-                for (int k = 0; k < FOUND; k++)
-                    ((double *)&there.contact)[k] += by * slope[n][k];
-        }
+        find_paths(m, moved, others);
+        memcpy(there.contact, here.contact, sizeof there.contact);
+        for (int c = 0; c < CONTACTS; c++)
+            for (int n = 0; n < NUMBERS; n++) {
+                double by = ((double *)&others[c])[n] - ((double *)&paths[c])[n];
+                if (by != 0.0)
+                    for (int k = 0; k < FOUND; k++)
+                        ((double *)&there.contact[c])[k] += by * slope[c][n][k];
+            }
         respond(m, moved, &there);
         for (int row = 0; row < STATES; row++)
             solver->jacobian[row][column] = (there.rate[row] - here.rate[row]) / change;

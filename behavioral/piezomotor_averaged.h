@@ -11,9 +11,9 @@
  * A motor is one struct motor without pointers: a copy of it is a complete copy of its state. There are no other
  * variables, so that several threads may each run a motor.
  *
- * piezomotor_start.h is written by the export: MODES, MOUNTED, MOUNTED_X, START and NAME. With TRACKED a phase-locked loop
- * sets the frequency; with DRIVEN a network is between the inputs' amplitudes and each group. The package uses both in its
- * own process only.
+ * piezomotor_start.h is written by the export: MODES, MOUNTED, MOUNTED_X, START and NAME, and CONTACTS and EXPONENT of a motor
+ * that has others than those below. With TRACKED a phase-locked loop sets the frequency; with DRIVEN a network is between the
+ * inputs' amplitudes and each group. The package uses both in its own process only.
  *
  * SOURCE generalised averaging of the motor of Andersen, Helbo, Blanke, 2002; docs/tracking.md
  * OMITS  motion of the contact between two phases, partial slip before gross slip, roughness, wear, adhesion; the current
@@ -41,6 +41,12 @@
 #ifndef PHASES
 #define PHASES 64   /* of a period, at which the contact is evaluated */
 #define HARMONICS 3 /* that move the tip */
+#endif
+#ifndef CONTACTS
+#define CONTACTS 1   /* places at which the stator touches the rotor, of one carrier */
+#endif
+#ifndef EXPONENT
+#define EXPONENT 1.5 /* of the normal force in the penetration: that of Hertz */
 #endif
 enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harmonics, and two more that are checked */
 
@@ -104,7 +110,8 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
 #define NETWORK_OUTPUTS(ENTRY)
 #endif
 
-#define PARAMETERS(ENTRY) \
+/* of each contact */
+#define CONTACT_PARAMETERS(ENTRY) \
     ENTRY(sliding_ratio, "1", 0.01, 1, "friction of fast sliding over the coefficient of friction") \
     ENTRY(stribeck_velocity, "m/s", 1e-6, 1e3, "slip velocity over which the friction falls") \
     ENTRY(normal_stiffness, "N/m^1.5", 1e3, 1e13, "K_N of the Hertz law") \
@@ -112,7 +119,9 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(normal_damping, "s/m", 0, 1e6, "Hunt-Crossley damping: the normal force grows by this times the approach velocity") \
     ENTRY(series_compliance, "m/N", 0, 1e-3, "compliance along the normal, in series with the contact") \
     ENTRY(series_compliance_x, "m/N", 0, 1e-3, "compliance along the rotor, in series with the contact") \
-    ENTRY(radius, "m", 1e-4, 10, "radius of the rotor") \
+    ENTRY(radius, "m", 1e-4, 10, "radius of the rotor")
+
+#define PARAMETERS(ENTRY) \
     ENTRY(inertia, "kg.m2", 1e-13, 1e3, "moment of inertia") \
     ENTRY(bearing, "N.m.s", 0, 1e3, "viscous bearing coefficient") \
     ENTRY(bearing_friction, "N.m", 0, 1e3, "torque of dry friction of the bearing") \
@@ -161,7 +170,22 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
     ENTRY(tip_x, "1", -1e4, 1e4, "tangential tip displacement per modal coordinate") \
     ENTRY(tip_y, "1", -1e4, 1e4, "tip displacement towards the rotor per modal coordinate")
 
+/* of each of several contacts; one contact has the whole preload */
+#define SEAT_PARAMETERS(ENTRY) \
+    ENTRY(share, "1", 1e-9, 1, "share of the preload") \
+    ENTRY(height, "m", -1e-3, 1e-3, "height above the place at which it has that share") \
+    ENTRY(friction_ratio, "1", 1e-4, 1e4, "coefficient of friction over that of the motor") \
+    ENTRY(direction, "1", -1, 1, "motion along the rotor per motion of the carrier")
+
+/* of each contact behind the first, by each mode */
+#define TIP_PARAMETERS(ENTRY) \
+    ENTRY(tip_x, "1", -1e4, 1e4, "tangential displacement of this contact per modal coordinate") \
+    ENTRY(tip_y, "1", -1e4, 1e4, "displacement of this contact towards the rotor per modal coordinate")
+
 #define FIELD(name, ...) double name;
+struct touching { CONTACT_PARAMETERS(FIELD) };
+struct seat { SEAT_PARAMETERS(FIELD) };
+struct tip { TIP_PARAMETERS(FIELD) };
 struct values {
     INPUTS(FIELD)
     TUNABLE(FIELD)
@@ -169,10 +193,18 @@ struct values {
     OUTPUTS(FIELD)
     LOOP_OUTPUTS(FIELD)
     NETWORK_OUTPUTS(FIELD)
+    union {
+        struct { CONTACT_PARAMETERS(FIELD) }; /* those of the first contact */
+        struct touching contact[CONTACTS];
+    };
     PARAMETERS(FIELD)
     MOUNT_PARAMETERS(FIELD)
     MOUNT_X_PARAMETERS(FIELD)
     struct mode { MODE_PARAMETERS(FIELD) } mode[MODES];
+#if CONTACTS > 1
+    struct seat seat[CONTACTS];
+    struct tip tip[CONTACTS - 1][MODES]; /* the first contact has those of the modes */
+#endif
 };
 #undef FIELD
 
@@ -185,8 +217,8 @@ enum {
     SPEED, POSITION, TEMPERATURE,
     LOAD_SPEED, LOAD_POSITION,  /* of the coupled load; those of the rotor if it is rigid */
     BEARING,                    /* share of the dry friction that the bearing takes, -1 to 1 */
-    SLIDER,                     /* displacement of the slider at the end of the period, m */
-    CARRIER, CARRIER_VELOCITY,  /* m, m/s, towards the rotor */
+    SLIDER,                     /* displacement of the slider of each contact at the end of the period, m */
+    CARRIER = SLIDER + CONTACTS, CARRIER_VELOCITY, /* m, m/s, towards the rotor */
     CARRIER_X, CARRIER_X_VELOCITY, /* the same along the rotor */
     CHARGE,                     /* integrals of the amplitudes of the currents into the groups, A.s: real and imaginary parts */
     DEFLECTION = CHARGE + 4,

@@ -57,12 +57,13 @@ struct variable { const char *name, *unit; double least, greatest; };
 #define ONE(...) +1
 static const struct variable INPUT[] = {INPUTS(RANGE) TUNABLE(RANGE)};
 static const struct variable PARAMETER[] = {PARAMETERS(RANGE) MOUNT_PARAMETERS(RANGE) MOUNT_X_PARAMETERS(RANGE)};
+static const struct variable OF_CONTACT[] = {CONTACT_PARAMETERS(RANGE)};
 static const struct variable OF_MODE[] = {MODE_PARAMETERS(RANGE)};
+static const struct variable SEAT[] = {SEAT_PARAMETERS(RANGE)};
+static const struct variable TIP[] = {TIP_PARAMETERS(RANGE)};
 enum {
     FIRST_PARAMETER = INPUT_COUNT OUTPUTS(ONE),
-    FIRST_OF_MODES = FIRST_PARAMETER PARAMETERS(ONE) MOUNT_PARAMETERS(ONE) MOUNT_X_PARAMETERS(ONE),
-    COUNT_OF_MODE = 0 MODE_PARAMETERS(ONE),
-    FIRST_STATE = FIRST_OF_MODES + MODES * COUNT_OF_MODE,
+    FIRST_STATE = sizeof(struct values) / sizeof(double),
     FIRST_RATE = FIRST_STATE + STATES,
     TIME = FIRST_RATE + STATES, /* s */
     COUNT
@@ -167,6 +168,22 @@ static FMI(Status) unit_get(struct instance *c, const char *call, const unsigned
     return FMI(OK);
 }
 
+/* Return the input or parameter with a value reference, NULL for any other. */
+static const struct variable *declared(unsigned reference)
+{
+#define PART(list, times) {list, sizeof list / sizeof *list, times}
+    static const struct { const struct variable *list; unsigned count, times; } PARTS[] = {
+        PART(INPUT, 1), {NULL, FIRST_PARAMETER - INPUT_COUNT, 1}, PART(OF_CONTACT, CONTACTS), PART(PARAMETER, 1),
+        PART(OF_MODE, MODES), PART(SEAT, CONTACTS > 1 ? CONTACTS : 0), PART(TIP, (CONTACTS - 1) * MODES),
+    };
+    for (size_t i = 0; i < sizeof PARTS / sizeof *PARTS; i++) {
+        if (reference < PARTS[i].count * PARTS[i].times)
+            return PARTS[i].list ? &PARTS[i].list[reference % PARTS[i].count] : NULL;
+        reference -= PARTS[i].count * PARTS[i].times;
+    }
+    return NULL;
+}
+
 static FMI(Status) unit_set(struct instance *c, const char *call, const unsigned reference[], size_t count,
     const double value[])
 {
@@ -176,13 +193,7 @@ static FMI(Status) unit_set(struct instance *c, const char *call, const unsigned
         return FMI(Error);
     for (size_t i = 0; i < count; i++) {
         unsigned r = reference[i];
-        const struct variable *v = NULL;
-        if (r < INPUT_COUNT)
-            v = &INPUT[r];
-        else if (r >= FIRST_PARAMETER && r < FIRST_OF_MODES)
-            v = &PARAMETER[r - FIRST_PARAMETER];
-        else if (r >= FIRST_OF_MODES && r < FIRST_STATE)
-            v = &OF_MODE[(r - FIRST_OF_MODES) % COUNT_OF_MODE];
+        const struct variable *v = declared(r);
         if (!v)
             return fail(c, "%s: the value reference %u is not that of an input or a parameter.", call, r);
         if (r >= FIRST_PARAMETER && c->kept.phase == RUNNING)

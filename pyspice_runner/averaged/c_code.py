@@ -22,9 +22,11 @@ from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms,
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
+from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, Equations, equations, translated
@@ -37,8 +39,8 @@ CORE, HEADER, START, PHASE = (
 SESSION = "piezomotor_session.c"
 # in the order of struct values
 _GROUPS = (
-    "INPUTS", "TUNABLE", "LOOP_INPUTS", "OUTPUTS", "LOOP_OUTPUTS", "NETWORK_OUTPUTS", "PARAMETERS", "MOUNT_PARAMETERS",
-    "MOUNT_X_PARAMETERS", "MODE_PARAMETERS",
+    "INPUTS", "TUNABLE", "LOOP_INPUTS", "OUTPUTS", "LOOP_OUTPUTS", "NETWORK_OUTPUTS", "CONTACT_PARAMETERS",
+    "PARAMETERS", "MOUNT_PARAMETERS", "MOUNT_X_PARAMETERS", "MODE_PARAMETERS", "SEAT_PARAMETERS", "TIP_PARAMETERS",
 )  # fmt: skip
 MOUNTS = ("mount_", "mount_x_")  # prefixes of the springs of the carrier, along y and x
 # the first states, in the order of the header's enumeration; charges are integrals of the groups' complex currents
@@ -50,6 +52,26 @@ OF_SPRINGS = ("mass", "damping", "stiffness")
 Parts = Sequence[tuple[str, Mapping[str, str]]]  # names of libraries, each with the nodes to which its pins go
 NETWORK: Parts = (("driver_averaged", {}),)
 TRACKER: Parts = (("tracker_averaged", {}), ("tracker_filter", {"in": "out"}))
+
+
+class Size(NamedTuple):
+    """What the C code of a motor is compiled for, besides its terms."""
+
+    modes: int
+    moving: int  # directions in which the carrier moves
+    contacts: int = 1
+
+    @classmethod
+    def of(cls, motor: Motor) -> Size:
+        """Return the size of a motor."""
+        return cls(len(motor.modes), len(carriers(motor.mount)), len(motor.touching))
+
+    def lines(self, terms: Terms) -> list[str]:
+        """Return the size in C."""
+        mounts = [f"#define MOUNTED {int(self.moving > 0)}", f"#define MOUNTED_X {int(self.moving > 1)}"]
+        more = [f"#define CONTACTS {self.contacts}"] if self.contacts > 1 else []
+        more += [f"#define EXPONENT {terms.exponent!r}"] if terms.exponent != HERTZ else []
+        return [f"#define MODES {self.modes}", *mounts, *more]
 
 
 class Front(NamedTuple):
@@ -100,37 +122,65 @@ def variables(
     Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
     """
     values = _values(motor, thermal, load)
+    modes = [(f"mode[{number}].", f", mode {mode.name}") for number, mode in enumerate(motor.modes, start=1)]
+    contacts = [(prefix, f", contact {one.name}" if prefix else "") for prefix, one in _contacts(motor)]
+    repeated = {  # groups that a motor has several times: prefix of the name, end of the meaning
+        "MODE_PARAMETERS": modes, "CONTACT_PARAMETERS": contacts, "SEAT_PARAMETERS": contacts if motor.contacts else [],
+        "TIP_PARAMETERS": [(one + mode, of + by) for one, of in contacts[1:] for mode, by in modes],
+    }  # fmt: skip
     found: list[Variable] = []
     for group in _GROUPS:
         if not front.has(group):
             continue
-        for number in range(1, len(motor.modes) + 1) if group == "MODE_PARAMETERS" else (0,):
+        for prefix, of in repeated.get(group, [("", "")]):
             for name, unit, least, greatest, meaning in _declared()[group]:
-                full = f"mode[{number}].{name}" if number else name
+                full = prefix + name
                 causality = {"INPUTS": "input", "TUNABLE": "tunable"}.get(group.removeprefix("LOOP_"), "parameter")
                 causality = "output" if group.endswith("OUTPUTS") else causality
                 start = None if causality == "output" else values[full]
-                text = f"{meaning}, mode {motor.modes[number - 1].name}" if number else meaning
+                text = meaning + of
                 if motor.slider:
                     unit, text = linear_unit(unit), slider_words(text)
                 found.append(Variable(full, unit, least, greatest, text, causality, len(found), start))
     return found
 
 
+def _contacts(motor: Motor) -> list[tuple[str, Touching]]:
+    """Return the contacts of a motor with the prefixes of their values; one contact has none."""
+    return [
+        (f"contact[{number}]." if motor.contacts else "", one) for number, one in enumerate(motor.touching, start=1)
+    ]
+
+
+def _contact_values(motor: Motor) -> dict[str, float]:
+    """Return the values of the contacts."""
+    motion, values = motor.stator.on_carrier(motor.mount).contact.tolist(), dict[str, float]()
+    for place, (prefix, one) in enumerate(_contacts(motor)):
+        contact = one.contact
+        found = {
+            "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
+            "normal_damping": contact_law.normal_damping(contact),
+            "series_compliance": contact.series_compliance_m_per_n,
+            "series_compliance_x": contact.tangential_series_compliance_m_per_n, "radius": one.radius_m,
+            "sliding_ratio": contact.sliding_ratio, "stribeck_velocity": contact.stribeck_velocity_m_s,
+            "share": one.share, "height": one.height_m, "direction": float(one.direction),
+            "friction_ratio": contact.friction / motor.contact.friction,
+        }  # fmt: skip
+        for axis, row in zip("xy", motion[2 * place :], strict=False):
+            found |= {f"mode[{mode}].tip_{axis}": moved for mode, moved in enumerate(row, start=1)}
+        values |= {f"{prefix}{name}": value for name, value in found.items()}
+    return values
+
+
 def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str, float]:
     """Return the start values of inputs and parameters; the inputs are those of the recommended drive."""
-    drive, contact = default_two_phase(motor), motor.contact
+    drive, contact, of_contacts = default_two_phase(motor), motor.contact, _contact_values(motor)
     motor = motor.on_carrier()
     body = thermal or Thermal.of(motor)
     values = {
         "amplitude_a": drive.voltage, "amplitude_b": drive.voltage_b, "phase": drive.phase_deg,
         "frequency": drive.frequency, "load_torque": 0.0, "ambient_temperature": body.ambient_k,
         "target": 0.0, "preload": contact.preload_n, "friction": contact.friction,
-        "normal_stiffness": contact.normal_stiffness_n_per_m15, "compliance": contact_law.total_compliance(contact),
-        "normal_damping": contact_law.normal_damping(contact),
-        "series_compliance": contact.series_compliance_m_per_n,
-        "series_compliance_x": contact.tangential_series_compliance_m_per_n, "radius": motor.rotor.radius_m,
-        "sliding_ratio": contact.sliding_ratio, "stribeck_velocity": contact.stribeck_velocity_m_s,
         "inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s,
         "bearing_friction": motor.rotor.bearing_friction_n_m, "bearing_presliding": motor.rotor.bearing_presliding_rad,
         "load_inertia": load.inertia_kg_m2, "load_damping": load.damping_n_m_s, "load_spring": load.spring_n_m_per_rad,
@@ -140,7 +190,7 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
         **{groups.named("capacitance", one): own for one, own in zip(GROUPS, motor.piezo.capacitances, strict=True)},
         **{
             f"motion_{axis}_{group}": moved
-            for axis, row in zip("xy", motor.stator.residual_per_volt.tolist(), strict=True)
+            for axis, row in zip("xy", motor.stator.residual_per_volt.tolist(), strict=False)
             for group, moved in zip(GROUPS, row, strict=True)
         },
         "capacitance_ab": motor.piezo.capacitance_ab_f, "loss": motor.piezo.loss_tangent,
@@ -154,6 +204,7 @@ def _values(motor: Motor, thermal: Thermal | None, load: ShaftLoad) -> dict[str,
         values |= {f"{prefix}{name}": value for name, value in (spring_values(along) if along else held).items()}
     for number, mode in enumerate(motor.modes, start=1):
         values |= {f"mode[{number}].{name}": value for name, value in mode_values(mode).items()}
+    values |= of_contacts
     return {name: rounded(value) for name, value in values.items()}
 
 
@@ -165,7 +216,7 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
         " *",
         f" * The values of the motor {motor.name}, written by its export, in the order of struct values.",
         " */",
-        *_size(len(motor.modes), len(carriers(motor.mount))),
+        *Size.of(motor).lines(Terms.of(motor)),
         "#define START { \\",
         *rows,
         "}",
@@ -173,40 +224,38 @@ def start_header(motor: Motor, known: list[Variable]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def state_names(modes: int, moving: int, harmonics: int = HARMONICS, *, tracked: bool = False) -> list[str]:
+def state_names(size: Size, harmonics: int = HARMONICS, *, tracked: bool = False) -> list[str]:
     """Return the names of the states of an averaged motor, in their order; the states of a network follow them.
 
-    The carrier moves in ``moving`` directions; a loop has the two voltages of its filter, and a restart.
+    A loop has the two voltages of its filter, and a restart.
     """
+    modes, moving, behind = size.modes, size.moving, _STATES.index("slider") + 1
+    sliders = [f"slider{number}" for number in range(2, size.contacts + 1)]
     bent = [f"deflection_{number}" for number in range(1, modes + 1)] if modes > 1 else ["deflection"]
     moved = [*(f"mode{number}" for number in range(1, modes + 1)), *("carrier", "carrier_x")[:moving]]
     orders = range(1, harmonics + 1)
     vibrating = [f"{name}_harmonic{order}_{part}" for name in moved for order in orders for part in ("re", "im")]
-    return [*_STATES, *bent, *vibrating, *(("control", "filter", "timer", "restart") if tracked else ())]
-
-
-def _size(modes: int, moving: int) -> list[str]:
-    return [f"#define MODES {modes}", f"#define MOUNTED {int(moving > 0)}", f"#define MOUNTED_X {int(moving > 1)}"]
+    first = [*_STATES[:behind], *sliders, *_STATES[behind:]]
+    return [*first, *bent, *vibrating, *(("control", "filter", "timer", "restart") if tracked else ())]
 
 
 def session_texts(
-    modes: int, moving: int, terms: Terms, front: Front = BARE, *, phases: int = PHASES, harmonics: int = HARMONICS
+    size: Size, terms: Terms, front: Front = BARE, *, phases: int = PHASES, harmonics: int = HARMONICS
 ) -> dict[str, str]:
     """Return the C texts of a library that runs averaged motors of one size: file → text.
 
-    The size is the number of modes, the number of directions in which the carrier moves, the terms of the contact, and
-    what is in front of the motor. Similar motors share one compilation.
+    They are for the terms of the contact and for what is in front of the motor. Similar motors share one compilation.
     """
     behavioral = data_path("behavioral")
-    size = [*_size(modes, moving), f"#define PHASES {phases}", f"#define HARMONICS {harmonics}", "#define START {0.0}"]
-    size += [f"#define TRACKED {int(front.tracked)}", f"#define DRIVEN {int(front.driven)}"]
+    sized = [*size.lines(terms), f"#define PHASES {phases}", f"#define HARMONICS {harmonics}", "#define START {0.0}"]
+    sized += [f"#define TRACKED {int(front.tracked)}", f"#define DRIVEN {int(front.driven)}"]
     circuits = {"tracker": TRACKER} if front.tracked else {}
     circuits |= {"network": NETWORK} if front.driven else {}
     return {
         **{f"piezomotor_{name}.h": circuit_source(name, parts) for name, parts in circuits.items()},
         **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION, HEADER)},
         PHASE: phase_source(terms),
-        START: "\n".join(size) + "\n",
+        START: "\n".join(sized) + "\n",
     }
 
 

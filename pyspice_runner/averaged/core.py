@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaged motor as compiled C code in this process.
 
-The code of ``behavioral/piezomotor_averaged.c`` is compiled once for each number of modes and carriers into the user's
-cache; motors of one size share it.
+The code of ``behavioral/piezomotor_averaged.c`` is compiled once for each number of modes, carriers and contacts
+into the user's cache; motors of one size share it.
 """
 
 from __future__ import annotations
@@ -20,13 +20,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.c_code import NETWORK, TRACKER, Front, part_values, session_texts, state_names, variables
+from pyspice_runner.averaged.c_code import (
+    NETWORK,
+    TRACKER,
+    Front,
+    Size,
+    part_values,
+    session_texts,
+    state_names,
+    variables,
+)
 from pyspice_runner.averaged.library import HARMONICS, PHASES, Schedule, Terms, first, require_averaged
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.files import cache_folder
 from pyspice_runner.motor.drive import UNCOUPLED, ShaftLoad
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.compiler import cached_library
 
@@ -72,10 +80,8 @@ class Loop:
 
 
 @cache
-def _library(
-    modes: int, moving: int, terms: Terms, front: Front, phases: int, harmonics: int, folder: Path
-) -> ctypes.CDLL:
-    texts = session_texts(modes, moving, terms, front, phases=phases, harmonics=harmonics)
+def _library(size: Size, terms: Terms, front: Front, phases: int, harmonics: int, folder: Path) -> ctypes.CDLL:
+    texts = session_texts(size, terms, front, phases=phases, harmonics=harmonics)
     loaded = ctypes.CDLL(str(cached_library("piezomotor_averaged", texts, folder)))
     functions = _FUNCTIONS | (_TRACK if front.tracked else {}) | (_DRIVE if front.driven else {})
     for name, (result, arguments) in functions.items():
@@ -119,14 +125,13 @@ class AveragedMotor:
         networks: Sequence[Mapping[str, float]] = (),
     ) -> None:
         require_averaged(motor)
-        moving, front = len(carriers(motor.mount)), Front(loop is not None, bool(networks))
+        size, front = Size.of(motor), Front(loop is not None, bool(networks))
         hint = "This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME."
         folder = cache_folder("modules", SimulationError(hint))
-        self._c = _library(len(motor.modes), moving, Terms.of(motor), front, phases, harmonics, folder)
+        self._c = _library(size, Terms.of(motor), front, phases, harmonics, folder)
         known = variables(motor, thermal, shaft, front)
         inputs = (*INPUTS, "target") if loop else INPUTS
-        self._modes = len(motor.modes)
-        self._states = state_names(self._modes, moving, harmonics, tracked=front.tracked)
+        self._modes, self._states = size.modes, state_names(size, harmonics, tracked=front.tracked)
         self._places = {item.name: item.reference for item in known}
         self.shown = tuple(item.name for item in known if item.name in inputs or item.causality == "output")
         self._memory = ctypes.create_string_buffer(self._c.session_bytes())

@@ -33,6 +33,7 @@ from pyspice_runner.averaged.point import SETTINGS, SPECIAL, AveragedPoint
 from pyspice_runner.averaged.run import Array, ErrorEstimate
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.drive import UNCOUPLED, Load, ideal_drive
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.run.point import Point
 from pyspice_runner.steady.steady import check_runs, steady_states
 from pyspice_runner.units import linear_name
@@ -91,7 +92,7 @@ def estimate(run: AveragedPoint, duration: float, *, steady: bool = False, contr
         return ErrorEstimate({}, {}, str(error))
     left = run.phases / (phases - run.phases) if phases > run.phases else 0.0
     errors, shares = {}, {}
-    limit = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    limit = _friction_torque(motor)
     for name in COLUMN if free else COMPARED:
         means = _means(rows, name)
         by_phases, by_rest, by_shift = (
@@ -106,6 +107,11 @@ def estimate(run: AveragedPoint, duration: float, *, steady: bool = False, contr
         errors[curve] = sqrt(np.trapezoid(part**2, rows["time"]) / rows["time"][-1])
         shares[curve] = errors[curve] / most
     return ErrorEstimate(errors, shares)
+
+
+def _friction_torque(motor: Motor) -> float:
+    """Return the torque μ F₀ R of friction in N·m, the sum over the contacts."""
+    return sum(one.contact.friction * one.contact.preload_n * one.radius_m for one in motor.touching)
 
 
 def _swings(rows: Mapping[str, Array]) -> bool:
@@ -238,8 +244,7 @@ def followed(
 ) -> dict[str, Array]:
     """Return the records of a run whose shaft has speeds in rad/s at times in s, with values of the compiled motor."""
     if run.point.load.speed is None:
-        contact, radius = run.point.motor.contact, run.point.motor.rotor.radius_m
-        values["bearing"] = STIFF * contact.friction * contact.preload_n * radius / max(np.abs(speed).max(), 1e-9)
+        values["bearing"] = STIFF * _friction_torque(run.point.motor) / max(np.abs(speed).max(), 1e-9)
         course = [*zip(time, -values["bearing"] * speed, strict=True)]
         run = replace(run, settings={**run.settings, "load_torque": course}, shaft=UNCOUPLED)
     return run.recorded(duration, steady=steady, **values)

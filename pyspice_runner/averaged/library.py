@@ -39,7 +39,8 @@ from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import ShaftLoad, TwoPhaseDrive, default_drive
 from pyspice_runner.motor.groups import GROUPS
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, require_one_contact
+from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.library import Library, Pin, check_name, read_library
@@ -83,11 +84,11 @@ def require_averaged(motor: Motor) -> None:
     """Raise ParameterError for a mode that is not linear, a loss without an averaged model, or a deep penetration."""
     require_linear(motor, "The averaged motor")
     require_no_feedback(motor, "The averaged motor")
-    if flat := motor.contact.worn_flat_radius_m:
+    if flat := max(one.contact.worn_flat_radius_m for one in motor.touching):
         raise ParameterError(
             f"contact.worn_flat_radius_m = {flat:g} has no averaged model: it must be 0. Set it, or use the full motor."
         )
-    penetration = contact_law.static_penetration(motor.contact)
+    penetration = max(contact_law.static_penetration(one.contact) for one in motor.touching)
     if penetration > DEEPEST_M:
         raise ParameterError(
             f"contact.preload_n = {motor.contact.preload_n:g} N presses the tip {1e3 * penetration:.3g} mm into the "
@@ -125,15 +126,26 @@ class Terms(NamedTuple):
     series: bool = True  # a compliance in series along the normal
     series_x: bool = True  # a compliance in series along the rotor
     falling: bool = True  # friction that falls with the slip velocity
+    exponent: float = HERTZ  # of the normal force in the penetration
 
     @classmethod
     def of(cls, motor: Motor) -> Terms:
-        """Return the terms of a motor."""
-        contact = motor.contact
+        """Return the terms of a motor, those that any of its contacts has."""
+        contacts = [one.contact for one in motor.touching]
         return cls(
-            contact.series_compliance_m_per_n > 0.0, contact.tangential_series_compliance_m_per_n > 0.0,
-            contact.sliding_ratio < 1.0,
-        )  # fmt: skip
+            any(contact.series_compliance_m_per_n > 0.0 for contact in contacts),
+            any(contact.tangential_series_compliance_m_per_n > 0.0 for contact in contacts),
+            any(contact.sliding_ratio < 1.0 for contact in contacts),
+        )
+
+    @property
+    def power(self) -> dict[str, str]:
+        """The powers of Hertz's law in the libraries, and what stands for them."""
+        return {} if self.exponent == HERTZ else {
+            "(2/3)": repr(1.0 / self.exponent), "**1.5": f"**{self.exponent!r}",
+            "*1e-9": f"*{10.0 ** (-6.0 * self.exponent)!r}",
+            "/sqrt(max(V(hold),0.1))": f"/max(V(hold),0.1)**{self.exponent - 1.0!r}",
+        }  # fmt: skip
 
 
 ALL_TERMS = Terms()
@@ -166,7 +178,7 @@ def averaged_phase(terms: Terms) -> Library:
         left += [("*V(fallen)", ""), (" sliding=1 stribeck=50m", "")]
         absent += ["sliding", "stribeck"]
     text = "\n".join(lines.values())
-    for term, instead in left:
+    for term, instead in (*left, *terms.power.items()):
         text = text.replace(term, instead)
     parameters = tuple(item for item in library.parameters if item.name not in absent)
     return replace(library, subcircuit=text, parameters=parameters)
@@ -261,6 +273,7 @@ class AveragedSubCircuit(Assembly):
         name: str = SUBCIRCUIT,
     ) -> None:
         require_averaged(motor)
+        require_one_contact(motor, "The averaged motor in ngspice, and its .lib, are")
         motor = motor.on_carrier()
         contact = motor.contact
         values = {

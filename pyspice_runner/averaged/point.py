@@ -158,8 +158,9 @@ class AveragedPoint:
     def deck(
         self, vectors: Sequence[str], timing: Mapping[str, Any], bench: Callable[[], Bench] | None = None
     ) -> str | None:
-        """Return the netlist of a transient; ``None`` for a schedule that ngspice cannot follow."""
-        return None if "preload" in self.settings else deck_of(bench or self.bench, vectors, timing)
+        """Return the netlist of a transient; ``None`` for contacts or a schedule that ngspice does not have."""
+        absent = self.point.motor.contacts or "preload" in self.settings
+        return None if absent else deck_of(bench or self.bench, vectors, timing)
 
     def provenance(self, **run: Any) -> dict[str, Any]:
         """Return the description of a run in its results, JSON-ready; ``run`` are the settings of an analysis."""

@@ -320,9 +320,10 @@ def short_bursts(
 def presliding(motor: Mapping[str, Any]) -> float:
     """Return the angle in rad by which the contact gives way before it slips, of a motor as of ``to_dict``.
 
-    With a slider it is the distance in m.
+    With a slider it is the distance in m. Of several contacts it is that of one point with an equal share.
     """
-    contact = Contact(**motor["contact"])
+    points = sum(place.get("multiplicity", 1) for place in motor.get("contacts", ())) or 1
+    contact = Contact(**motor["contact"] | {"preload_n": motor["contact"]["preload_n"] / points})
     limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     limit += contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n
     return float(limit if "slider" in motor else limit / motor["rotor"]["radius_m"])

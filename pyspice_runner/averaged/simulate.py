@@ -155,8 +155,8 @@ def averaged_ceramic(motor: Motor, amplitudes: Sequence[float], curves: Mapping[
     ``amplitudes`` of the modes in m are those at the end; the curves are named as in :data:`COLUMNS`.
     """
     normal_force, heat = (float(curves[name][-1]) for name in ("normal_force_n", "heat_w"))
-    bent = [abs(mode.tip_y) * normal_force / mode.stiffness_n_per_m for mode in motor.modes]
-    total = [static + moved for static, moved in zip(bent, amplitudes, strict=True)]
+    bent = np.abs(motor.preload_shares @ motor.stator.contact[1::2]) * normal_force / motor.stator.stiffness
+    total = [static + moved for static, moved in zip(bent.tolist(), amplitudes, strict=True)]
     rise = temperature_rise(motor, heat)
     return stated(motor, {**peak_of_amplitudes(motor, total), "temperature_rise_k": rise}, curves["rotor_speed_rad_s"])
 

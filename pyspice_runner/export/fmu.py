@@ -19,7 +19,7 @@ from typing import Literal
 from xml.etree import ElementTree
 
 from pyspice_runner.averaged import c_code
-from pyspice_runner.averaged.library import SUBCIRCUIT, require_averaged
+from pyspice_runner.averaged.library import ALL_TERMS, SUBCIRCUIT, Terms, require_averaged
 from pyspice_runner.errors import SimulationError, require
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers
@@ -72,7 +72,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
     behavioral = data_path("behavioral")
     compiled = c_files(version)
     sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, c_code.HEADER, SHARED)}
-    sources[c_code.PHASE] = c_code.phase_source()
+    sources[c_code.PHASE] = c_code.phase_source(ALL_TERMS._replace(exponent=Terms.of(motor).exponent))
     start = c_code.start_header(motor, known)
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))
     defined = f'#define GUID "{token}"\n#define STATE_COUNT {state_count(motor)}\n#define MODES'
@@ -115,7 +115,7 @@ def fmu_archive(texts: Mapping[str, str]) -> bytes:
 
 def state_count(motor: Motor) -> int:
     """Return the number of states in the C code; its compilation checks it."""
-    return len(c_code.state_names(len(motor.modes), len(carriers(motor.mount))))
+    return len(c_code.state_names(c_code.Size.of(motor)))
 
 
 @dataclass(frozen=True)

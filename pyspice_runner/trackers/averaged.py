@@ -182,7 +182,8 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
     bench = partial(averaged_tracked_bench, setup.motor, source, setup.load)
     timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
     if compiled:
-        return _compiled(run, None if disturbances.of("preload") else deck_of(bench, ["all"], timing))
+        absent = setup.motor.contacts or disturbances.of("preload")  # of ngspice
+        return _compiled(run, None if absent else deck_of(bench, ["all"], timing))
     return _spice(run, run_bench(bench(), ["all"], setup.solver.timeout, "transient", timing))
 
 
