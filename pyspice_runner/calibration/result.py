@@ -1,43 +1,49 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The result of a calibration: values with their intervals, residuals, and predictions with a band."""
+"""The result of a calibration: values with intervals, residuals, predictions with a band; and as read from its file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import log
+from math import isclose, log
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, model_validator
 
-from pyspice_runner.calibration.points import TEMPERATURE, Curve, Points, read_points
+from pyspice_runner.calibration.points import MEASURED, TEMPERATURE, Curve, Points, read_points
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.spectra import temperatures_of
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.files import write_rows
+from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.motor import ALIASES, Motor, Provenance
+from pyspice_runner.motor.refusal import Stated
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result, json_ready
+from pyspice_runner.run.paths import parameter
 from pyspice_runner.run.waveforms import Array
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
 NO_SUPPORT = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
 _SAMPLE = 20_000  # cases: the quantile of 95 % is known to 0.3 %
+_MOST_BYTES = 2**22  # of its file: 2000 points with ten measured quantities each
+_SAME = 1e-9  # relative: the calibrated TOML has all digits of a value
 
 
 @dataclass(frozen=True)
 class Estimate:
     """The value of one parameter."""
 
-    path: str
-    value: float
-    standard_error: float
-    interval_95: tuple[float, float]  # of the profile likelihood; at most a factor of 10 to each side
+    value: FiniteFloat
+    standard_error: FiniteFloat
+    interval_95: tuple[FiniteFloat, FiniteFloat]  # of the profile likelihood; at most a factor of 10 to each side
     identifiable: bool  # whether the data decide it: to 25 % and better, without what was known before
-    start: float
+    start: FiniteFloat
     unit: str
+    path: str = ""  # it is the key of the value in the file
 
 
 @dataclass(frozen=True)
@@ -356,3 +362,109 @@ class Calibration(Result):
         text = self.motor.to_toml(heading="\n".join([f"{self.start.name}, calibrated with {self.sources}.", *drifts]))
         own = {".csv": lambda file: write_rows(file, self._table())}
         return {**super().writers(), **own, ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+
+
+# --- the file ---
+
+
+def _measured(name: str) -> str:
+    if name not in MEASURED:
+        raise ValueError(f"{name!r} is not a quantity that can be measured")
+    return name
+
+
+class RecordedPoint(BaseModel):
+    """A measured value of a point; ``predicted`` is ``None`` where the motor has no steady state."""
+
+    point: int
+    quantity: Annotated[str, AfterValidator(_measured)]
+    measured: FiniteFloat
+    predicted: FiniteFloat | None
+    error: FiniteFloat
+
+    @property
+    def residual(self) -> float | None:
+        """(predicted − measured)/error."""
+        return None if self.predicted is None else (self.predicted - self.measured) / self.error
+
+
+class RecordedValues(BaseModel):
+    """Values of one quantity along a curve; ``None`` where the motor has none."""
+
+    measured: list[FiniteFloat]
+    predicted: list[FiniteFloat | None]
+    error: list[FiniteFloat]
+
+    @property
+    def residuals(self) -> list[float | None]:
+        """(predicted − measured)/error."""
+        rows = zip(self.measured, self.predicted, self.error, strict=True)
+        return [None if there is None else (there - own) / error for own, there, error in rows]
+
+
+class RecordedCurve(BaseModel):
+    """A spectrum over ``frequency_hz``, or a run-up over ``time_s``."""
+
+    data: str
+    along: Literal["frequency_hz", "time_s"]
+    at: list[FiniteFloat]
+    quantities: dict[str, RecordedValues]
+
+    @model_validator(mode="after")
+    def _of_one_length(self) -> RecordedCurve:
+        lists = [values for one in self.quantities.values() for values in (one.measured, one.predicted, one.error)]
+        if any(len(values) != len(self.at) for values in lists):
+            raise ValueError("the lists of a curve have different lengths")
+        return self
+
+
+class RecordedRival(BaseModel):
+    """How another law of the contact fits, as in :class:`Rival`, with the comparison in words."""
+
+    contact: str
+    aicc: FiniteFloat | None
+    verdict: str
+
+
+class Record(BaseModel):
+    """A calibration as read from its JSON file, :meth:`Calibration.to_dict`, for the report of the calibrated motor."""
+
+    motor: str
+    data: str
+    contact: str
+    parameters: dict[str, Estimate]
+    rms_residual: FiniteFloat
+    warnings: list[str]
+    fits: list[SetFit]
+    points: list[RecordedPoint]
+    curves: list[RecordedCurve]
+    rivals: list[RecordedRival]
+    aicc: FiniteFloat | None
+
+    @classmethod
+    def read(cls, path: str | Path) -> Record:
+        """Read the JSON file that ``calibrate --output`` writes. Raise ParameterError for another file."""
+        text = read_document(Path(path), "the path of the .json file of a calibration", _MOST_BYTES)
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"]))
+            raise ParameterError(
+                f"{path} is not the result of a calibration: {f'{place}: ' if place else ''}{first['msg']}. Give the "
+                "file that `piezomotor calibrate … --output result.json` writes."
+            ) from None
+
+    def differing(self, motor: Motor, drive: Stated) -> list[str]:
+        """Return the paths of the values that a motor does not have."""
+        return [path for path, one in self.parameters.items()
+                if not path.startswith(THERMAL) and not _has(motor, drive, path, one.value)]  # fmt: skip
+
+
+def _has(motor: Motor, drive: Stated, path: str, value: float) -> bool:
+    try:
+        own = path.startswith("law.")
+        found = motor.law.get(path.removeprefix("law.")) if own else parameter(path, motor, drive, {}).nominal
+    except ParameterError:
+        return False
+    return found is not None and isclose(found, value, rel_tol=_SAME)

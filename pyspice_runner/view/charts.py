@@ -23,7 +23,7 @@ from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
 from plotly.subplots import make_subplots
 
-from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
+from pyspice_runner.calibration.result import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
 from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
