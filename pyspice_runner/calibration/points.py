@@ -5,10 +5,9 @@ Columns have the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`
 path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.spectra`), and the load:
 ``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held. The other columns are measured: quantities of
 :func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, the phase ``current_a_phase_deg`` of a group's current
-ahead of its voltage at the drive frequency, the ``resonance_hz`` (:mod:`.resonance`), and the ``speed_rad_s`` of a row
-with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
-without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
-``Torque [mN·m]`` has its unit.
+ahead of its voltage at the drive frequency, the ``resonance_hz`` (:class:`~.prediction.Peak`), and the ``speed_rad_s``
+of a row with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell without a value is
+not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or ``Torque [mN·m]`` has its unit.
 """
 
 from __future__ import annotations
