@@ -43,7 +43,8 @@ from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.steady.transducer import TransducerState, transducer_state
 from pyspice_runner.trackers.track import Tracking
 from pyspice_runner.units import engineering
-from pyspice_runner.view.live import live_page, packed, rendered
+from pyspice_runner.view.live import live_page, packed
+from pyspice_runner.view.live_circuit import rendered
 
 HERE = Path(__file__).parent
 INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}

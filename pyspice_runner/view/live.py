@@ -37,13 +37,11 @@ from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.spice.wasm import FACTS, engine_file
 from pyspice_runner.steady.steady import steady_state
 from pyspice_runner.steady.transducer import heavier, resonance
-from pyspice_runner.units import engineering
 from pyspice_runner.view import live_circuit as live
 from pyspice_runner.view.outlines import axes_of, outlines
 
 Result = TypeVar("Result")
 
-ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "vibration.js", "driver.js", "spectrum.js", "charts.js", "page.js")
 PERIODS = 40  # of the drive, in which the page's deck settles from a steady state at another step
 SHAPE_POINTS = 41  # of a mode shape
@@ -68,11 +66,13 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     motors = [motor, *(other for other in others if other.name != motor.name)]
     if any(other.is_transducer != motor.is_transducer for other in motors):
         raise ParameterError("A page has motors or transducers, not both: write one page for each kind.")
-    script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    style = (ASSETS / "live.css").read_text(encoding="utf-8")
-    worker = "\n".join(path.read_text(encoding="utf-8") for path in (engine_file("ngspice.js"), ASSETS / "worker.js"))
+    script = "\n".join((live.ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    style = (live.ASSETS / "live.css").read_text(encoding="utf-8")
+    worker = "\n".join(
+        path.read_text(encoding="utf-8") for path in (engine_file("ngspice.js"), live.ASSETS / "worker.js")
+    )
     assert "</script" not in script + worker
-    return rendered(
+    return live.rendered(
         "live.html.j2",
         policy=content_policy(script, style),
         style=style,
@@ -85,18 +85,6 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         version=version("piezomotor"),
         transducer=motor.is_transducer,
     )
-
-
-def rendered(template: str, **values: Any) -> str:
-    """Return a page made of a template. Raise ParameterError if Jinja2 is not installed."""
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError:
-        raise ParameterError("The page needs jinja2. Install it: `pip install jinja2`.") from None
-    loader = FileSystemLoader([ASSETS, ASSETS.parent])
-    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    pages.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %"}
-    return pages.get_template(template).render(values)
 
 
 def content_policy(script: str, style: str) -> str:
