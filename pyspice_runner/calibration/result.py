@@ -17,7 +17,6 @@ from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.spectra import temperatures_of
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.files import write_rows
 from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.motor import ALIASES, Motor, Provenance
 from pyspice_runner.motor.refusal import Stated
@@ -264,20 +263,17 @@ class Calibration(Result):
             "parameters": {
                 one.path: {name: value for name, value in vars(one).items() if name != "path"} for one in self.estimates
             },
-            "rms_residual": self.rms_residual,
-            "warnings": list(self.warnings),
+            **self._entries("rms_residual", "warnings"),
             "sum_of_squares": self.squares,
             "degrees_of_freedom": self.freedom,
             "error_scale": self.scale,
-            "fits": self.fits,
-            "aicc": self.aicc,
+            **self._entries("fits", "aicc"),
             "rivals": [
                 {"contact": one.law, "aicc": one.aicc, "misfits": one.misfits, "failed": one.failed,
                  "verdict": self._against(one)}
                 for one in self.rivals
             ],
-            "correlations": self.correlations,
-            "steady_states": self.steady_states,
+            **self._entries("correlations", "steady_states"),
             "points": [
                 {"point": row + 1, "quantity": quantity, "measured": float(measured), "predicted": float(predicted),
                  "error": float(error)}
@@ -343,25 +339,23 @@ class Calibration(Result):
             "residual": (self.predicted - self.measured) / self.errors,
         }
 
-    def _table(self) -> list[list[str]]:
-        """Return the rows of the columns with the names of data and quantity."""
-        columns = dict(self.columns())
+    def _write_csv(self, file: Path) -> None:
+        """Write the columns with the names of data and quantity in place of the number of the set."""
+        import pandas
+
         names = [one.source for one, _ in self.predictor.sets for _ in one.errors]
         quantities = list(self.points.quantities) if self.points else []
         quantities += [name for curve, _ in self.curves for name in curve.quantities for _ in curve.at]
-        del columns["set"]
-        rows = zip(names, quantities, *columns.values(), strict=True)
-        cells = [[name, quantity, *("" if np.isnan(one) else f"{one:.12g}" for one in values)]
-                 for name, quantity, *values in rows]  # fmt: skip
-        return [["data", "quantity", *columns], *cells]
+        table = pandas.DataFrame({"data": names, "quantity": quantities, **self.columns()}).drop(columns="set")
+        table.to_csv(file, index=False, float_format="%.12g", lineterminator="\n")
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.toml`` (the calibrated motor), ``.json`` and ``.csv`` (the residuals)."""
         drifts = [f"{one.path} = {one.value:.5g} {one.unit} ± {one.standard_error:.2g}, an argument of Thermal"
                   for one in self.estimates if one.path.startswith(THERMAL)]  # fmt: skip
         text = self.motor.to_toml(heading="\n".join([f"{self.start.name}, calibrated with {self.sources}.", *drifts]))
-        own = {".csv": lambda file: write_rows(file, self._table())}
-        return {**super().writers(), **own, ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+        own = {".csv": self._write_csv, ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+        return {**super().writers(), **own}
 
 
 # --- the file ---

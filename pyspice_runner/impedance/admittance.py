@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from math import exp, hypot, inf, pi, sqrt
+from math import exp, inf, pi, sqrt
 from typing import Any, get_args
 
 import numpy as np
@@ -219,29 +219,29 @@ def _expected(motor: Motor, preloaded: bool) -> Sequence[Mode]:
     from scipy.optimize import linear_sum_assignment  # takes long to load
 
     modes = motor.on_carrier().modes
-    if not preloaded:
-        return modes
-    changes: list[dict[str, float]]
-    if motor.is_transducer:
+    if motor.is_transducer and preloaded:
         stator = motor.loaded_stator
         names = ("mass_kg", "damping_n_s_per_m", "stiffness_n_per_m")
         loaded = np.transpose([np.diag(square(one)) for one in (stator.mass, stator.damping, stator.stiffness)])
-        changes = [dict(zip(names, values, strict=True)) for values in loaded.tolist()]
-    else:
-        # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
-        frequencies = motor.pressed_stator.resonances()
-        tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
-        alone = [  # under preload, without the other modes
-            hypot(
-                contact_law.resonance_under_preload(motor.contact, mode),
-                sqrt(tangential / mode.mass_kg) * mode.tip_x / (2.0 * pi),
-            )
-            for mode in modes
+        return [
+            mode.model_copy(update=dict(zip(names, values, strict=True)))
+            for mode, values in zip(modes, loaded.tolist(), strict=True)
         ]
-        places = linear_sum_assignment(np.abs(np.subtract.outer(alone, frequencies)))[1]
-        squares = ((2.0 * pi * frequencies[places]) ** 2).tolist()
-        changes = [{"stiffness_n_per_m": mode.mass_kg * one} for mode, one in zip(modes, squares, strict=True)]
-    return [mode.model_copy(update=change) for mode, change in zip(modes, changes, strict=True)]
+    if not preloaded:
+        return modes
+    # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
+    frequencies = motor.pressed_stator.resonances()
+    normal = contact_law.normal_stiffness_at_preload(motor.contact)
+    tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
+    alone = [  # under preload, without the other modes
+        sqrt((mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2) / mode.mass_kg) / (2.0 * pi)
+        for mode in modes
+    ]
+    places = linear_sum_assignment(np.abs(np.subtract.outer(alone, frequencies)))[1]
+    return [
+        mode.model_copy(update={"stiffness_n_per_m": mode.mass_kg * (2.0 * pi * frequency) ** 2})
+        for mode, frequency in zip(modes, frequencies[places].tolist(), strict=True)
+    ]
 
 
 def _bandwidth(mode: Mode) -> float:

@@ -412,12 +412,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, 
     common = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
     frequency, y = measured.frequency_hz[common], measured.measured_s[common]
     ratio = y / reference.admittance(frequency) - 1.0
-    capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
-    deviation = capacitances[0] / capacitances[1] - 1.0
-    shares = [
-        _share(fit.standard_errors["clamped_capacitance_f"], of)
-        for fit, of in zip((measured, reference), capacitances, strict=True)
-    ]
+    deviation = measured.circuit.clamped_capacitance_f / reference.circuit.clamped_capacitance_f - 1.0
     apart = [] if pairs else [f"No resonance is common: {_listed(measured)}; {_listed(reference)}."]
     return Comparison(
         measured=measured,
@@ -425,7 +420,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, 
         modes=modes,
         extra_hz=tuple(arm.series_resonance_hz for k, arm in found.items() if k not in pairs.values()),
         clamped_capacitance_deviation=deviation,
-        clamped_capacitance_deviation_error=_error(deviation, *shares),
+        clamped_capacitance_deviation_error=_error(deviation, _clamped_share(measured), _clamped_share(reference)),
         rms_deviation=rms(ratio),
         cautions=(*apart, *(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions)),
     )
@@ -474,13 +469,17 @@ def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float]:
     found = {name: _share(errors[path], getattr(arm, path)) for name, path in paths.items()}
     found["coupling"] = 0.5 * _share(errors["inductance_h"], arm.inductance_h)
     arm_share = _share(errors["capacitance_f"], arm.capacitance_f)
-    clamped_share = _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
+    clamped_share = _clamped_share(fit)
     place = next(number for number, one in enumerate(fit.arms) if one is arm)
     names = (f"arms.{place}.capacitance_f", "clamped_capacitance_f")
     common = fit.correlation[tuple(map(fit.correlation_names.index, names))]
     spread = arm_share**2 + clamped_share**2 - 2.0 * common * arm_share * clamped_share
     share = 0.5 * (1.0 - arm.characteristics.coupling_factor**2) * float(np.sqrt(np.maximum(spread, 0.0)))
     return found | {"coupling_factor": share}
+
+
+def _clamped_share(fit: SpectrumFit) -> float:
+    return _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
 
 
 def _share(error: float | None, value: float) -> float:
