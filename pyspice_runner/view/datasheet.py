@@ -47,7 +47,6 @@ from pyspice_runner.view.live import live_page, packed
 from pyspice_runner.view.live_circuit import rendered
 
 HERE = Path(__file__).parent
-INK, GRID = {"light": "#1b1f24", "dark": "#e6e8eb"}, {"light": "#d5d9de", "dark": "#3a4048"}
 _TABULATED = ("speed_rad_s", "torque_n_m", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled")
 LEAST_COUPLING = 0.02  # resonance and antiresonance are less than 0.02 % apart below it: the table folds such an arm
 _PERIODS = 3  # of the waveforms to download
@@ -378,7 +377,6 @@ def datasheet(report: Report) -> str:
         torque_unit="N" if report.linear else "N·m",
         speed_unit="m/s" if report.linear else "rad/s",
         charts={name: figure for name, figure in figures.items() if figure is not None},
-        themes={name: charts.theme(INK[name], GRID[name]).to_plotly_json() for name in INK},
         connections=list(report.spectra["free"].resonances),
         states=charts.STATES_OF[report.motor.is_transducer],
         parameters=list(parameter_rows(report.motor)),
