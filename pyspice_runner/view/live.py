@@ -45,15 +45,7 @@ Result = TypeVar("Result")
 SCRIPTS = ("solve.js", "vibration.js", "driver.js", "spectrum.js", "charts.js", "page.js")
 PERIODS = 40  # of the drive, in which the page's deck settles from a steady state at another step
 SHAPE_POINTS = 41  # of a mode shape
-GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
 _HEAVIEST = 20.0  # factor of the damping of a loaded mode, to which the slider of a transducer's load reaches
-GRIP_LINEAR = 1e6  # N·s/m, of that which holds a slider: at 10 N the speed is 10 µm/s off
-DRIVER_EXAMPLE = """* a series inductor in each line
-La source_a a_in 2m
-Ra a_in a 20
-Lb source_b b_in 2m
-Rb b_in b 20
-"""
 
 
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
@@ -104,7 +96,6 @@ def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
         "first": _if_known(first_answer, motors[0], data[0]["decks"], data[0]["defaults"].get("torque", 0.0)),
         "presets": [preset for motor in motors for preset in _presets(motor)],
         "marks": [live.DRIVER, live.END],
-        "driverExample": DRIVER_EXAMPLE,
     }
 
 
@@ -153,7 +144,6 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
         "dryBearing": motor.rotor.bearing_friction_n_m,
-        "grip": GRIP_LINEAR if motor.slider else GRIP,
         "driverStep": live.live_step(motor, driver=True),
         "driverPoints": live.DRIVER_POINTS,
         "harmonics": live.HARMONICS,

@@ -565,7 +565,7 @@ function makeControls() {
   $("print").onclick = () => print();
   $("driver-run").onclick = () => change({ driver: $("driver-text").value.slice(0, TEXT.driver) });
   $("driver-none").onclick = () => change({ driver: "" });
-  $("driver-example").onclick = () => ($("driver-text").value = DATA.driverExample);
+  $("driver-example").onclick = () => ($("driver-text").value = DRIVER_EXAMPLE);
   $("deck-copy").onclick = () => copy($("deck-text").textContent, "The deck is copied.");
   $("deck-save").onclick = () => save(`${motorOf(current()).transducer ? "transducer" : "motor"}.cir`, $("deck-text").textContent);
   $("file").onchange = (event) => take(event.target.files[0]);
