@@ -105,7 +105,7 @@ def packed(data: bytes) -> str:
 
 
 def _motor(motor: Motor) -> dict[str, Any]:
-    """Return a motor for the page: decks, settings with their ranges, and data of the pictures."""
+    """Return a motor for the page: decks, first settings, and data of the pictures."""
     step, sprung = live.live_step(motor), None if motor.is_transducer else live.mounts(motor)["sprung"].mount
     # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring
     modes = [
@@ -115,8 +115,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
         }
         for mode in motor.modes
     ]  # fmt: skip
-    rows = _settings(motor, sprung)
-    common = {
+    common: dict[str, Any] = {
         "name": motor.name,
         "transducer": motor.is_transducer,
         "label": f"{motor.name}, {default_drive(motor).frequencies[0] / 1e3:.3g} kHz",
@@ -130,12 +129,11 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "vectors": len(live.live_vectors(motor, driver=False)) + 1,
         "thermalResistance": (motor.limits or Thermal()).thermal_resistance_k_per_w,
         "rated": _rated(motor),
-        **{
-            name: {key: row[column] for key, row in rows.items() if column < len(row)}
-            for column, name in enumerate(("defaults", "limits", "sliders"))
-        },
+        "defaults": _defaults(motor, sprung),
     }
     if sprung is None:
+        if more := _if_known(heavier, motor, int(np.abs(motor.load_motion).argmax()), _HEAVIEST):
+            common["defaults"]["load"], common["more"] = motor.load_resistance_n_s_per_m, more
         return common
     return common | {
         "laws": live.laws(motor),
@@ -170,51 +168,27 @@ def _rated(motor: Motor) -> dict[str, Any] | None:
     }
 
 
-def _settings(motor: Motor, sprung: Mount | None) -> dict[str, tuple[Any, ...]]:
-    """Return default, limits and (smallest, largest, increment) of the slider of each setting, in SI units.
-
-    A word has only a default. ``sprung`` is the mount of a motor, ``None`` of a transducer.
-    """
+def _defaults(motor: Motor, sprung: Mount | None) -> dict[str, float | str]:
+    """Return the first settings of a motor, in SI units; ``sprung`` is its mount, ``None`` of a transducer."""
     drive = default_drive(motor)
     two = isinstance(drive, TwoToneDrive)
-    voltage, frequency = drive.tones[0][0].amplitude, drive.tones[0][0].frequency
-    slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
-    hertz = _round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 1.0 if motor.is_transducer else 10.0
-    rows: dict[str, tuple[Any, ...]] = {
-        "voltage": (voltage, (0.0, 8 * voltage), (0.0, 2.5 * voltage, _round(voltage / 100))),
-        "frequency": (frequency, (0.3 * slow, 1.5 * fast), hertz),
-        "phase": (90.0 if two else drive.phase_deg, (-360.0, 360.0), (-180.0, 180.0, 1.0)),
-    }
+    tone, second = drive.tones[0][0], drive.tones[0][-1]
+    found = {"voltage": tone.amplitude, "frequency": tone.frequency, "phase": 90.0 if two else drive.phase_deg}
     if sprung is None:
-        if len(motor.groups) == 1:
-            del rows["phase"]
-        if more := _if_known(heavier, motor, int(np.abs(motor.load_motion).argmax()), _HEAVIEST):
-            load = motor.load_resistance_n_s_per_m
-            rows["load"] = (load, (0.0, 10.0 * (load + more)), (0.0, _round(load + more, 2), _round(0.005 * more)))
-        return rows
-    stiffness = sprung.stiffness_n_per_m
-    second = drive.tones[0][-1].amplitude, drive.tones[0][-1].frequency if two else 2.0 * frequency
-    preload, friction = motor.contact.preload_n, motor.contact.friction
-    torque, load = friction * preload * motor.rotor.radius_m, half_load(motor)
-    turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s
-    volts, degrees = rows["voltage"][2], rows["phase"][2]
-    hertz_2 = _round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0
-    newton = _round(0.1 * preload), _round(4 * preload), _round(preload / 100)
-    loads = -_round(torque), _round(torque), _round(torque / 200)
-    springs = _round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)
-    return rows | {
-        "voltage_2": (second[0], (0.0, 8 * voltage), volts),
-        "frequency_2": (second[1], (0.3 * slow, 3 * fast), hertz_2),
-        "phase_2": (drive.phase_deg if two else 0.0, (-360.0, 360.0), degrees),
-        "preload": (preload, (0.02 * preload, 20 * preload), newton),
-        "friction": (friction, (0.01, 1.5), (0.05, 0.8, 0.01)),
-        "torque": (load, (-4 * torque, 4 * torque), loads),
-        "speed": (0.0, (-1000.0 * turn, 1000.0 * turn), (-100.0 * turn, 100.0 * turn, 0.1 * turn)),
-        "stiffness": (stiffness, (0.01 * stiffness, 100 * stiffness), springs),
-        "kind": ("two-tone" if two else "two-phase",),
-        "shaft": ("free",),
-        "mount": ("sprung" if motor.mount else "held",),
-        "law": (PAPER_LAW.name,),
+        return {name: value for name, value in found.items() if name != "phase" or len(motor.groups) == 2}
+    return found | {
+        "voltage_2": second.amplitude,
+        "frequency_2": second.frequency if two else 2.0 * tone.frequency,
+        "phase_2": drive.phase_deg if two else 0.0,
+        "preload": motor.contact.preload_n,
+        "friction": motor.contact.friction,
+        "torque": half_load(motor),
+        "speed": 0.0,
+        "stiffness": sprung.stiffness_n_per_m,
+        "kind": "two-tone" if two else "two-phase",
+        "shaft": "free",
+        "mount": "sprung" if motor.mount else "held",
+        "law": PAPER_LAW.name,
     }
 
 
