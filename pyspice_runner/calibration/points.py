@@ -287,15 +287,14 @@ def _named(
     columns: Mapping[str, list[float]], source: str, further: Sequence[str], *, linear: bool
 ) -> dict[str, list[float]]:
     """Return the columns in SI units under the names of a rotor. Raise ParameterError for an unknown name."""
-    known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED, *(LINEAR if linear else ())]
+    known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED]
     found: dict[str, list[float]] = {}
     for heading, values in columns.items():
         name, factor = _column_of(heading) or (heading, 1.0)
         base = name.removesuffix(ERROR)
         own = LINEAR.get(base, base) if linear else base
-        allowed = MEASURED if base != name else (*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED)
-        if own not in allowed and not ("." in own and base == name):
-            hint = _OF_PHASES if "phase" in name.lower() else did_you_mean(name, known)
+        if own not in (MEASURED if base != name else known) and not ("." in own and base == name):
+            hint = _OF_PHASES if "phase" in name.lower() else did_you_mean(name, [*known, *(LINEAR if linear else ())])
             raise ParameterError(f"{source}: there is no column {quoted(name)}. {hint}")
         own = own + name[len(base) :]
         if own in found:
