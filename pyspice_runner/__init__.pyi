@@ -48,6 +48,6 @@ from .sweeps.sweep import sweep as sweep
 from .trackers.track import track as track
 from .trackers.tracker import Disturbance as Disturbance
 from .trackers.tracker import Tracker as Tracker
-from .view.report import report as report
+from .view.datasheet import report as report
 
 __version__: str

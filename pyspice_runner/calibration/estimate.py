@@ -4,6 +4,9 @@ r"""Calibration: the parameters of a motor from measured operating points, spect
 With the coordinates x of the free parameters (:class:`~.unknowns.Unknown`), the residuals are
 :math:`r_i = (f_i(x) - y_i)/\sigma_i` of each measured value, and :math:`x_j/w_j` of the prior knowledge, at
 least an order of magnitude. :mod:`.search` computes x, :mod:`.statistics` the errors and the intervals.
+
+A calibration that was interrupted goes on from a JSON file with the places of its searches, and the hash of the
+problem, which reveals another problem.
 """
 
 from __future__ import annotations
@@ -12,12 +15,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
-from numpy import zeros
-from pydantic import SkipValidation
+import numpy as np
+from pydantic import BaseModel, FiniteFloat, SkipValidation, ValidationError
 
-from pyspice_runner.calibration.checkpoint import Checkpoint
 from pyspice_runner.calibration.points import read_points
 from pyspice_runner.calibration.prediction import STEP, Counter, Predictor
 from pyspice_runner.calibration.result import Calibration, Rival
@@ -28,11 +31,18 @@ from pyspice_runner.calibration.statistics import Judgement, misfits
 from pyspice_runner.calibration.unknowns import THERMAL, unknowns_of
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, touching_law
 from pyspice_runner.errors import ParameterError, SimulationError, require
+from pyspice_runner.files import save_by_ending, write_json
 from pyspice_runner.impedance.spectrum import Connection
+from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.run.point import Point
+from pyspice_runner.run.waveforms import Array
+from pyspice_runner.sweeps.store import fingerprint
+from pyspice_runner.sweeps.task import drive_document, law_document, motor_document
+
+_REMEDY = "Remove it, or name another file, to start from the beginning."
 
 
 @checked
@@ -112,7 +122,7 @@ def calibrate(
             temperatures[0] if temperatures else None, counter=Counter(progress or (lambda _: None)),
         )  # fmt: skip
         # a wrong path or value is an error now, not a point that is left out
-        predictor.motor(zeros(len(unknowns)))
+        predictor.motor(np.zeros(len(unknowns)))
         if points:
             points.check([predictor.point(predictor.base, one) for one in points.conditions])
         for one in moving:
@@ -134,3 +144,89 @@ def _rival(search: Search, law: str, starts: int | None) -> Rival:
     except SimulationError as error:
         return Rival(law, float("nan"), 0, (), str(error))
     return Rival(law, found.aicc, found.freedom, tuple(fit.data for fit in misfits(found.fits)))
+
+
+# --- an unfinished calibration ---
+
+
+class _State(BaseModel):
+    """The content of the file."""
+
+    problem: str
+    places: dict[str, list[FiniteFloat]] = {}  # number of the law → coordinates
+
+
+class Checkpoint:
+    """The places of the searches of a calibration, one for each contact law; without a path they are not kept.
+
+    As a context it removes the file at the end of the calibration; an error or an interruption leaves it.
+
+    Raise ParameterError for a file of another problem, a damaged one, or a place that cannot be written.
+    """
+
+    def __init__(self, path: str | Path | None, predictors: Sequence[Predictor]) -> None:
+        self.path = None if path is None else Path(path)
+        problem = "" if self.path is None else fingerprint([_content(predictor) for predictor in predictors])
+        self.state = _State(problem=problem)
+        if self.path is not None and self.path.exists():
+            self.state = self._read(self.path, len(predictors[0].unknowns))
+        else:
+            self._write()  # so that a place that cannot be written is an error before the work begins
+
+    def place(self, law: int) -> Array | None:
+        """Return the coordinates from which the search with the law of this number goes on; ``None`` for a new one."""
+        places = self.state.places
+        return np.array(places[str(law)]) if str(law) in places else None
+
+    def keep(self, law: int, x: Array) -> None:
+        """Keep the coordinates of a search."""
+        self.state.places[str(law)] = x.tolist()
+        self._write()
+
+    def _read(self, path: Path, free: int) -> _State:
+        text = read_document(path, "the path of a .json file in which a calibration keeps its state")
+        try:
+            found = _State.model_validate_json(text)
+        except ValidationError:
+            found = None
+        if found is None or any(len(place) != free for place in found.places.values()):
+            raise ParameterError(f"{path} is not the unfinished state of a calibration, or is damaged. {_REMEDY}")
+        if found.problem != self.state.problem:
+            raise ParameterError(
+                f"{path} belongs to another calibration: motor, drive, free parameters, data, contact laws or priors "
+                f"differ. {_REMEDY}"
+            )
+        return found
+
+    def _write(self) -> None:
+        if self.path is not None:
+            save_by_ending(self.path, {".json": lambda file: write_json(file, self.state.model_dump())})
+
+    def __enter__(self) -> Checkpoint:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self.path is None:
+            return
+        if error is None or not self.state.places:
+            self.path.unlink(missing_ok=True)
+        elif isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt(
+                f"the calibration is kept in {self.path}; start the same calibration again to continue it"
+            ) from None
+
+
+def _content(predictor: Predictor) -> dict[str, Any]:
+    """Return all that the result of a search follows from, but its start."""
+    base, points = predictor.base, predictor.points
+    return {
+        **motor_document(base.motor),
+        "drive": drive_document(base.drive),
+        "law": {**base.law.to_dict(), **law_document(base.law.name)} if base.law else None,
+        "free": [vars(unknown) for unknown in predictor.unknowns],
+        "conditions": [points.conditions, points.rows, points.quantities] if points else [],
+        "curves": [vars(curve) | {"spectrum": None} for curve in predictor.curves],
+        "reference_c": predictor.reference_c,
+        "measured": predictor.measured,
+        "errors": predictor.errors,
+    }

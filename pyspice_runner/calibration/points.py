@@ -5,10 +5,9 @@ Columns have the conditions of a point: ``voltage``, ``frequency``, ``phase_deg`
 path with a dot (``contact.preload_n``), ``temperature`` in °C of the stator (:mod:`.spectra`), and the load:
 ``load_torque_n_m``, or ``speed_rad_s`` of a shaft that is held. The other columns are measured: quantities of
 :func:`~pyspice_runner.speed_torque`, ``power_w`` of both groups, the phase ``current_a_phase_deg`` of a group's current
-ahead of its voltage at the drive frequency, the ``resonance_hz`` (:mod:`.resonance`), and the ``speed_rad_s`` of a row
-with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell
-without a value is not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or
-``Torque [mN·m]`` has its unit.
+ahead of its voltage at the drive frequency, the ``resonance_hz`` (:class:`~.prediction.Peak`), and the ``speed_rad_s``
+of a row with a ``load_torque_n_m``. ``…_error`` is the standard error of a measured column. A cell without a value is
+not measured, or keeps the condition of the drive. A heading such as ``Speed (mm/s)`` or ``Torque [mN·m]`` has its unit.
 """
 
 from __future__ import annotations
@@ -288,15 +287,14 @@ def _named(
     columns: Mapping[str, list[float]], source: str, further: Sequence[str], *, linear: bool
 ) -> dict[str, list[float]]:
     """Return the columns in SI units under the names of a rotor. Raise ParameterError for an unknown name."""
-    known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED, *(LINEAR if linear else ())]
+    known = [*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED]
     found: dict[str, list[float]] = {}
     for heading, values in columns.items():
         name, factor = _column_of(heading) or (heading, 1.0)
         base = name.removesuffix(ERROR)
         own = LINEAR.get(base, base) if linear else base
-        allowed = MEASURED if base != name else (*further, *_OF_DRIVE, TEMPERATURE, LOAD, *MEASURED)
-        if own not in allowed and not ("." in own and base == name):
-            hint = _OF_PHASES if "phase" in name.lower() else did_you_mean(name, known)
+        if own not in (MEASURED if base != name else known) and not ("." in own and base == name):
+            hint = _OF_PHASES if "phase" in name.lower() else did_you_mean(name, [*known, *(LINEAR if linear else ())])
             raise ParameterError(f"{source}: there is no column {quoted(name)}. {hint}")
         own = own + name[len(base) :]
         if own in found:

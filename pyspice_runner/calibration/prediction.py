@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,6 @@ from pyspice_runner.calibration.points import (
     measured_of,
     span,
 )
-from pyspice_runner.calibration.resonance import Peak, near_hz, peaks
 from pyspice_runner.calibration.unknowns import THERMAL, Unknown
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.thermal import Thermal
@@ -50,9 +48,56 @@ COARSE_DIFFERENCE, DIFFERENCE = 0.05, 0.002
 LARGEST_DIFFERENCE = 0.2  # of the span of a quantity: another motion, or one that the harmonics do not describe
 SLOPED = 0.1  # error of a time average over its distance from the periodic motion, up to which it has a derivative
 STEP = 0.9  # of the default: the steps stay those of the first motor while its stiffness grows by a fifth
+NEAR = 0.125  # distance of the last three frequencies at a resonance, in bandwidths of the nearest mode
+ROUNDS = 12  # of three frequencies
+_FARTHEST = 4.0  # step to the next middle one, in their distance
+_CENTRED = 0.03  # distance of the vertex from the middle one, likewise, at the end
 
 State = SteadyState | BalancedState | None
 Solution = shooting.Orbit | Balance | None
+
+
+class Peak:
+    r"""The resonance of a running motor, the drive frequency of maximum electrical power, and the search for it.
+
+    A bench finds it by a sweep of the drive frequency at constant voltages, with the load or the speed of the point.
+    Here three frequencies are solved at a time. The reciprocal of the power at a resonance is a parabola over the
+    frequency, :math:`1/P \propto (f - f_0)^2 + w^2`, so its vertex is the next middle one, until the vertex lies
+    between them. The last distance of the three is the same in every search, so that its error drops out of
+    differences.
+    """
+
+    def __init__(self, setup: Point, first: Point, measured_hz: float, known: Peak | None, *, fresh: bool) -> None:
+        """Take the point, as set up now and with the first motor, and where to start; ``fresh`` from farther away."""
+        mode = min(first.motor.modes, key=lambda mode: abs(mode.frequency_hz - measured_hz))
+        self.setup, self.near = setup, NEAR * mode.frequency_hz / mode.quality_factor
+        self.distance = (2.0 if fresh else 1.0) * self.near
+        self.middle = known.frequency_hz if known else measured_hz
+        self.solution: Solution = known.solution if known else None  # at the middle frequency of the last three
+        self.frequency_hz: float = np.nan  # where none was found
+        self.done = False
+
+    @property
+    def setups(self) -> list[Point]:
+        """The points at the three frequencies."""
+        return [self.setup.updated({"drive.frequency": self.middle + sign * self.distance}) for sign in (-1, 0, 1)]
+
+    def take(self, solved: Sequence[State]) -> None:
+        """Take the states at the three frequencies."""
+        powers = np.array([measured_of(_values(one), POWER) if one else np.nan for one in solved])
+        if not np.all(powers > 0.0):  # one of them is not known
+            self.done = True
+            return
+        self.solution = solved[1].solution if solved[1] else None
+        below, here, above = 1.0 / powers
+        curvature = below - 2.0 * here + above
+        between = here <= min(below, above)
+        vertex = 0.5 * (below - above) / curvature if curvature > 0.0 else float(np.sign(below - above)) * _FARTHEST
+        step = float(np.clip(vertex, -_FARTHEST, _FARTHEST))
+        self.middle += step * self.distance
+        if between and self.distance == self.near:
+            self.frequency_hz, self.done = self.middle, abs(step) <= _CENTRED
+        self.distance = self.near if between else self.distance
 
 
 @dataclass(frozen=True)
@@ -234,21 +279,17 @@ class Predictor:
             return
         own = [place for place, quantity in enumerate(points.quantities) if quantity == RESONANCE]
         known = {place: peak for place, peak in (near.peaks if near else {}).items() if np.isfinite(peak.frequency_hz)}
-        asked = [(trial, place) for trial in trials for place in own if place in known or not fine]
-        starts = [known.get(place) or Peak(float(points.values[place])) for _, place in asked]
-        first = [self.point(self.base, points.conditions[points.rows[place]]) for _, place in asked]
-        distances = [near_hz(one, float(points.values[place])) for one, (_, place) in zip(first, asked, strict=True)]
-
-        def solve(asked: list[Point], starts: list[Any]) -> list[tuple[float, Any]]:
-            found = self._solved(asked, starts, fine)
-            return [(measured_of(_values(one), POWER), one.solution) if one else (np.nan, None) for one in found]
-
-        setups = [trial.setups[points.rows[place]] for trial, place in asked]
-        found = peaks(setups, starts, distances, solve, fresh=not known)
         for trial in trials:
-            trial.peaks = dict.fromkeys(own, Peak(float("nan")))
-        for (trial, place), peak in zip(asked, found, strict=True):
-            trial.peaks[place] = peak
+            for place in [place for place in own if place in known or not fine]:
+                row, measured = points.rows[place], float(points.values[place])
+                first = self.point(self.base, points.conditions[row])
+                trial.peaks[place] = Peak(trial.setups[row], first, measured, known.get(place), fresh=not known)
+        for _ in range(ROUNDS):
+            active = [peak for trial in trials for peak in trial.peaks.values() if not peak.done]
+            starts = [peak.solution for peak in active for _ in range(3)]
+            states = self._solved([setup for peak in active for setup in peak.setups], starts, fine)
+            for number, peak in enumerate(active):
+                peak.take(states[3 * number : 3 * number + 3])
 
     def refined(self, x: Array, near: Prediction | None = None) -> tuple[Predictor, Prediction]:
         """Return the predictor with the difference between ngspice at fine steps and the fast model here.
@@ -301,8 +342,9 @@ class Predictor:
         parts, states, scatter = [], trial.states, np.zeros(len(self.measured))
         if points := self.points:
             own = np.array([
-                trial.peaks[place].frequency_hz if quantity == RESONANCE
-                else measured_of(_values(state), quantity, measured) if (state := states[row]) else np.nan
+                trial.peaks[place].frequency_hz if place in trial.peaks
+                else measured_of(_values(state), quantity, measured) if quantity != RESONANCE and (state := states[row])
+                else np.nan
                 for place, (row, quantity, measured) in
                 enumerate(zip(points.rows, points.quantities, points.values.tolist(), strict=True))
             ])  # fmt: skip

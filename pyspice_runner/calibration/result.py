@@ -1,43 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The result of a calibration: values with their intervals, residuals, and predictions with a band."""
+"""The result of a calibration: values with intervals, residuals, predictions with a band; and as read from its file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import log
+from math import isclose, log
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, FiniteFloat, ValidationError, model_validator
 
-from pyspice_runner.calibration.points import TEMPERATURE, Curve, Points, read_points
+from pyspice_runner.calibration.points import MEASURED, TEMPERATURE, Curve, Points, read_points
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.spectra import temperatures_of
 from pyspice_runner.calibration.unknowns import THERMAL
 from pyspice_runner.errors import ParameterError, SimulationError
-from pyspice_runner.files import write_rows
+from pyspice_runner.motor.document import read_document
 from pyspice_runner.motor.motor import ALIASES, Motor, Provenance
+from pyspice_runner.motor.refusal import Stated
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result, json_ready
+from pyspice_runner.run.paths import parameter
 from pyspice_runner.run.waveforms import Array
 
 NORMAL_95 = 1.959964  # standard errors to each side that hold 95 % of a normal distribution
 NO_SUPPORT = 10.0  # difference in AICc beyond which the other law has no support; Burnham and Anderson, sec. 2.6
 _SAMPLE = 20_000  # cases: the quantile of 95 % is known to 0.3 %
+_MOST_BYTES = 2**22  # of its file: 2000 points with ten measured quantities each
+_SAME = 1e-9  # relative: the calibrated TOML has all digits of a value
 
 
 @dataclass(frozen=True)
 class Estimate:
     """The value of one parameter."""
 
-    path: str
-    value: float
-    standard_error: float
-    interval_95: tuple[float, float]  # of the profile likelihood; at most a factor of 10 to each side
+    value: FiniteFloat
+    standard_error: FiniteFloat
+    interval_95: tuple[FiniteFloat, FiniteFloat]  # of the profile likelihood; at most a factor of 10 to each side
     identifiable: bool  # whether the data decide it: to 25 % and better, without what was known before
-    start: float
+    start: FiniteFloat
     unit: str
+    path: str = ""  # it is the key of the value in the file
 
 
 @dataclass(frozen=True)
@@ -258,20 +263,17 @@ class Calibration(Result):
             "parameters": {
                 one.path: {name: value for name, value in vars(one).items() if name != "path"} for one in self.estimates
             },
-            "rms_residual": self.rms_residual,
-            "warnings": list(self.warnings),
+            **self._entries("rms_residual", "warnings"),
             "sum_of_squares": self.squares,
             "degrees_of_freedom": self.freedom,
             "error_scale": self.scale,
-            "fits": self.fits,
-            "aicc": self.aicc,
+            **self._entries("fits", "aicc"),
             "rivals": [
                 {"contact": one.law, "aicc": one.aicc, "misfits": one.misfits, "failed": one.failed,
                  "verdict": self._against(one)}
                 for one in self.rivals
             ],
-            "correlations": self.correlations,
-            "steady_states": self.steady_states,
+            **self._entries("correlations", "steady_states"),
             "points": [
                 {"point": row + 1, "quantity": quantity, "measured": float(measured), "predicted": float(predicted),
                  "error": float(error)}
@@ -337,22 +339,126 @@ class Calibration(Result):
             "residual": (self.predicted - self.measured) / self.errors,
         }
 
-    def _table(self) -> list[list[str]]:
-        """Return the rows of the columns with the names of data and quantity."""
-        columns = dict(self.columns())
+    def _write_csv(self, file: Path) -> None:
+        """Write the columns with the names of data and quantity in place of the number of the set."""
+        import pandas
+
         names = [one.source for one, _ in self.predictor.sets for _ in one.errors]
         quantities = list(self.points.quantities) if self.points else []
         quantities += [name for curve, _ in self.curves for name in curve.quantities for _ in curve.at]
-        del columns["set"]
-        rows = zip(names, quantities, *columns.values(), strict=True)
-        cells = [[name, quantity, *("" if np.isnan(one) else f"{one:.12g}" for one in values)]
-                 for name, quantity, *values in rows]  # fmt: skip
-        return [["data", "quantity", *columns], *cells]
+        table = pandas.DataFrame({"data": names, "quantity": quantities, **self.columns()}).drop(columns="set")
+        table.to_csv(file, index=False, float_format="%.12g", lineterminator="\n")
 
     def writers(self) -> dict[str, Callable[[Path], object]]:
         """Return the writers by ending: ``.toml`` (the calibrated motor), ``.json`` and ``.csv`` (the residuals)."""
         drifts = [f"{one.path} = {one.value:.5g} {one.unit} ± {one.standard_error:.2g}, an argument of Thermal"
                   for one in self.estimates if one.path.startswith(THERMAL)]  # fmt: skip
         text = self.motor.to_toml(heading="\n".join([f"{self.start.name}, calibrated with {self.sources}.", *drifts]))
-        own = {".csv": lambda file: write_rows(file, self._table())}
-        return {**super().writers(), **own, ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+        own = {".csv": self._write_csv, ".toml": lambda file: file.write_text(text, encoding="utf-8")}
+        return {**super().writers(), **own}
+
+
+# --- the file ---
+
+
+def _measured(name: str) -> str:
+    if name not in MEASURED:
+        raise ValueError(f"{name!r} is not a quantity that can be measured")
+    return name
+
+
+class RecordedPoint(BaseModel):
+    """A measured value of a point; ``predicted`` is ``None`` where the motor has no steady state."""
+
+    point: int
+    quantity: Annotated[str, AfterValidator(_measured)]
+    measured: FiniteFloat
+    predicted: FiniteFloat | None
+    error: FiniteFloat
+
+    @property
+    def residual(self) -> float | None:
+        """(predicted − measured)/error."""
+        return None if self.predicted is None else (self.predicted - self.measured) / self.error
+
+
+class RecordedValues(BaseModel):
+    """Values of one quantity along a curve; ``None`` where the motor has none."""
+
+    measured: list[FiniteFloat]
+    predicted: list[FiniteFloat | None]
+    error: list[FiniteFloat]
+
+    @property
+    def residuals(self) -> list[float | None]:
+        """(predicted − measured)/error."""
+        rows = zip(self.measured, self.predicted, self.error, strict=True)
+        return [None if there is None else (there - own) / error for own, there, error in rows]
+
+
+class RecordedCurve(BaseModel):
+    """A spectrum over ``frequency_hz``, or a run-up over ``time_s``."""
+
+    data: str
+    along: Literal["frequency_hz", "time_s"]
+    at: list[FiniteFloat]
+    quantities: dict[str, RecordedValues]
+
+    @model_validator(mode="after")
+    def _of_one_length(self) -> RecordedCurve:
+        lists = [values for one in self.quantities.values() for values in (one.measured, one.predicted, one.error)]
+        if any(len(values) != len(self.at) for values in lists):
+            raise ValueError("the lists of a curve have different lengths")
+        return self
+
+
+class RecordedRival(BaseModel):
+    """How another law of the contact fits, as in :class:`Rival`, with the comparison in words."""
+
+    contact: str
+    aicc: FiniteFloat | None
+    verdict: str
+
+
+class Record(BaseModel):
+    """A calibration as read from its JSON file, :meth:`Calibration.to_dict`, for the report of the calibrated motor."""
+
+    motor: str
+    data: str
+    contact: str
+    parameters: dict[str, Estimate]
+    rms_residual: FiniteFloat
+    warnings: list[str]
+    fits: list[SetFit]
+    points: list[RecordedPoint]
+    curves: list[RecordedCurve]
+    rivals: list[RecordedRival]
+    aicc: FiniteFloat | None
+
+    @classmethod
+    def read(cls, path: str | Path) -> Record:
+        """Read the JSON file that ``calibrate --output`` writes. Raise ParameterError for another file."""
+        text = read_document(Path(path), "the path of the .json file of a calibration", _MOST_BYTES)
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"]))
+            raise ParameterError(
+                f"{path} is not the result of a calibration: {f'{place}: ' if place else ''}{first['msg']}. Give the "
+                "file that `piezomotor calibrate … --output result.json` writes."
+            ) from None
+
+    def differing(self, motor: Motor, drive: Stated) -> list[str]:
+        """Return the paths of the values that a motor does not have."""
+        return [path for path, one in self.parameters.items()
+                if not path.startswith(THERMAL) and not _has(motor, drive, path, one.value)]  # fmt: skip
+
+
+def _has(motor: Motor, drive: Stated, path: str, value: float) -> bool:
+    try:
+        own = path.startswith("law.")
+        found = motor.law.get(path.removeprefix("law.")) if own else parameter(path, motor, drive, {}).nominal
+    except ParameterError:
+        return False
+    return found is not None and isclose(found, value, rel_tol=_SAME)

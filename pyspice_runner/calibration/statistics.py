@@ -118,8 +118,8 @@ class Judgement:
         low, high = sorted(unknown.value(x + side.sign * side.end) for side in sides)
         closed = not any(side.open for side in sides)
         return Estimate(
-            unknown.path, unknown.value(x), unknown.spread(x, sqrt(self.covariance[place, place])), (low, high),
-            sqrt(self.by_data[place, place]) <= IDENTIFIED and closed, unknown.start, unknown.unit,
+            unknown.value(x), unknown.spread(x, sqrt(self.covariance[place, place])), (low, high),
+            sqrt(self.by_data[place, place]) <= IDENTIFIED and closed, unknown.start, unknown.unit, unknown.path,
         )  # fmt: skip
 
     # --- warnings ---

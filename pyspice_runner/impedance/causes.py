@@ -297,12 +297,9 @@ class Judge:
         made = np.transpose([one.spread / _STEP * self._pattern([one], [_STEP], at) for one in self._manufacture(at)])
         covariance = np.diag(errors.taken(found).row ** 2 + floor**2) + made @ made.T
         ranked = {HEALTHY: [self._tried((), data, covariance, at)], UNKNOWN: []}
-        for quantity in range(len(_BROAD)):
-            wide = covariance + np.diag(np.where(kinds == quantity, broad, 0.0) ** 2)
+        for off in (*(kinds == quantity for quantity in range(len(_BROAD))), kinds >= 0):  # one quantity, or all
+            wide = covariance + np.diag(np.where(off, broad, 0.0) ** 2)
             ranked[UNKNOWN].append((self._tried((), data, wide, at)[0] - log(len(_BROAD) + 1), ()))
-        ranked[UNKNOWN].append(
-            (self._tried((), data, covariance + np.diag(broad**2), at)[0] - log(len(_BROAD) + 1), ())
-        )
         for cause, weight, sizes in self._hypotheses(at):
             evidence, words = self._tried(sizes, data, covariance, at)
             ranked.setdefault(cause, []).append((evidence + log(weight), words))

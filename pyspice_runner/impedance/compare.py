@@ -9,7 +9,7 @@ C0 do not. With a motor as the reference, :mod:`.causes` names the cause, from b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import hypot, inf, isfinite, isnan, nan
@@ -112,19 +112,20 @@ class Comparison(_Tabulated):
         """Whether no deviation is outside of the tolerances; ``None`` without tolerances."""
         return not self.outside(self.tolerances) if self.tolerances else None
 
+    def _quantities(self) -> Iterator[tuple[str, ModeDeviation | None, float, float | None]]:
+        """Yield each quantity with its mode, its deviation, infinite for a missing mode, and the standard error."""
+        for item in self.modes:
+            for name in _VALUES:
+                yield name, item, item.deviations.get(name, inf), item.deviation_errors.get(name)
+        yield "clamped_capacitance", None, self.clamped_capacitance_deviation, self.clamped_capacitance_deviation_error
+
     def deviations(self) -> dict[tuple[str, int | None], float]:
         """Return quantity and mode → deviation; infinite for a missing mode."""
-        found: dict[tuple[str, int | None], float] = {
-            (name, item.mode): item.deviations.get(name, inf) for item in self.modes for name in _VALUES
-        }
-        return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation}
+        return {(name, item.mode if item else None): deviation for name, item, deviation, _ in self._quantities()}
 
     def errors(self) -> dict[tuple[str, int | None], float | None]:
         """Return quantity and mode → standard error of the deviation, from both fits; ``None`` if not determined."""
-        found: dict[tuple[str, int | None], float | None] = {
-            (name, item.mode): item.deviation_errors.get(name) for item in self.modes for name in _VALUES
-        }
-        return found | {("clamped_capacitance", None): self.clamped_capacitance_deviation_error}
+        return {(name, item.mode if item else None): error for name, item, _, error in self._quantities()}
 
     def outside(self, tolerances: Mapping[str, float]) -> tuple[str, ...]:
         """Return the deviations outside of tolerances, one sentence each, with their standard errors.
@@ -132,16 +133,13 @@ class Comparison(_Tabulated):
         Args:
             tolerances: quantity (of ``QUANTITIES``) → limit of the magnitude of its relative deviation.
         """
-        labels = {item.mode: item.label for item in self.modes}
         outside = [
             f"{item.label[0].upper()}{item.label[1:]} is missing." for item in self.modes if item.measured is None
         ]
-        errors = self.errors()
-        for (name, mode), deviation in self.deviations().items():
+        for name, mode, deviation, error in self._quantities():
             limit = tolerances.get(name, inf)
             if isfinite(deviation) and abs(deviation) > limit:
-                where = "" if mode is None else f" of {labels[mode]}"
-                error = errors[name, mode]
+                where = f" of {mode.label}" if mode else ""
                 near = error is not None and abs(deviation) - error <= limit
                 outside.append(
                     f"The {name.replace('_', ' ')}{where} is off by {_percent(deviation, error, compared=False)}; "
@@ -290,12 +288,9 @@ class Trend(_Tabulated):
 def _slope(at: NDArray[np.float64], values: Sequence[float], errors: Sequence[float | None]) -> dict[str, float]:
     """Return the slope of the logarithm of values, and its standard error."""
     deviation = np.maximum([(error or 0.0) / value for value, error in zip(values, errors, strict=True)], 1e-12)
-    system = np.column_stack([np.ones_like(at), at]) / deviation[:, None]
-    scaled = np.log(values) / deviation
-    solution = np.linalg.lstsq(system, scaled, rcond=None)[0]
-    scatter = float(np.sum((system @ solution - scaled) ** 2)) / (len(at) - 2)
-    variance = np.linalg.inv(system.T @ system)[1, 1] * max(scatter, 1.0)
-    return {"slope": float(solution[1]), "standard_error": float(np.sqrt(variance))}
+    line, covariance = np.polyfit(at, np.log(values), 1, w=1.0 / deviation, cov="unscaled")
+    scatter = float(np.sum(((np.polyval(line, at) - np.log(values)) / deviation) ** 2)) / (len(at) - 2)
+    return {"slope": float(line[0]), "standard_error": float(np.sqrt(covariance[0, 0] * max(scatter, 1.0)))}
 
 
 @checked
@@ -342,51 +337,43 @@ def compare(
         raise ParameterError("There is nothing to compare; give at least one spectrum.")
     if at is not None and len(at) != len(spectra):
         raise ParameterError(f"at has {len(at)} values for {len(spectra)} spectra; give one for each.")
-    _check_names(tolerances or {})
-    ports = [spectrum.driven(connection) if spectrum.ports == 2 else spectrum for spectrum in spectra]
+    limits = dict(tolerances or {})
+    if unknown := limits.keys() - set(Comparison.QUANTITIES):
+        raise ParameterError(f"tolerances has no {min(unknown)!r}; there are {', '.join(Comparison.QUANTITIES)}.")
+    motor = reference if isinstance(reference, Motor) else None
     if isinstance(reference, Motor):
-        start = min(float(port.frequency_hz[0]) for port in ports)
-        stop = max(float(port.frequency_hz[-1]) for port in ports)
+        start = min(float(spectrum.frequency_hz[0]) for spectrum in spectra)
+        stop = max(float(spectrum.frequency_hz[-1]) for spectrum in spectra)
         result = admittance(reference, start=start, stop=stop, points=_MODEL_POINTS, state=state)
         name = f"{reference.name} ({state}, {connection})"
-        against = Spectrum.from_admittance(result.frequency_hz, result.driven(connection), source=name, format="model")
-    else:
-        against = reference.driven(connection) if reference.ports == 2 else reference
+        reference = Spectrum(result.frequency_hz, result.matrix_s, name, "model")
+    against, *ports = (one.driven(connection) if one.ports == 2 else one for one in (reference, *spectra))
     for port in ports:
         if min(port.frequency_hz[-1], against.frequency_hz[-1]) <= max(port.frequency_hz[0], against.frequency_hz[0]):
             raise SpectrumError(
                 f"{port.source or 'The spectrum'} and {against.source or 'the reference'} share no frequencies."
             )
-    fits = []
+    fits, notify = [], progress or (lambda *_: None)
     for number, spectrum in enumerate((against, *ports), start=1):
-        if progress is not None:
-            progress(number, len(ports) + 1)
-        computed = number == 1 and isinstance(reference, Motor)
-        known = {"leads": False} if computed else {"leads": leads, "noise": noise}
+        notify(number, len(ports) + 1)
+        known = {"leads": False} if motor and number == 1 else {"leads": leads, "noise": noise}
         fits.append(fit_one_port(spectrum, modes, timeout=timeout, **known))
     judges: dict[int, Judge] = {}  # by the number of ports
-    if isinstance(reference, Motor):
-        judges[1] = Judge(reference, state, connection, fits[0])
-        both = Spectrum.from_admittance(result.frequency_hz, result.matrix_s, source=against.source)
+    if motor:
+        judges[1] = Judge(motor, state, connection, fits[0])
         if max(spectrum.ports for spectrum in spectra) == 2:
-            judges[2] = Judge(reference, state, None, fit_groups(both))
+            judges[2] = Judge(motor, state, None, fit_groups(reference))
     names = judges[1].called if judges else None
     search = {"noise": noise, "timeout": timeout}
     found = tuple(
         replace(
-            _compare(fit, fits[0], names), tolerances=dict(tolerances or {}),
+            _compare(fit, fits[0], names), tolerances=limits,
             diagnosis=_diagnosed(judges, spectrum, fit, search) if judges else None,
         )
         for fit, spectrum in zip(fits[1:], spectra, strict=True)
     )  # fmt: skip
     places = tuple(range(1, len(spectra) + 1)) if at is None else tuple(float(value) for value in at)
     return Trend(found, places, label or ("number of the spectrum" if at is None else "at"))
-
-
-def _check_names(tolerances: Mapping[str, float]) -> None:
-    """Raise ParameterError for a tolerance of an unknown quantity."""
-    if unknown := set(tolerances) - set(Comparison.QUANTITIES):
-        raise ParameterError(f"tolerances has no {min(unknown)!r}; there are {', '.join(Comparison.QUANTITIES)}.")
 
 
 def _diagnosed(
@@ -425,12 +412,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, 
     common = (measured.frequency_hz >= low) & (measured.frequency_hz <= high)
     frequency, y = measured.frequency_hz[common], measured.measured_s[common]
     ratio = y / reference.admittance(frequency) - 1.0
-    capacitances = [fit.circuit.clamped_capacitance_f for fit in (measured, reference)]
-    deviation = capacitances[0] / capacitances[1] - 1.0
-    shares = [
-        _share(fit.standard_errors["clamped_capacitance_f"], of)
-        for fit, of in zip((measured, reference), capacitances, strict=True)
-    ]
+    deviation = measured.circuit.clamped_capacitance_f / reference.circuit.clamped_capacitance_f - 1.0
     apart = [] if pairs else [f"No resonance is common: {_listed(measured)}; {_listed(reference)}."]
     return Comparison(
         measured=measured,
@@ -438,7 +420,7 @@ def _compare(measured: SpectrumFit, reference: SpectrumFit, names: Mapping[int, 
         modes=modes,
         extra_hz=tuple(arm.series_resonance_hz for k, arm in found.items() if k not in pairs.values()),
         clamped_capacitance_deviation=deviation,
-        clamped_capacitance_deviation_error=_error(deviation, *shares),
+        clamped_capacitance_deviation_error=_error(deviation, _clamped_share(measured), _clamped_share(reference)),
         rms_deviation=rms(ratio),
         cautions=(*apart, *(f"{fit.source}: {text}" for fit in (measured, reference) for text in fit.cautions)),
     )
@@ -487,13 +469,17 @@ def _shares(fit: SpectrumFit, arm: FittedArm) -> dict[str, float]:
     found = {name: _share(errors[path], getattr(arm, path)) for name, path in paths.items()}
     found["coupling"] = 0.5 * _share(errors["inductance_h"], arm.inductance_h)
     arm_share = _share(errors["capacitance_f"], arm.capacitance_f)
-    clamped_share = _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
+    clamped_share = _clamped_share(fit)
     place = next(number for number, one in enumerate(fit.arms) if one is arm)
     names = (f"arms.{place}.capacitance_f", "clamped_capacitance_f")
     common = fit.correlation[tuple(map(fit.correlation_names.index, names))]
     spread = arm_share**2 + clamped_share**2 - 2.0 * common * arm_share * clamped_share
     share = 0.5 * (1.0 - arm.characteristics.coupling_factor**2) * float(np.sqrt(np.maximum(spread, 0.0)))
     return found | {"coupling_factor": share}
+
+
+def _clamped_share(fit: SpectrumFit) -> float:
+    return _share(fit.standard_errors["clamped_capacitance_f"], fit.circuit.clamped_capacitance_f)
 
 
 def _share(error: float | None, value: float) -> float:

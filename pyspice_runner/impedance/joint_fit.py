@@ -216,16 +216,14 @@ class _Problem:
         error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         drifts = dict(zip(_DRIFTS, parameters[_DRIFTED].tolist(), strict=True)) if self.temperatures else {}
         back = -self.reference  # from the temperature of the start to the first one
-        shares = {"resistance_ohm": (0, 1, -1), "inductance_h": (-1, 1, 0), "capacitance_f": (-1, -1, 0)}
+        shares = np.array([[0, 1, -1], [-1, 1, 0], [-1, -1, 0]])  # of ln R, ln L, ln C by ln f, ln X, ln Q
         arms = []
         for k, (natural, reactance, quality, *changes) in enumerate(self.arms(parameters, back).T.tolist()):
             arm = MotionalArm(reactance / quality, reactance / natural, 1.0 / (reactance * natural))
             at = _FIRST + _ARM * k
-            own = covariance[at : at + 3, at : at + 3]
-            errors = {
-                name: getattr(arm, name) * float(np.sqrt(max(np.array(row) @ own @ np.array(row), 0.0)))
-                for name, row in shares.items()
-            }
+            own = np.diag(shares @ covariance[at : at + 3, at : at + 3] @ shares.T)
+            relative = np.sqrt(np.maximum(own, 0.0)).tolist()
+            errors = {name: value * share for (name, value), share in zip(asdict(arm).items(), relative, strict=True)}
             unit = 1.0 / float(self.charge[k]) ** 2
             softening, growth = (unit * change for change in changes)
             errors |= dict(zip(_CHANGES, (unit * error[at + 3 : at + 5]).tolist(), strict=True))

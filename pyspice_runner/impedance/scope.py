@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError, SpectrumError, did_you_mean, require
-from pyspice_runner.impedance.readers.text import Text, clean, load, number, read_table, separator, split
+from pyspice_runner.impedance.readers.text import clean, load, number, read_table, separator, split
 from pyspice_runner.motor import groups
 
 Array = NDArray[np.float64]
@@ -182,8 +182,7 @@ def read_recording(path: str | Path) -> Recording:
     names = [clean(name, 40) for name in named[:width]]
     if len(names) < width or not all(names):
         names = ["time", *(f"CH{number}" for number in range(1, width))]
-    lines = tuple(mark.join(_cells(line, mark)) if mark else line for line in text.lines)
-    table = read_table(Text(text.name, lines, text.ended), None, first, None, mark, names)
+    table = read_table(text, None, first, None, mark, names)
     time, *channels = table.numbers(list(range(width)))
     step = _rigol_step(rows)
     if step is not None:

@@ -61,6 +61,11 @@ class TwoPortMode:
     coupling_b_n_per_v_kg05: float  # θ_B/√m in N/(V·√kg), with its sign against group A
     standard_errors: dict[str, float]  # of the four values above
 
+    @property
+    def couplings(self) -> Vector:
+        """θ/√m to group A and to group B, N/(V·√kg)."""
+        return np.array([self.coupling_a_n_per_v_kg05, self.coupling_b_n_per_v_kg05])
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TwoPortFit(Fit):
@@ -120,10 +125,7 @@ class TwoPortFit(Fit):
             ParameterError: without exactly one calibration, or for values that make no motor.
         """
         if tips is None:
-            tips = [
-                (0.0, 1.0) if mode.coupling_a_n_per_v_kg05 * mode.coupling_b_n_per_v_kg05 >= 0.0 else (1.0, 0.0)
-                for mode in self.modes
-            ]
+            tips = [(0.0, 1.0) if np.prod(mode.couplings) >= 0.0 else (1.0, 0.0) for mode in self.modes]
             origin = Provenance("assumed", "from the sign of the couplings: alike towards the rotor, opposed along it")
         else:
             origin = Provenance("given", "given with the calibration")
@@ -187,10 +189,7 @@ class TwoPortFit(Fit):
             "loss tangent": f"{self.loss_tangent:.3g}, constant{'' if self.loss_dispersion else ' without dispersion'}",
         }
         for number, mode in enumerate(self.modes, start=1):
-            couplings = (
-                f"{getattr(mode, name):.4g} ±{mode.standard_errors[name]:.2g}"
-                for name in ("coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
-            )
+            couplings = (f"{getattr(mode, name):.4g} ±{mode.standard_errors[name]:.2g}" for name in _VALUES[2:])
             found[f"mode {number}"] = (
                 f"{engineering(mode.series_resonance_hz, 'Hz')}, Qm {mode.quality_factor:.4g}, "
                 f"couplings {', '.join(couplings)} N/(V·√kg)"
@@ -216,9 +215,8 @@ class TwoPortFit(Fit):
         require(valid, what, given, f"a number > 0, or one for each of {len(self.modes)} modes")
         if mass_kg is None:  # θ = |tip| i/v, and θ/√m is known
             for index, (velocity, mode, tip) in enumerate(zip(values, self.modes, tips, strict=False)):
-                groups = np.array([mode.coupling_a_n_per_v_kg05, mode.coupling_b_n_per_v_kg05])
-                coupling = abs(float(groups @ COUPLING[connection]))
-                if coupling < 1e-6 * hypot(*groups):
+                coupling = abs(float(mode.couplings @ COUPLING[connection]))
+                if coupling < 1e-6 * hypot(*mode.couplings):
                     raise ParameterError(
                         f"Mode {index + 1} takes no current through {connection}; measure its velocity another way."
                     )

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure as Plain
 from matplotlib.lines import Line2D
 from plotly.subplots import make_subplots
 
-from pyspice_runner.calibration.record import RecordedCurve, RecordedPoint
+from pyspice_runner.calibration.result import RecordedCurve, RecordedPoint
 from pyspice_runner.datasets import Curves
 from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum, State
@@ -44,30 +44,12 @@ STATES_OF: dict[bool, dict[State, str]] = {  # of a motor, and of a transducer
 }
 
 MODE_STEPS = 12  # frames from the middle to the largest deflection
-TOOL_BAR = 32  # pixels below the chart, where datasheet.css puts the tool bar
+TOOL_BAR = 32  # pixels below the chart, where datasheet.css and datasheet.js put the tool bar
 PATH_FRAMES = 120  # of one drive period
 _SWING = 0.07  # of the length of beam or solid: the largest deflection as it is drawn
 _WEAK = 0.2  # of the best coupling; weaker resonances lie outside the range that a spectrum shows at first
 _MOST_SHAPES = 6
 _MOST_POINTS = 3000  # of a curve over time
-
-
-def theme(ink: str, grid: str) -> go.layout.Template:
-    """Return the template of a light or a dark page."""
-    title = {"font": {"size": 13}, "standoff": 6}  # close to the axis, so that it stays clear of the tool bar
-    axis = {"gridcolor": grid, "zerolinecolor": grid, "linecolor": ink, "automargin": True, "title": title}
-    return go.layout.Template(
-        layout={
-            "font": {"color": ink, "family": "system-ui, sans-serif", "size": 13},
-            "paper_bgcolor": "rgba(0,0,0,0)",
-            "plot_bgcolor": "rgba(0,0,0,0)",
-            "xaxis": axis,
-            "yaxis": axis,
-            "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.06, "x": 0.0},
-            "margin": {"l": 60, "r": 12, "t": 48, "b": 48 + TOOL_BAR},
-            "hovermode": "closest",
-        }
-    )
 
 
 def mode_shapes(motor: Motor) -> go.Figure | None:

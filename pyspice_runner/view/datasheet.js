@@ -6,7 +6,19 @@
   const read = (selector) => JSON.parse(document.querySelector(selector).textContent);
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const still = matchMedia("(prefers-reduced-motion: reduce)");
+  const TOOL_BAR = 32; // pixels below the chart, where datasheet.css puts it
   const themes = {};
+  for (const [name, ink, grid] of [["light", "#1b1f24", "#d5d9de"], ["dark", "#e6e8eb", "#3a4048"]]) {
+    // titles close to the axis, so that they stay clear of the tool bar
+    const axis = { gridcolor: grid, zerolinecolor: grid, linecolor: ink, automargin: true, title: { font: { size: 13 }, standoff: 6 } };
+    themes[name] = {
+      layout: {
+        font: { color: ink, family: "system-ui, sans-serif", size: 13 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+        xaxis: axis, yaxis: { ...axis }, legend: { orientation: "h", yanchor: "bottom", y: 1.06, x: 0 },
+        margin: { l: 60, r: 12, t: 48, b: 48 + TOOL_BAR }, hovermode: "closest",
+      },
+    };
+  }
   const theme = (paper) => themes[dark.matches && !paper ? "dark" : "light"];
   // The tool bar holds only what stays on this page: no link, no button that sends data anywhere.
   const CONFIG = {
@@ -113,7 +125,6 @@
   }
 
   async function start() {
-    for (const name of ["light", "dark"]) themes[name] = read(`[data-theme="${name}"]`);
     const library = document.createElement("script");
     library.textContent = await unpacked("plotly");
     document.head.append(library);

@@ -37,25 +37,15 @@ from pyspice_runner.spice.ngspice import run_deck
 from pyspice_runner.spice.wasm import FACTS, engine_file
 from pyspice_runner.steady.steady import steady_state
 from pyspice_runner.steady.transducer import heavier, resonance
-from pyspice_runner.units import engineering
 from pyspice_runner.view import live_circuit as live
 from pyspice_runner.view.outlines import axes_of, outlines
 
 Result = TypeVar("Result")
 
-ASSETS = Path(__file__).parent / "live_page"
 SCRIPTS = ("solve.js", "vibration.js", "driver.js", "spectrum.js", "charts.js", "page.js")
 PERIODS = 40  # of the drive, in which the page's deck settles from a steady state at another step
 SHAPE_POINTS = 41  # of a mode shape
-GRIP = 1e3  # N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
 _HEAVIEST = 20.0  # factor of the damping of a loaded mode, to which the slider of a transducer's load reaches
-GRIP_LINEAR = 1e6  # N·s/m, of that which holds a slider: at 10 N the speed is 10 µm/s off
-DRIVER_EXAMPLE = """* a series inductor in each line
-La source_a a_in 2m
-Ra a_in a 20
-Lb source_b b_in 2m
-Rb b_in b 20
-"""
 
 
 def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
@@ -68,11 +58,13 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     motors = [motor, *(other for other in others if other.name != motor.name)]
     if any(other.is_transducer != motor.is_transducer for other in motors):
         raise ParameterError("A page has motors or transducers, not both: write one page for each kind.")
-    script = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    style = (ASSETS / "live.css").read_text(encoding="utf-8")
-    worker = "\n".join(path.read_text(encoding="utf-8") for path in (engine_file("ngspice.js"), ASSETS / "worker.js"))
+    script = "\n".join((live.ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    style = (live.ASSETS / "live.css").read_text(encoding="utf-8")
+    worker = "\n".join(
+        path.read_text(encoding="utf-8") for path in (engine_file("ngspice.js"), live.ASSETS / "worker.js")
+    )
     assert "</script" not in script + worker
-    return rendered(
+    return live.rendered(
         "live.html.j2",
         policy=content_policy(script, style),
         style=style,
@@ -85,18 +77,6 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
         version=version("piezomotor"),
         transducer=motor.is_transducer,
     )
-
-
-def rendered(template: str, **values: Any) -> str:
-    """Return a page made of a template. Raise ParameterError if Jinja2 is not installed."""
-    try:
-        from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    except ImportError:
-        raise ParameterError("The page needs jinja2. Install it: `pip install jinja2`.") from None
-    loader = FileSystemLoader([ASSETS, ASSETS.parent])
-    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    pages.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %"}
-    return pages.get_template(template).render(values)
 
 
 def content_policy(script: str, style: str) -> str:
@@ -116,7 +96,6 @@ def page_data(motors: Sequence[Motor]) -> dict[str, Any]:
         "first": _if_known(first_answer, motors[0], data[0]["decks"], data[0]["defaults"].get("torque", 0.0)),
         "presets": [preset for motor in motors for preset in _presets(motor)],
         "marks": [live.DRIVER, live.END],
-        "driverExample": DRIVER_EXAMPLE,
     }
 
 
@@ -126,7 +105,7 @@ def packed(data: bytes) -> str:
 
 
 def _motor(motor: Motor) -> dict[str, Any]:
-    """Return a motor for the page: decks, settings with their ranges, and data of the pictures."""
+    """Return a motor for the page: decks, first settings, and data of the pictures."""
     step, sprung = live.live_step(motor), None if motor.is_transducer else live.mounts(motor)["sprung"].mount
     # the stiffness in the netlist, by which a displacement follows from the force of a mode's spring
     modes = [
@@ -136,8 +115,7 @@ def _motor(motor: Motor) -> dict[str, Any]:
         }
         for mode in motor.modes
     ]  # fmt: skip
-    rows = _settings(motor, sprung)
-    common = {
+    common: dict[str, Any] = {
         "name": motor.name,
         "transducer": motor.is_transducer,
         "label": f"{motor.name}, {default_drive(motor).frequencies[0] / 1e3:.3g} kHz",
@@ -151,12 +129,11 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "vectors": len(live.live_vectors(motor, driver=False)) + 1,
         "thermalResistance": (motor.limits or Thermal()).thermal_resistance_k_per_w,
         "rated": _rated(motor),
-        **{
-            name: {key: row[column] for key, row in rows.items() if column < len(row)}
-            for column, name in enumerate(("defaults", "limits", "sliders"))
-        },
+        "defaults": _defaults(motor, sprung),
     }
     if sprung is None:
+        if more := _if_known(heavier, motor, int(np.abs(motor.load_motion).argmax()), _HEAVIEST):
+            common["defaults"]["load"], common["more"] = motor.load_resistance_n_s_per_m, more
         return common
     return common | {
         "laws": live.laws(motor),
@@ -165,7 +142,6 @@ def _motor(motor: Motor) -> dict[str, Any]:
         "inertia": motor.rotor.inertia_kg_m2,
         "bearing": motor.rotor.bearing_damping_n_m_s,
         "dryBearing": motor.rotor.bearing_friction_n_m,
-        "grip": GRIP_LINEAR if motor.slider else GRIP,
         "driverStep": live.live_step(motor, driver=True),
         "driverPoints": live.DRIVER_POINTS,
         "harmonics": live.HARMONICS,
@@ -192,51 +168,27 @@ def _rated(motor: Motor) -> dict[str, Any] | None:
     }
 
 
-def _settings(motor: Motor, sprung: Mount | None) -> dict[str, tuple[Any, ...]]:
-    """Return default, limits and (smallest, largest, increment) of the slider of each setting, in SI units.
-
-    A word has only a default. ``sprung`` is the mount of a motor, ``None`` of a transducer.
-    """
+def _defaults(motor: Motor, sprung: Mount | None) -> dict[str, float | str]:
+    """Return the first settings of a motor, in SI units; ``sprung`` is its mount, ``None`` of a transducer."""
     drive = default_drive(motor)
     two = isinstance(drive, TwoToneDrive)
-    voltage, frequency = drive.tones[0][0].amplitude, drive.tones[0][0].frequency
-    slow, fast = min(mode.frequency_hz for mode in motor.modes), max(mode.frequency_hz for mode in motor.modes)
-    hertz = _round(0.93 * frequency, 3), _round(1.07 * frequency, 3), 1.0 if motor.is_transducer else 10.0
-    rows: dict[str, tuple[Any, ...]] = {
-        "voltage": (voltage, (0.0, 8 * voltage), (0.0, 2.5 * voltage, _round(voltage / 100))),
-        "frequency": (frequency, (0.3 * slow, 1.5 * fast), hertz),
-        "phase": (90.0 if two else drive.phase_deg, (-360.0, 360.0), (-180.0, 180.0, 1.0)),
-    }
+    tone, second = drive.tones[0][0], drive.tones[0][-1]
+    found = {"voltage": tone.amplitude, "frequency": tone.frequency, "phase": 90.0 if two else drive.phase_deg}
     if sprung is None:
-        if len(motor.groups) == 1:
-            del rows["phase"]
-        if more := _if_known(heavier, motor, int(np.abs(motor.load_motion).argmax()), _HEAVIEST):
-            load = motor.load_resistance_n_s_per_m
-            rows["load"] = (load, (0.0, 10.0 * (load + more)), (0.0, _round(load + more, 2), _round(0.005 * more)))
-        return rows
-    stiffness = sprung.stiffness_n_per_m
-    second = drive.tones[0][-1].amplitude, drive.tones[0][-1].frequency if two else 2.0 * frequency
-    preload, friction = motor.contact.preload_n, motor.contact.friction
-    torque, load = friction * preload * motor.rotor.radius_m, half_load(motor)
-    turn = 1e-2 if motor.slider else 1.0  # 1 m/s of a slider for 100 rad/s
-    volts, degrees = rows["voltage"][2], rows["phase"][2]
-    hertz_2 = _round(0.3 * slow, 3), _round(2.2 * fast, 3), 50.0
-    newton = _round(0.1 * preload), _round(4 * preload), _round(preload / 100)
-    loads = -_round(torque), _round(torque), _round(torque / 200)
-    springs = _round(0.1 * stiffness), _round(10 * stiffness), _round(0.05 * stiffness)
-    return rows | {
-        "voltage_2": (second[0], (0.0, 8 * voltage), volts),
-        "frequency_2": (second[1], (0.3 * slow, 3 * fast), hertz_2),
-        "phase_2": (drive.phase_deg if two else 0.0, (-360.0, 360.0), degrees),
-        "preload": (preload, (0.02 * preload, 20 * preload), newton),
-        "friction": (friction, (0.01, 1.5), (0.05, 0.8, 0.01)),
-        "torque": (load, (-4 * torque, 4 * torque), loads),
-        "speed": (0.0, (-1000.0 * turn, 1000.0 * turn), (-100.0 * turn, 100.0 * turn, 0.1 * turn)),
-        "stiffness": (stiffness, (0.01 * stiffness, 100 * stiffness), springs),
-        "kind": ("two-tone" if two else "two-phase",),
-        "shaft": ("free",),
-        "mount": ("sprung" if motor.mount else "held",),
-        "law": (PAPER_LAW.name,),
+        return {name: value for name, value in found.items() if name != "phase" or len(motor.groups) == 2}
+    return found | {
+        "voltage_2": second.amplitude,
+        "frequency_2": second.frequency if two else 2.0 * tone.frequency,
+        "phase_2": drive.phase_deg if two else 0.0,
+        "preload": motor.contact.preload_n,
+        "friction": motor.contact.friction,
+        "torque": half_load(motor),
+        "speed": 0.0,
+        "stiffness": sprung.stiffness_n_per_m,
+        "kind": "two-tone" if two else "two-phase",
+        "shaft": "free",
+        "mount": "sprung" if motor.mount else "held",
+        "law": PAPER_LAW.name,
     }
 
 

@@ -5,16 +5,18 @@
 its speed over frequency. ``cycles`` gives the waveforms of the full motor, which starts from the amplitudes of the
 averaged one, ``driver`` the same behind a user's lines, and ``admittance`` the small-signal two-port. Each deck runs as
 it is written, with the values of the motor's parameter set, by ``ngspice -b``. A page changes the numbers on the
-``.param`` lines and the lines between the marks :data:`DRIVER` and :data:`END`; it contains no physics.
+``.param`` lines and the lines between the marks :data:`DRIVER` and :data:`END`; it contains no physics. The decks are
+made of the templates ``live_page/*.cir.j2`` and of the subcircuits of the motor.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from math import pi, sqrt
+from pathlib import Path
+from typing import Any
 
 from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
@@ -25,12 +27,12 @@ from pyspice_runner.circuit.source import DriveSource, transient_options
 from pyspice_runner.circuit.state import Discretisation, State, motor_states, plates_of
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
-from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import TwoPhaseDrive, default_drive
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.spice.library import slider_words
 from pyspice_runner.steady.shooting import Orbit
+from pyspice_runner.units import engineering
 
 # of the averaged motor: with fewer phases speeds of andersen2002 at 52 to 53 kHz are off by a third; with 48 by 4 %
 PHASES, CURVE_PHASES, HARMONICS = 48, 64, 2
@@ -39,12 +41,9 @@ POINTS, DRIVER_POINTS = 100, 160  # steps in the shortest period; a driver's dec
 # the slider where the voltage of group A, a sine, is zero and rises: a quarter of a period before its peak
 SLIDER_AT_START = f"xmotor.xcontact.slider{3 * PHASES // 4}"
 DRIVER, END = "* driver: lines between source_a, source_b and the pins a, b", "* end of the driver"
-_RADIANS = pi / 180.0
 _SPRUNG = "bimodal40"  # whose mount the page offers to a motor that has none
 
-LOAD = "Iload shaft 0 DC {torque}\nVheld held 0 DC {held}\nGheld shaft 0 shaft held {grip}"
-
-Values = dict[str, tuple[float | str, str]]  # name → number or expression, and its unit and meaning
+ASSETS = Path(__file__).parent / "live_page"
 
 
 def laws(motor: Motor) -> list[str]:
@@ -99,46 +98,39 @@ def live_decks(motor: Motor) -> dict[str, str]:
 # --- parts of a deck ---
 
 
-def _deck(title: str, what: Iterable[str], values: Values, body: Iterable[str]) -> str:
-    head = [f".title {title}", *(f"* {line}" for line in what), "* Run: ngspice -b THIS_FILE", "*"]
-    lines = [f".param {name}={value} ; {meaning}" for name, (value, meaning) in values.items()]
-    return "\n".join([*head, *lines, *body, ".end"]) + "\n"
+@cache
+def _templates() -> Any:
+    """Return the templates of pages and decks. Raise ParameterError if Jinja2 is not installed."""
+    try:
+        from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+    except ImportError:
+        raise ParameterError("The page needs jinja2. Install it: `pip install jinja2`.") from None
+    found = Environment(
+        loader=FileSystemLoader([ASSETS, ASSETS.parent]), autoescape=select_autoescape(["html.j2"]),
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    found.filters |= {"si": engineering, "percent": lambda share: f"{100.0 * share:.3g} %", "number": _number}
+    found.filters["text"] = lambda circuit: f"{circuit.parts}\n{str(circuit).strip()}"
+    found.filters["options"] = lambda options: " ".join(f"{name}={value}" for name, value in options.items())
+    return found
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return a page or a deck made of a template. Raise ParameterError if Jinja2 is not installed."""
+    return str(_templates().get_template(template).render(values))
+
+
+def _deck(template: str, motor: Motor, **values: Any) -> str:
+    """Return a deck with the values of a motor and its drive; of a drive of two tones it has the first tone."""
+    drive = default_drive(motor)
+    phase = drive.phase_deg if isinstance(drive, TwoPhaseDrive) else 0.0
+    tone, frequencies = drive.tones[0][0], drive.frequencies
+    known = {"motor": motor, "tone": tone, "frequencies": frequencies, "phase": phase, "radians": pi / 180.0}
+    return rendered(template, **known, **values) + "\n"
 
 
 def _number(value: float) -> str:
     return f"{value:.10g}"
-
-
-def _options(options: Mapping[str, str]) -> str:
-    return ".options " + " ".join(f"{name}={value}" for name, value in options.items())
-
-
-def _settings(motor: Motor) -> Values:
-    """Return the parameters of every deck; a drive of two tones has its first tone here."""
-    drive = default_drive(motor)
-    tone = drive.tones[0][0]
-    values: Values = {
-        "voltage": (_number(tone.amplitude), "V, amplitude"),
-        "frequency": (_number(tone.frequency), "Hz"),
-        "phase": (
-            _number(drive.phase_deg if isinstance(drive, TwoPhaseDrive) else 0.0),
-            "degrees, group B ahead of group A",
-        ),
-    }
-    if motor.is_transducer:
-        values["load"] = (_number(motor.load_resistance_n_s_per_m), "N.s/m, resistance of the load")
-        return {name: value for name, value in values.items() if name != "phase" or len(motor.groups) == 2}
-    values |= {
-        "preload": (_number(motor.contact.preload_n), "N"),
-        "friction": (_number(motor.contact.friction), "1, coefficient of friction"),
-        "torque": ("0", "N.m, load"),
-        "grip": ("0", "N.m.s, of a brake that holds the shaft at a speed; 0 leaves it free"),
-        "held": ("0", "rad/s, speed of the brake"),
-        "inertia": (_number(motor.rotor.inertia_kg_m2), "kg.m2, of the rotor"),
-    }
-    if motor.mount:
-        values["mount_stiffness"] = (_number(motor.mount.stiffness_n_per_m), "N/m, springs that carry the stator")
-    return values
 
 
 def _opened(circuit: Assembly, motor: Motor) -> Assembly:
@@ -149,13 +141,15 @@ def _opened(circuit: Assembly, motor: Motor) -> Assembly:
     return circuit
 
 
-def _starts(motor: Motor, law: Law | None, discretisation: Discretisation) -> tuple[dict[str, str], Values]:
+def _starts(
+    motor: Motor, law: Law | None, discretisation: Discretisation
+) -> tuple[dict[str, str], list[tuple[str, float, State]]]:
     """Return the parameters of the X line for the motion with which a run starts, and the deck's in their expressions.
 
     The page gives the displacement of a mode, which the parameter of the X line counts from rest under the preload.
     """
     passed: dict[str, str] = {}
-    values: Values = {}
+    found = []
     for state in motor_states(motor, law):
         if not state.part:
             continue
@@ -163,8 +157,8 @@ def _starts(motor: Motor, law: Law | None, discretisation: Discretisation) -> tu
         rest = state.at_rest(discretisation) / state.unit
         bending = f"+{_number(-rest / motor.contact.preload_n)}*preload" if rest else ""
         passed[state.parameter] = f"{{{name}{bending}}}"
-        values[name] = (_number(rest) if rest else "0", f"{state.kind} at the start, in the unit of {state.parameter}")
-    return passed, values
+        found.append((name, rest or 0.0, state))  # not -0
+    return passed, found
 
 
 def _start_name(state: State) -> str:
@@ -187,15 +181,6 @@ def _quick_damping(motor: Motor) -> float:
     return max(motor.mount.damping_n_s_per_m, 1.4 * sqrt(stiffness * motor.mount.mass_kg))
 
 
-def _text(circuit: Assembly) -> str:
-    return f"{circuit.parts}\n{str(circuit).strip()}"
-
-
-def _instance(circuit: Assembly, nodes: str, values: Values) -> str:
-    passed = [f"{name}={{{name}}}" for name in values if name in circuit.parameters]
-    return f"Xmotor {nodes} {circuit.name} {' '.join(passed)}"
-
-
 # --- averaged motor ---
 
 
@@ -203,64 +188,10 @@ def _averaged(motor: Motor, kind: str) -> str:
     """Return a deck of the averaged motor: a spin-up, the curve over speed, or the response over frequency."""
     phases = PHASES if kind == "run" else CURVE_PHASES
     circuit = _opened(AveragedSubCircuit(motor, phases=phases, harmonics=HARMONICS), motor)
-    values = _settings(motor)
-    what, steps, longest = {  # number of values to print, and of the longest steps, in a run
-        "run": ("spin-up of the averaged motor to its steady state", 2000, 20),
-        "curve": ("torque over speed, averaged motor", 1000, 60),
-        "response": ("speed and currents over frequency, averaged motor", 1000, 240),
-    }[kind]
-    drive, load = "DC {frequency}", LOAD
-    sources = [
-        f".param radians={{phase*{_RADIANS!r}}}",
-        "Va_re a_re 0 DC {voltage}",
-        "Va_im a_im 0 DC 0",
-        "Vb_re b_re 0 DC {voltage*cos(radians)}",
-        "Vb_im b_im 0 DC {voltage*sin(radians)}",
-    ]
-    start = ".ic v(a_re)={voltage} v(b_re)={voltage*cos(radians)} v(b_im)={voltage*sin(radians)}"
-    measures: list[str] = []
-    if kind == "run":
-        extra = {"stop": ("0.05", "s, end of the run")}
-        means = {"speed_rad_s": "v(shaft)", "friction_n": "v(xmotor.friction)", "heat_w": "v(heat)"}
-        measures = [f".measure tran {name} FIND {vector} AT={{stop}}" for name, vector in means.items()]
-    elif kind == "curve":
-        extra = {"slowest": ("-5", "rad/s, first speed"), "fastest": ("50", "rad/s, last speed"),
-                 "stop": (_number(RAMP), "s, end of the ramp")}  # fmt: skip
-        load = "Vshaft shaft 0 PWL(0 {slowest} {0.2*stop} {slowest} {stop} {fastest})"
-        start += " v(shaft)={slowest}"
-    else:
-        frequency = default_drive(motor).frequencies[-1]
-        extra = {
-            "first_frequency": (_number(1.04 * frequency), "Hz, at which the ramp begins"),
-            "last_frequency": (_number(0.97 * frequency), "Hz, at which it ends"),
-            "stop": ("1", "s, end of the ramp"),
-        }
-        drive = "PWL(0 {first_frequency} {0.1*stop} {first_frequency} {stop} {last_frequency})"
-    vectors = [
-        *(f"v({node})" for node in ("a_re", "a_im", "b_re", "b_im", "f", "shaft", "heat")),
-        *(f"i(v{node})" for node in ("a_re", "a_im", "b_re", "b_im")),
-        *(["i(vshaft)"] if kind == "curve" else []),
-        *(f"v(xmotor.{node})" for node in ("normal", "friction", "open", "slip", "check")),
-    ]
-    if kind == "run":
-        numbers = range(1, len(motor.modes) + 1)
-        vectors += [f"v(xmotor.xbending{index}.r)" for index in numbers]
-        vectors += [
-            f"v(xmotor.xmode{index}_{order}.{node}_{part})"
-            for index in numbers for order in range(1, HARMONICS + 1) for node in "rv" for part in ("re", "im")
-        ]  # fmt: skip
-        vectors += [f"v({SLIDER_AT_START})", *(f"v(xmotor.{axis}_{part}1)" for axis in "xy" for part in ("re", "im"))]
-        vectors += ["v(xmotor.xmount.elastic)"] if motor.mount else []
+    steps, longest = {"run": (2000, 20), "curve": (1000, 60), "response": (1000, 240)}[kind]  # to print, and of the run
     return _deck(
-        f"{motor.name}: {what}",
-        ["Complex amplitudes instead of waveforms; v(shaft) is the speed in rad/s."],
-        values | extra,
-        [
-            *sources, f"Vfrequency f 0 {drive}", load, _text(circuit),
-            _instance(circuit, "a_re a_im b_re b_im f shaft 0 heat", values),
-            _options(AVERAGED_OPTIONS), start, f".save {' '.join(vectors)}",
-            *measures, f".tran {{stop/{steps}}} {{stop}} 0 {{stop/{longest}}} uic",
-        ],
+        "averaged.cir.j2", motor, kind=kind, circuit=circuit, options=AVERAGED_OPTIONS, harmonics=HARMONICS,
+        slider=SLIDER_AT_START, ramp=RAMP, steps=steps, longest=longest,
     )  # fmt: skip
 
 
@@ -277,71 +208,26 @@ def _cycles(motor: Motor, law: str, *, driver: bool) -> str:
     step = live_step(motor, driver=driver)
     discretisation = Discretisation(step, exact_resonance=not driver)
     circuit = _opened(MotorSubCircuit(motor, law=Law(law), discretisation=discretisation, startable=True), motor)
-    starts, start_values = _starts(motor, Law(law), discretisation)
-    frequencies = default_drive(motor).frequencies
-    second = frequencies[-1] if len(frequencies) > 1 else 2.0 * frequencies[0]  # of the drive, or its octave
-    values = _settings(motor) | {
-        "voltage_2": ("0", "V, amplitude of a second tone, which drives the groups against each other"),
-        "frequency_2": (_number(second), "Hz, of the second tone"),
-        "phase_2": ("0", "degrees, of the second tone"),
-    }
-    values |= _times(motor, step, "s, time step; the modes are written for it" if not driver else "s, time step")
-    values |= start_values
+    passed, starts = _starts(motor, Law(law), discretisation)
+    damping = _quick_damping(motor) if motor.mount else 0.0
     if motor.mount:
-        circuit.parameters["damping"] = _number(_quick_damping(motor))
+        circuit.parameters["damping"] = _number(damping)
         circuit["Xmount"].parameters["damping"] = "{damping}"
-        values["damping"] = (circuit.parameters["damping"], "N.s/m, of the carrier, so that it settles within the run")
-    pins = ("source_a", "source_b") if driver else ("a", "b")
-    body = [f".param radians={{phase*{_RADIANS!r}}}", f".param radians_2={{phase_2*{_RADIANS!r}}}"]
-    for group, pin, sign, phase in (("a", pins[0], "", "0"), ("b", pins[1], "-", "{phase}")):
-        body += [
-            f"V{group} {pin} {groups.named('tone', group)} SIN(0 {{voltage}} {{frequency}} 0 0 {phase})",
-            f"V{group}2 {groups.named('tone', group)} 0 SIN(0 {{{sign}voltage_2}} {{frequency_2}} 0 0 {{phase_2}})",
-        ]
-    if driver:
-        body += [DRIVER, "Rwire_a source_a a 1m", "Rwire_b source_b b 1m", END]
-    body += [LOAD, _text(circuit)]
-    nodes = "pin_a pin_b 0 shaft" if driver else "a b 0 shaft"
-    if driver:
-        body += ["Vpin_a a pin_a 0", "Vpin_b b pin_b 0"]
-    body.append(" ".join([_instance(circuit, nodes, values), *(f"{name}={value}" for name, value in starts.items())]))
     of_driver = {"method": "trap", "reltol": "1e-4", "abstol": "1e-9", "vntol": "1e-6"}
-    options = of_driver if driver else transient_options(motor, Law(law))
-    means = {
-        "speed_rad_s": "AVG v(shaft)", "friction_n": "AVG v(xmotor.friction)", "normal_n": "AVG v(xmotor.normal)",
-        "current_a_rms_a": "RMS i(va)", "current_b_rms_a": "RMS i(vb)",
-    }  # fmt: skip
-    body += [_options(options), *([] if driver else _plates(motor))]
-    body += [f".save {' '.join(live_vectors(motor, driver=driver))}"]
-    body += [f".measure tran {name} {how} FROM={{stop-window}} TO={{stop}}" for name, how in means.items()]
     return _deck(
-        f"{motor.name}: {law}, cycle by cycle",
-        [
-            "The full motor. x, y, slider in um, forces in N, state 0 separated 1 stick 2 slip, v(shaft) in rad/s.",
-            "The run starts from a motion near the steady state; from rest, with a smaller inertia.",
-        ],
-        values,
-        [*body, ".tran {step} {stop} 0 {step} uic"],
-    )
+        "cycles.cir.j2", motor, law=law, driver=driver, circuit=circuit, step=step, starts=starts, passed=passed,
+        damping=damping, options=of_driver if driver else transient_options(motor, Law(law)), marks=(DRIVER, END),
+        plates={} if driver else _plates(motor), vectors=live_vectors(motor, driver=driver),
+    )  # fmt: skip
 
 
-def _times(motor: Motor, step: float, meaning: str) -> Values:
-    frequency = default_drive(motor).frequencies[-1]
-    return {
-        "stop": (_number(60.0 / frequency), "s, end of the run"),
-        "window": (_number(20.0 / frequency), "s, at the end of the run, for the means"),
-        "step": (_number(step), meaning),
-    }
-
-
-def _plates(motor: Motor) -> list[str]:
-    """Return the initial voltages of the plates: those of the sources at t = 0."""
+def _plates(motor: Motor) -> dict[str, str]:
+    """Return the initial voltages of the plates, by their nodes: those of the sources at t = 0."""
     drive = TwoPhaseDrive(voltage=1.0, frequency=motor.modes[-1].frequency_hz, phase_deg=45.0)
     start = {"a": "{voltage_2*sin(radians_2)}", "b": "{voltage*sin(radians)-voltage_2*sin(radians_2)}"}
     nodes = motor_bench(motor, DriveSource(drive)).start
     found = dict.fromkeys(nodes, start["b"])
-    found |= {node.replace("xgroup_b", "xgroup_a"): start["a"] for node in nodes}
-    return [".ic " + " ".join(f"v({node})={value}" for node, value in found.items())]
+    return found | {node.replace("xgroup_b", "xgroup_a"): start["a"] for node in nodes}
 
 
 def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
@@ -360,26 +246,21 @@ def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
 
 def _vibration(motor: Motor, *, steady: bool) -> str:
     """Return the deck of a transducer: its steady state by small signals, or a run from the motion of that state."""
-    step, values, discretisation = live_step(motor), _settings(motor), Discretisation(live_step(motor))
-    circuit = TransducerSubCircuit(motor, discretisation=None if steady else discretisation, startable=not steady)
-    what, options, run = "steady state, amplitudes", AC_OPTIONS, ".ac lin 1 {frequency} {frequency}"
-    lines: list[str] = []
-    wave = "AC {voltage} %s" if steady else "SIN(0 {voltage} {frequency} 0 0 %s)"
-    body = [f"V{pin} {pin} 0 {wave % at}" for pin, at in zip(motor.groups, ("0", "{phase}"), strict=False)]
-    instance = _instance(circuit, f"{' '.join(motor.groups)} 0", values)
+    step = live_step(motor)
+    circuit = TransducerSubCircuit(motor, discretisation=None if steady else Discretisation(step), startable=not steady)
+    passed, starts = ({}, []) if steady else _starts(motor, None, Discretisation(step))
+    plates: dict[str, str] = {}
     if not steady:
-        what, options, run = "cycle by cycle", transient_options(motor, None), ".tran {step} {stop} 0 {step} uic"
-        starts, motion = _starts(motor, None, discretisation)
-        instance += "".join(f" {name}={value}" for name, value in starts.items())
-        values |= _times(motor, step, "s, time step; the modes are written for it") | motion
-        plates = plates_of(motor, "b") if "b" in motor.groups else ()
-        lines = [f".ic v(xmotor.{node})={{voltage*sin(phase*{_RADIANS!r})}}" for node in plates]
+        nodes = plates_of(motor, "b") if "b" in motor.groups else ()
+        plates = {f"xmotor.{node}": f"{{voltage*sin(phase*{pi / 180.0!r})}}" for node in nodes}
         if motor.tool.mass_kg:  # it moves with what it is attached to
             parts = [f"({_number(along)})*velocity_{index}" for index, along in enumerate(motor.load_motion, start=1)]
-            lines += [f".ic v(xmotor.{node})={{{'+'.join(parts)}}}" for node in ("heavy", "mass")]
-        lines += [f".measure tran current_{pin}_rms_a RMS i(v{pin}) FROM={{stop-window}}" for pin in motor.groups]
-    body += [_text(circuit), instance, _options(options), f".save {' '.join(live_vectors(motor, driver=False))}"]
-    return _deck(f"{motor.name}: {what}", ["A transducer; y of its face in um."], values, [*body, *lines, run])
+            plates |= {f"xmotor.{node}": f"{{{'+'.join(parts)}}}" for node in ("heavy", "mass")}
+    return _deck(
+        "vibration.cir.j2", motor, steady=steady, driver=False, circuit=circuit, step=step, starts=starts,
+        passed=passed, plates=plates, options=AC_OPTIONS if steady else transient_options(motor, None),
+        vectors=live_vectors(motor, driver=False),
+    )  # fmt: skip
 
 
 # --- small signals ---
@@ -391,28 +272,10 @@ def _admittance(motor: Motor) -> str:
     if motor.is_transducer:  # whose resonances are narrow: about the drive
         low, high = (share * default_drive(motor).frequencies[0] for share in (0.9, 1.1))
         kind = TransducerSubCircuit
-    values = {name: value for name, value in _settings(motor).items() if name in ("preload", "friction", "load")}
-    passed = " ".join(f"{name}={{{name}}}" for name in values)
     pressed = kind(motor)
     free = kind(motor.model_copy(update={"load": None}), law=None, name=f"{pressed.name}_free")
-    values |= {
-        "lowest": (_number(low), "Hz, first frequency"),
-        "highest": (_number(high), "Hz, last frequency"),
-        "points": ("2000", "number of frequencies"),
-    }
-    body = [_text(pressed), _text(free)]
-    vectors = []
-    for state, circuit in (("free", free), ("pressed", pressed)):
-        for driven in motor.groups:
-            copy = f"{state}_{driven}"
-            body += [f"V{group}_{copy} {group}_{copy} 0 DC 0 AC {int(group == driven)}" for group in motor.groups]
-            vectors += [f"i(v{group}_{copy})" for group in motor.groups]
-            pins = [*(f"{group}_{copy}" for group in motor.groups), "0"]
-            pins += [] if motor.is_transducer else [f"shaft_{copy}"]
-            body.append(f"X{copy} {' '.join(pins)} {circuit.name} {passed if state == 'pressed' else ''}")
+    copies = [f"{state}_{driven}" for state in ("free", "pressed") for driven in motor.groups]
     return _deck(
-        f"{motor.name}: admittance, free and under load",
-        ["Currents of the sources are minus the admittances in S: free or pressed, with group a or b driven."],
-        values,
-        [*body, _options(AC_OPTIONS), f".save {' '.join(vectors)}", ".ac lin {points} {lowest} {highest}"],
-    )
+        "admittance.cir.j2", motor, lowest=low, highest=high, pressed=pressed, free=free, options=AC_OPTIONS,
+        vectors=[f"i(v{group}_{copy})" for copy in copies for group in motor.groups],
+    )  # fmt: skip

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from pyspice_runner.impedance.admittance import Admittance
 from pyspice_runner.impedance.compare import Comparison, Trend
 from pyspice_runner.impedance.one_port_fit import SpectrumFit
-from pyspice_runner.impedance.spectrum import COUPLING, Spectrum
+from pyspice_runner.impedance.spectrum import COUPLING, Connection, Spectrum
 from pyspice_runner.impedance.two_port_fit import TwoPortFit
 from pyspice_runner.motor import groups
 from pyspice_runner.run.waveforms import Array
@@ -36,10 +36,10 @@ class Trace(NamedTuple):
     look: dict[str, Any]
 
 
-def spectrum_panels(traces: list[Trace]) -> dict[str, Panel]:
-    """Return |Y|, phase, and the circle of conductance and susceptance."""
+def spectrum_panels(traces: list[Trace], marks: Mapping[str, Panel] | None = None) -> dict[str, Panel]:
+    """Return |Y|, phase, and the circle of conductance and susceptance; ``marks`` complete panels, by their names."""
 
-    def draw_traces(x: str, y: str, title: str, of: Callable[[Trace], tuple[Any, Any]], ax: Axes) -> None:
+    def draw_traces(name: str, x: str, y: str, title: str, of: Callable[[Trace], tuple[Any, Any]], ax: Axes) -> None:
         for trace in traces:
             across, up = of(trace)
             ax.plot(LABELS[x].scale * across, LABELS[y].scale * up, **trace.look)
@@ -47,39 +47,32 @@ def spectrum_panels(traces: list[Trace]) -> dict[str, Panel]:
         dress(ax, LABELS[x], LABELS[y], title, legend=y == "magnitude_s")
         if x == "conductance_s":
             ax.axis("equal")
+        if marks and name in marks:
+            marks[name](ax)
 
     kinds: dict[str, tuple[str, str, str, Callable[[Trace], tuple[Any, Any]]]] = {
         "magnitude": ("frequency_hz", "magnitude_s", "Admittance", lambda one: (one[0], np.abs(one[1]))),
         "phase": ("frequency_hz", "phase_deg", "Phase", lambda one: (one[0], np.angle(one[1], deg=True))),
         "circle": ("conductance_s", "susceptance_s", "G–B circle", lambda one: (one[1].real, one[1].imag)),
     }
-    return {name: partial(draw_traces, *kind) for name, kind in kinds.items()}
+    return {name: partial(draw_traces, name, *kind) for name, kind in kinds.items()}
 
 
-def _with_residuals(
-    traces: list[Trace], marks: Mapping[str, Callable[[Axes], object]], name: str, residuals: Panel, title: str
-) -> Sheet:
-    """Return the sheet of a comparison; ``marks`` complete panels, by their names."""
-    panels = spectrum_panels(traces)
-
-    def marked(panel: str) -> Panel:
-        return lambda ax: (panels[panel](ax), marks[panel](ax) if panel in marks else None)
-
-    order = {panel: marked(panel) for panel in ("magnitude", "circle", "phase")}
+def _with_residuals(traces: list[Trace], marks: Mapping[str, Panel], name: str, residuals: Panel, title: str) -> Sheet:
+    """Return the sheet of a comparison."""
+    panels = spectrum_panels(traces, marks)
+    order = {panel: panels[panel] for panel in ("magnitude", "circle", "phase")}
     return Sheet({**order, name: residuals}, 2, (5.5, 4.0), title)
 
 
 def admittance(result: Admittance) -> Sheet:
     """Return the admittance of both groups in phase, and in antiphase; of one group that of it."""
-    alone = [Trace(result.frequency_hz, result.driven("A"), {"color": BLUE})]
-    traces = (
-        alone
-        if result.matrix_s.shape[-1] == 1
-        else [
-            Trace(result.frequency_hz, result.driven("A+B"), {"color": BLUE, "label": "A+B"}),
-            Trace(result.frequency_hz, result.driven("A-B"), {"color": VERMILION, "linestyle": "--", "label": "A−B"}),
-        ]
-    )
+    looks: dict[Connection, dict[str, Any]] = {
+        "A+B": {"color": BLUE, "label": "A+B"},
+        "A-B": {"color": VERMILION, "linestyle": "--", "label": "A−B"},
+    }
+    looks = {"A": {"color": BLUE}} if result.matrix_s.shape[-1] == 1 else looks
+    traces = [Trace(result.frequency_hz, result.driven(name), look) for name, look in looks.items()]
     return Sheet(spectrum_panels(traces), 3, (4.4, 4.2), f"{result.motor['name']}, {result.state}")
 
 

@@ -14,8 +14,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.calibration import prediction
 from pyspice_runner.calibration.points import read_points
-from pyspice_runner.calibration.record import Record
-from pyspice_runner.calibration.result import Rival
+from pyspice_runner.calibration.result import Record, Rival
 from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.cli import run
 from pyspice_runner.impedance.spectrum import Spectrum

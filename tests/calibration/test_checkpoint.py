@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.checkpoint import Checkpoint
+from pyspice_runner.calibration.estimate import Checkpoint
 from pyspice_runner.calibration.points import read_points
 from pyspice_runner.calibration.prediction import Predictor
 from pyspice_runner.calibration.unknowns import unknowns_of

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.record import Record
+from pyspice_runner.calibration.result import Record
 from tests.calibration.test_calibrate import SET, truth_and_points
 
 

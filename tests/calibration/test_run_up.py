@@ -12,7 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.calibration.prediction import Predictor
-from pyspice_runner.calibration.record import Record
+from pyspice_runner.calibration.result import Record
 from pyspice_runner.calibration.run_up import RUN_UP_ERROR, RunUp
 from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.cli import run

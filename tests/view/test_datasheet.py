@@ -17,15 +17,15 @@ import xarray
 from playwright.sync_api import Browser, Page
 
 import pyspice_runner as pr
-from pyspice_runner.calibration.record import (
+from pyspice_runner.calibration.result import (
+    Estimate,
     Record,
     RecordedCurve,
     RecordedPoint,
     RecordedRival,
-    RecordedValue,
     RecordedValues,
+    SetFit,
 )
-from pyspice_runner.calibration.result import SetFit
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
@@ -59,7 +59,7 @@ def report(measured: pr.Spectrum) -> Report:
     drive = pr.TwoToneDrive(voltage_1=100.0, frequency_1=18e3, voltage_2=50.0, frequency_2=54e3, phase_deg=165.0)
     motor = pr.load_motor("andersen2002").updated({"mount": None})  # on which this drive turns the rotor
     with pytest.MonkeyPatch.context() as fewer:
-        fewer.setattr("pyspice_runner.view.report.SPEEDS", 4)
+        fewer.setattr("pyspice_runner.view.datasheet.SPEEDS", 4)
         return pr.report(motor, drive, duration=1e-3, levels=(1.0,), measured=measured, connection="A-B")
 
 
@@ -297,7 +297,7 @@ def test_no_text_from_outside_runs_in_the_page(
 
 @pytest.mark.soak
 def test_a_calibration_has_its_section(report: Report, browser: Browser, tmp_path: Path) -> None:
-    value = RecordedValue(
+    value = Estimate(
         value=0.25, standard_error=2e-3, interval_95=(0.246, 0.254), identifiable=False, start=0.3, unit="1"
     )
     torques = [(1, 0.011, 0.0112), (2, 0.0061, 0.006), (3, 0.004, None)]
@@ -402,7 +402,7 @@ def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Pa
 @pytest.mark.soak
 def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rotor of beam40 still accelerates when the run ends."""
-    monkeypatch.setattr("pyspice_runner.view.report.SPEEDS", 5)
+    monkeypatch.setattr("pyspice_runner.view.datasheet.SPEEDS", 5)
     motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor)
     report = pr.report(motor, drive, duration=1e-3)

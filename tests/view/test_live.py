@@ -518,7 +518,7 @@ def test_no_control_language_reaches_ngspice(desktop: tuple[Page, list[str]]) ->
         assert faults or "shell" not in kept, line
     usual = "* a comment\nRa source_a a {2*5/frequency}\n+ ic=0\n.model d d\n"
     usual += ".param gain=2\n+ other={gain==2}\nFb b 0 Vpin_a 2\n"
-    assert page.evaluate(FAULTS, usual) == page.evaluate(f"({FAULTS})(DATA.driverExample)") == []
+    assert page.evaluate(FAULTS, usual) == page.evaluate(f"({FAULTS})(DRIVER_EXAMPLE)") == []
 
 
 @pytest.mark.parametrize(

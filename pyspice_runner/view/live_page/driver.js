@@ -5,6 +5,12 @@ const ELEMENT = /^[rlckvideefghbsqmjwtx][\w.]*\s/i;
 const CARDS = /^\.(model|param|subckt|ends)(?=\s|$)/i;
 const PINS = ["source_a", "source_b", "a", "b", "0"];
 const MOST_LINES = 200, MOST_CHARACTERS = 300;
+const DRIVER_EXAMPLE = `* a series inductor in each line
+La source_a a_in 2m
+Ra a_in a 20
+Lb source_b b_in 2m
+Rb b_in b 20
+`;
 
 /** Return the faults of SPICE lines before they come into a deck: {line, message} each, lines counted from 0. */
 function driverFaults(text, deck) {

@@ -58,6 +58,37 @@ const signed = (value) => String(value).replace("-", "−");
 const speedOf = (speed, motor) => (motor.linear ? si(speed, "m/s") : `${signed(Number(speed.toPrecision(4)))} rad/s`);
 const torqueOf = (torque, motor) => si(torque, motor.linear ? "N" : "N·m");
 
+/** Return limits, and smallest and largest value and increment of the slider, of each setting of a motor, in SI units. */
+function ranges(motor) {
+  const s = motor.defaults, round = (value, digits = 1) => Number(value.toPrecision(digits));
+  const all = motor.modes.map((mode) => mode.frequency), slow = Math.min(...all), fast = Math.max(...all);
+  const volts = [[0, 8 * s.voltage], [0, 2.5 * s.voltage, round(s.voltage / 100)]];
+  const degrees = [[-360, 360], [-180, 180, 1]];
+  const step = motor.transducer ? 1 : 10;
+  const found = {
+    voltage: volts,
+    frequency: [[0.3 * slow, 1.5 * fast], [round(0.93 * s.frequency, 3), round(1.07 * s.frequency, 3), step]],
+  };
+  if (s.phase !== undefined) found.phase = degrees;
+  if (motor.more) {
+    const most = s.load + motor.more;
+    found.load = [[0, 10 * most], [0, round(most, 2), round(0.005 * motor.more)]];
+  }
+  if (motor.transducer) return found;
+  const torque = s.friction * s.preload * motor.radius, turn = motor.linear ? 1e-2 : 1; // 1 m/s of a slider for 100 rad/s
+  return {
+    ...found,
+    voltage_2: volts,
+    frequency_2: [[0.3 * slow, 3 * fast], [round(0.3 * slow, 3), round(2.2 * fast, 3), 50]],
+    phase_2: degrees,
+    preload: [[0.02 * s.preload, 20 * s.preload], [round(0.1 * s.preload), round(4 * s.preload), round(s.preload / 100)]],
+    friction: [[0.01, 1.5], [0.05, 0.8, 0.01]],
+    torque: [[-4 * torque, 4 * torque], [-round(torque), round(torque), round(torque / 200)]],
+    speed: [[-1000 * turn, 1000 * turn], [-100 * turn, 100 * turn, 0.1 * turn]],
+    stiffness: [[0.01 * s.stiffness, 100 * s.stiffness], [round(0.1 * s.stiffness), round(10 * s.stiffness), round(0.05 * s.stiffness)]],
+  };
+}
+
 function defaults(motor) {
   return { motor: motor.name, ...motor.defaults, driver: "" };
 }
@@ -565,7 +596,7 @@ function makeControls() {
   $("print").onclick = () => print();
   $("driver-run").onclick = () => change({ driver: $("driver-text").value.slice(0, TEXT.driver) });
   $("driver-none").onclick = () => change({ driver: "" });
-  $("driver-example").onclick = () => ($("driver-text").value = DATA.driverExample);
+  $("driver-example").onclick = () => ($("driver-text").value = DRIVER_EXAMPLE);
   $("deck-copy").onclick = () => copy($("deck-text").textContent, "The deck is copied.");
   $("deck-save").onclick = () => save(`${motorOf(current()).transducer ? "transducer" : "motor"}.cir`, $("deck-text").textContent);
   $("file").onchange = (event) => take(event.target.files[0]);
@@ -698,6 +729,10 @@ async function unpacked(id) {
 async function begin() {
   try {
     Object.assign(DATA, JSON.parse(new TextDecoder().decode(await unpacked("data"))));
+    for (const motor of DATA.motors) {
+      const rows = Object.entries(ranges(motor));
+      [motor.limits, motor.sliders] = [0, 1].map((place) => Object.fromEntries(rows.map(([key, row]) => [key, row[place]])));
+    }
     fromLink();
     makeControls();
     play(!matchMedia("(prefers-reduced-motion: reduce)").matches);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From a setting to numbers: fill in decks, run them in the worker, reduce their waveforms to means and amplitudes.
 
+const GRIP = 1e3; // N·m·s, of the brake that holds the shaft: at 10 mN·m the speed is 10 µrad/s off
+const GRIP_LINEAR = 1e6; // N·s/m, of that which holds a slider: at 10 N the speed is 10 µm/s off
+
 /** One worker. A run that is no longer wanted ends with the worker; the next run starts another one. */
 class Engine {
   constructor(module, source) {
@@ -98,7 +101,7 @@ function parameters(motor, s) {
   const twoTone = s.kind === "two-tone";
   return {
     voltage: s.voltage, frequency: s.frequency, phase: twoTone ? 0 : s.phase, preload: s.preload, friction: s.friction,
-    torque: s.shaft === "held" ? 0 : s.torque, grip: s.shaft === "held" ? motor.grip : 0,
+    torque: s.shaft === "held" ? 0 : s.torque, grip: s.shaft === "held" ? (motor.linear ? GRIP_LINEAR : GRIP) : 0,
     held: s.shaft === "held" ? s.speed : 0, mount_stiffness: s.stiffness,
     voltage_2: twoTone ? s.voltage_2 : 0, frequency_2: twoTone ? s.frequency_2 : 2 * s.frequency,
     phase_2: twoTone ? s.phase_2 : 0, ...(s.load === undefined ? {} : { load: s.load }),
