@@ -19,36 +19,28 @@ from pyspice_runner.impedance.spectrum import Connection, State
     "motor", DRIVE, "points free spectrum connection spectrum_error transient columns prior against starts resume", LAW,
     "timeout changes", TARGETS,
     points=option(
-        Path | None, None,
         "CSV of measured points: voltage, temperature, speed_rad_s, torque_n_m, torque_n_m_error, current_a_phase_deg, "
-        "resonance_hz, …",
+        "resonance_hz, …", Path | None
     ),
-    free=option(str, ..., "Parameters to calibrate: contact.friction,modes.*.quality_factor.", metavar="PATH,…"),
+    free=option("Parameters to calibrate: contact.friction,modes.*.quality_factor.", str, ..., metavar="PATH,…"),
     spectrum=option(
-        list[str] | None, None,
         "Spectrum: free=FILE, or preloaded=FILE of the stator pressed on its rotor. Without a state the name of the "
         "file gives it: preloaded if it has that word. After @ its temperature in °C and the amplitude at the stator "
-        "in V: free=a.csv@temperature=40,level=20. Repeatable.",
-        metavar="[STATE=]FILE[@…]",
+        "in V: free=a.csv@temperature=40,level=20. Repeatable.", list[str] | None, metavar="[STATE=]FILE[@…]"
     ),
-    connection=option(Connection, "A", "Connection of the groups in the spectra."),
-    spectrum_error=option(float, SPECTRUM_ERROR, "Relative standard error of a measured admittance."),
+    connection=option("Connection of the groups in the spectra.", Connection, "A"),
+    spectrum_error=option("Relative standard error of a measured admittance.", float, SPECTRUM_ERROR),
     transient=option(
-        list[Path] | None, None,
-        "CSV of a run-up from rest: time_s, speed_rad_s, speed_rad_s_error, voltage, … Repeatable.",
+        "CSV of a run-up from rest: time_s, speed_rad_s, speed_rad_s_error, voltage, … Repeatable.", list[Path] | None
     ),
     prior=option(
-        list[str] | None, None, "Prior knowledge: the motor's value with this deviation. Repeatable.",
-        metavar="PATH=PERCENT",
+        "Prior knowledge: the motor's value with this deviation. Repeatable.", list[str] | None, metavar="PATH=PERCENT"
     ),
     against=option(
-        list[str] | None, None, "Another law of the contact, to compare how well it fits. Repeatable.", metavar="LAW"
+        "Another law of the contact, to compare how well it fits. Repeatable.", list[str] | None, metavar="LAW"
     ),
-    starts=option(int | None, None, "Number of starts within a factor of 2: 1, or 16 with close modes."),
-    resume=option(
-        Path | None, None,
-        "JSON file in which an unfinished calibration is kept; if it exists, go on from it.",
-    ),
+    starts=option("Number of starts within a factor of 2: 1, or 16 with close modes.", int | None),
+    resume=option("JSON file in which an unfinished calibration is kept; if it exists, go on from it.", Path | None),
 )  # fmt: skip
 def calibrate(call: Call) -> int:
     """Calibrate parameters against measured points, spectra and run-ups. Writes .toml (motor), .json, .csv (residuals).

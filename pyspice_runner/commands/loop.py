@@ -13,15 +13,13 @@ LONGEST_SAMPLE = 1.0  # s; a motor of this kind runs up in milliseconds
 
 @command(
     "motor", DRIVE, "quantity crossover margin sample load_torque over", CHANGES, TARGETS,
-    quantity=option(Quantity, "speed", "Controlled quantity."),
-    crossover=option(float | None, None, "Frequency at which the loop gain is 1, Hz; default: the motor's highest."),
-    margin=option(float | None, None, "Phase margin, degrees; default: 60 or the next possible."),
-    sample=option(float, SAMPLE_TIME, "Time between two samples, s."),
+    quantity=option("Controlled quantity.", Quantity, "speed"),
+    crossover=option("Frequency at which the loop gain is 1, Hz; default: the motor's highest."),
+    margin=option("Phase margin, degrees; default: 60 or the next possible."),
+    sample=option("Time between two samples, s.", float, SAMPLE_TIME),
     over=option(
-        list[str] | None, None,
         "Other operating points: speed=5,10 (the amplitude follows), load.torque=0,1e-3, drive.voltage=60,80, "
-        "temperature=0,40, contact.preload_n=5,6. Repeatable.",
-        metavar="PATH=VALUES",
+        "temperature=0,40, contact.preload_n=5,6. Repeatable.", list[str] | None, metavar="PATH=VALUES"
     ),
 )  # fmt: skip
 def loop(call: Call) -> None:

@@ -18,18 +18,18 @@ _ERRORS = "speed_error torque_error current_error"
 
 def _sheet(text: str, default: float | None = None) -> Option:
     """Return an option of a number of the data sheet."""
-    return option(float if default is not None else float | None, default, text, rich_help_panel="Data sheet")
+    return option(text, float | None if default is None else float, default, rich_help_panel="Data sheet")
 
 
 @command(
     "sheet other both difference preloaded connection", _SHEET, "phase", _RATED, _ERRORS,
     "mass tips modes base columns page as_json output",
     sheet=argument(
-        Path | None, None,
-        "Spectrum of the free stator: a two-port, or group A. Without it the motor is of the class of --base.", "FILE",
+        "Spectrum of the free stator: a two-port, or group A. Without it the motor is of the class of --base.",
+        Path | None, None, "FILE",
     ),
-    preloaded=option(Path | None, None, "Spectrum of the stator pressed on its rotor."),
-    connection=option(Connection, "A", "Connection of the groups in a preloaded two-port."),
+    preloaded=option("Spectrum of the stator pressed on its rotor.", Path | None),
+    connection=option("Connection of the groups in a preloaded two-port.", Connection, "A"),
     no_load_speed=_sheet("rad/s, or m/s of a linear stage."),
     low_speed=_sheet("The same at --low-voltage."),
     low_voltage=_sheet("Amplitude below --voltage, V."),
@@ -46,11 +46,10 @@ def _sheet(text: str, default: float | None = None) -> Option:
     torque_error=_sheet("Relative, of torques and forces.", 0.02),
     current_error=_sheet("Relative, of current and power.", 0.05),
     base=option(
-        str | None, None,
         "Motor to take contact and rotor from: andersen2002, or without FILE bimodal40, whose class it is.",
-        rich_help_panel="Both groups, towards a motor",
+        str | None, rich_help_panel="Both groups, towards a motor",
     ),
-    page=option(Path | None, None, "A page, .html, with the data and the motor together."),
+    page=option("A page, .html, with the data and the motor together.", Path | None),
 )  # fmt: skip
 def motor_from(call: Call) -> None:
     """Make a motor from spectra and numbers of its data sheet, or from a data sheet alone. Writes .toml or .json.

@@ -20,18 +20,15 @@ _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every au
 @command(
     "motor", DRIVE, "duration", LAW, "speed load_torque step accuracy signals record_from record_every waveform",
     "averaged", DRIVER, "timeout audit engine", CHANGES, TARGETS,
-    duration=option(float | None, None, "Simulated time, s; default: 5e-3, of a transducer until it has settled."),
-    step=option(float | None, None, "Uniform time step, s; default: from the fastest motion."),
-    accuracy=option(
-        float | None, None, "Largest relative error of the tip's trajectory, such as 0.005; sets the step."
-    ),
-    signals=option(str | None, None, "Columns to record, such as tip_x_m,tip_y_m."),
-    record_from=option(float, 0.0, "Time at which recording starts, s."),
-    record_every=option(int, 1, "Record every n-th step."),
+    duration=option("Simulated time, s; default: 5e-3, of a transducer until it has settled."),
+    step=option("Uniform time step, s; default: from the fastest motion."),
+    accuracy=option("Largest relative error of the tip's trajectory, such as 0.005; sets the step."),
+    signals=option("Columns to record, such as tip_x_m,tip_y_m.", str | None),
+    record_from=option("Time at which recording starts, s.", float, 0.0),
+    record_every=option("Record every n-th step.", int, 1),
     waveform=option(
-        Path | None, None,
         "CSV file of the voltages: time_s, voltage_a_v, voltage_b_v; --frequency is that of its cycles.",
-        rich_help_panel="Drive",
+        Path | None, rich_help_panel="Drive",
     ),
 )  # fmt: skip
 def simulate(call: Call) -> None:

@@ -54,9 +54,7 @@ def _linear(call: Call) -> int:
 
 @command(
     "motor", DRIVE, "frequencies speed load_torque", PERIOD, CHANGES, TARGETS,
-    frequencies=option(
-        str, "10,30,100,300,1000,3000", "Frequencies of the modulation, Hz: 10,100,1000 or 100:5000:8."
-    ),
+    frequencies=option("Frequencies of the modulation, Hz: 10,100,1000 or 100:5000:8.", str, "10,30,100,300,1000,3000"),
 )  # fmt: skip
 def small_signals(call: Call) -> None:
     """Find transfer functions and hot admittance of a running motor. Writes .json, .csv or .nc.
@@ -75,17 +73,13 @@ def small_signals(call: Call) -> None:
 
 @command(
     "motor", DRIVE, "over objective limit speed load_torque", PERIOD, "accuracy", CHANGES, TARGETS,
-    over=option(
-        list[str], ..., "An axis: drive.frequency=44e3:46e3:10. Twice for a plane.", metavar="PATH=VALUES"
-    ),
-    objective=option(Objective, "torque", "Quantity that the best point maximises."),
+    over=option("An axis: drive.frequency=44e3:46e3:10. Twice for a plane.", list[str], ..., metavar="PATH=VALUES"),
+    objective=option("Quantity that the best point maximises.", Objective, "torque"),
     limit=option(
-        list[str] | None, None, "A limit: current_a=:0.1 (or current_a=0.1) or torque_n_m=0.03:. Repeatable.",
-        metavar="NAME=LOW:HIGH",
+        "A limit: current_a=:0.1 (or current_a=0.1) or torque_n_m=0.03:. Repeatable.",
+        list[str] | None, metavar="NAME=LOW:HIGH",
     ),
-    speed=option(
-        float | None, None, "Speed of the held shaft, rad/s (slider: m/s); default: by the objective."
-    ),
+    speed=option("Speed of the held shaft, rad/s (slider: m/s); default: by the objective."),
     accuracy=ACCURACY,
 )  # fmt: skip
 def map_points(call: Call) -> int:
@@ -149,19 +143,14 @@ def _linear_map(call: Call, axes: dict[str, list[float]], limits: dict[str, tupl
 @command(
     "motor", DRIVE, "speeds over mode follow tolerance patience", PERIOD, "audit", CHANGES, TARGETS,
     speeds=option(
-        str | None, None,
         "Speeds, rad/s (slider: m/s): 0,2.5,5, or --speeds=-5:10:7 for seven from -5 to 10 (first:last:count); "
-        "default: nine from stall to no load.",
+        "default: nine from stall to no load.", str | None
     ),
-    over=option(
-        list[str] | None, None, "A further axis, as drive.voltage=40,60,80. Repeatable.", metavar="PATH=VALUES"
-    ),
-    mode=option(Literal["steady", "settle"], "steady", "steady: solve; settle: run until settled."),
-    follow=option(
-        str | None, None, "Follow the branch of steady states along this axis, through folds.", metavar="AXIS"
-    ),
-    tolerance=option(float, 1e-3, "Largest change from block to block of a settled point."),
-    patience=option(int, 40, "Number of blocks after which a point counts as not settled."),
+    over=option("A further axis, as drive.voltage=40,60,80. Repeatable.", list[str] | None, metavar="PATH=VALUES"),
+    mode=option("steady: solve; settle: run until settled.", Literal["steady", "settle"], "steady"),
+    follow=option("Follow the branch of steady states along this axis, through folds.", str | None, metavar="AXIS"),
+    tolerance=option("Largest change from block to block of a settled point.", float, 1e-3),
+    patience=option("Number of blocks after which a point counts as not settled.", int, 40),
 )  # fmt: skip
 def speed_torque(call: Call) -> int:
     """Measure torque, power and losses versus speed. Writes .nc, .csv or .json.
