@@ -397,26 +397,10 @@ def silence() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted path and value of every leaf."""
-    items = document.items() if isinstance(document, dict) else enumerate(document)
-    for key, value in items:
-        path = f"{prefix}.{key}" if prefix else str(key)
-        if isinstance(value, dict | list | tuple):
-            yield from leaves(value, path)
-        else:
-            yield path, value
-
-
-def warn_of(findings: Iterable[str]) -> None:
-    """Print to standard error the findings of the audit in a result that is returned nevertheless."""
-    for finding in findings:
-        complain(f"piezomotor: the result failed the audit: {finding}")
-
-
 def caution(result: _Result) -> None:
-    """Print on stderr what the audit found in a result, and what else to know before using it."""
-    warn_of(result.audit.findings)
+    """Print on stderr what the audit found in a result that is returned nevertheless, and what else to know of it."""
+    for finding in result.audit.findings:
+        complain(f"piezomotor: the result failed the audit: {finding}")
     for sentence in result.cautions:
         if sentence not in result.audit.findings:
             complain(f"piezomotor: {sentence}", style="yellow")

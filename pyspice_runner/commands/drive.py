@@ -16,6 +16,7 @@ from pyspice_runner.commands.options import CHANGES, DRIVERS, LAW, PHASE, TARGET
 from pyspice_runner.drivers.design import NoDriverError
 from pyspice_runner.drivers.ratings import bill_of_materials
 from pyspice_runner.files import write_rows
+from pyspice_runner.result import leaves
 
 if TYPE_CHECKING:
     from pyspice_runner.drivers.report import DriveReport
@@ -156,7 +157,7 @@ def _no_plot(_: Path) -> None:
 def _rows(reports: list[DriveReport]) -> list[list[str]]:
     """Return one row for each number of the reports, by its path in ``--json``, with one column for each driver."""
     rows = [["driver", *(report.driver["label"] for report in reports)]]
-    documents = [dict(common.leaves(report.to_dict())) for report in reports]
+    documents = [dict(leaves(report.to_dict())) for report in reports]
     for path in dict.fromkeys(path for document in documents for path in document):
         values = [document.get(path) for document in documents]
         if not path.startswith(("motor.", "driver.", "run.")) and not any(isinstance(value, str) for value in values):

@@ -11,6 +11,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, LAW, TARGETS, Call, argument, command, option
+from pyspice_runner.result import leaves
 
 SKELETON = Path(__file__).parents[1] / "motor" / "skeleton.toml"
 
@@ -53,9 +54,9 @@ def show(call: Call) -> None:
     document = loaded.to_dict()
     if loaded.is_transducer:
         document["arms"] = {mode.name: mode.arm for mode in loaded.modes if mode.coupling_a_n_per_v}
-    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in common.leaves(document))]
+    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in leaves(document))]
     table = Table("parameter", "value", "from", title=loaded.name)
-    for path, value in common.leaves(document):
+    for path, value in leaves(document):
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
         table.add_row(path, shown, origin.kind if origin else "derived")

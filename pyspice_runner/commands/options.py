@@ -425,10 +425,10 @@ class Call:
         """Check the files to write before any work is done; see :func:`.common.check_targets`."""
         common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
-    def deliver(self, result: Result, title: str) -> None:
-        """Print the cautions of a result, write its files, and print its summary, or with ``--json`` the whole."""
+    def deliver(self, result: Result, title: str, table: str = "") -> None:
+        """Print the cautions of a result, write its files, and print summary or table, or with ``--json`` the whole."""
         common.caution(result)
-        self.write(result.to_dict(), common.summary_table(result.summary(), title), result.save, result.plot)
+        self.write(result.to_dict(), table or common.summary_table(result.summary(), title), result.save, result.plot)
 
     def write(
         self, document: Mapping[str, Any], table: Table | str, save: _Write, draw: _Write = lambda _: None

@@ -51,7 +51,8 @@ def report(call: Call) -> None:
     target = Path(f"{loaded.name}.html") if call.output is None and not call.as_json else call.output
     common.check_targets(target, (".html", ".json"), call.plot, [call.motor, call.calibration])
     if target is not None and target.suffix == ".html":
-        _check_tools()
+        if find_spec("plotly") is None:
+            raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
         if not loaded.is_transducer:
             wasm.of_page()  # of its live page
     spectrum = reader(call.columns, call.through)(call.measured) if call.measured else None
@@ -95,12 +96,6 @@ def _tracked(call: Call) -> Tracking:
     with common.busy("The motor runs with the tracker pll"):
         centred = track.centred(motor, tracker) if call.frequency is None else tracker
         return pr.track(motor, centred, timeout=call.timeout)
-
-
-def _check_tools() -> None:
-    """Check before any run that the tool for the charts is installed."""
-    if find_spec("plotly") is None:
-        raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
 
 
 @command("motor", CHANGES, TARGETS, output=option("The page, .html; by default MOTOR.html.", Path | None))

@@ -108,8 +108,7 @@ def map_points(call: Call) -> int:
         except Interrupted as interrupt:
             dataset, status = interrupt.partial, common.INTERRUPTED
             common.complain(f"piezomotor: {interrupt}")
-    result = dataset.piezomotor
-    call.deliver(result, dataset.attrs["title"])
+    call.deliver(dataset.piezomotor, dataset.attrs["title"])
     return status
 
 
@@ -181,13 +180,12 @@ def speed_torque(call: Call) -> int:
             curve = fault.partial
             status = common.INTERRUPTED if isinstance(fault, Interrupted) else 3
             common.complain(f"piezomotor: {fault}")
-    result = curve.piezomotor
-    common.caution(result)
     shown = curve[_SHOWN]
-    if result.linear:
+    if curve.piezomotor.linear:
         shown = shown.swap_dims(speed_rad_s="speed_m_s").drop_vars("speed_rad_s").rename(torque_n_m="force_n")
     points = shown.to_dataframe().dropna(subset=next(iter(shown))).to_string(float_format="{:.4g}".format)
-    call.write(result.to_dict(), f"{curve.attrs['title']}\n{points}\n", result.save, result.plot)
+    title = curve.attrs["title"]
+    call.deliver(curve.piezomotor, title, f"{title}\n{points}\n")
     return status
 
 
@@ -214,7 +212,4 @@ def _follow(call: Call, axes: dict[str, list[float]], speeds: list[float] | None
         call.loaded, call.stated, follow=call.follow, start=along[0], stop=along[-1],
         speed=None if of_speed else speeds[0], contact=call.law, **call.pick("step timeout"),
     )  # fmt: skip
-    result = branch.piezomotor
-    common.caution(result)
-    table = common.summary_table(result.summary(), branch.attrs["title"])
-    call.write(result.to_dict(), table, result.save, result.plot)
+    call.deliver(branch.piezomotor, branch.attrs["title"])

@@ -8,19 +8,9 @@ from typing import Any, get_args
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import (
-    CHANGES,
-    DRIVER,
-    DRIVERS,
-    LOAD,
-    PHASE,
-    TARGETS,
-    Call,
-    command,
-    option,
-)
+from pyspice_runner.commands.options import CHANGES, DRIVER, DRIVERS, LOAD, PHASE, TARGETS, Call, command, option
 from pyspice_runner.errors import require
-from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind
+from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind, running_resonance
 
 START_OFFSET = 0.03  # relative to the centre
 FARTHEST_DEG = 60.0  # of a target
@@ -132,8 +122,6 @@ def _usual_voltage(
     That drive holds beside the resonance, where the same voltage gives less. Where a mode has a phase beyond all
     targets there, the drive is meant for another one, and its voltage is returned.
     """
-    from pyspice_runner.trackers.tracker import running_resonance
-
     lag = running_resonance(motor, tracker, mode=mode, contact=contact)
     phase = atan(2.0 * pi * lag.time_constant_s * (frequency - lag.resonance_hz))
     factor = 1.0 if abs(phase) > radians(FARTHEST_DEG) else cos(phase) / cos(radians(tracker.wanted_deg))
@@ -142,8 +130,6 @@ def _usual_voltage(
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, contact: bool = True) -> pr.Tracker:
     """Return a tracker with the resonance of the running motor in the middle of its range."""
-    from pyspice_runner.trackers.tracker import running_resonance
-
     return tracker.updated({"frequency": running_resonance(motor, tracker, mode=mode, contact=contact).resonance_hz})
 
 
