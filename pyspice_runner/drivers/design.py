@@ -28,8 +28,7 @@ from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, MOST_VOLTAGE, Driver, NetworkKind
 from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, SHORT_OF, exceeded, part_loads
 from pyspice_runner.drivers.magnetics import Wound, cores, wound_transformer
-from pyspice_runner.drivers.matching import match_to_source
-from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, match_to_source, nearest
 from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
