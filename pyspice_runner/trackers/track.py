@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from math import degrees, isfinite, pi, sqrt
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import audit_contact, ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.point import MOST_POINTS, Point, Solver
+from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, Array, has_settled
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
@@ -485,7 +485,6 @@ def track(
     disturb: DisturbanceKind = "start",
     disturbances: Sequence[Disturbance] = (),
     mode: int | None = None,
-    contact: ContactLaw | None = PAPER_LAW,
     begin: float | None = None,
     load_torque: float | None = None,
     preload_change: float = 0.3,
@@ -496,13 +495,12 @@ def track(
     target_step: float = 10.0,
     load_factor: float = 2.0,
     speed: float | None = None,
-    step: float | None = None,
     driver: Driver | None = None,
     averaged: bool = False,
     margin: bool = True,
     engine: Engine = "auto",
-    timeout: float | None = None,
     audit: bool = True,
+    **settings: Unpack[RunSettings],
 ) -> Tracking:
     """Track a mode of a motor from rest, under a disturbance.
 
@@ -516,7 +514,6 @@ def track(
             ``"temperature"``: a drift of all frequencies; ``"warm-up"``, averaged only: the losses heat the stator.
         disturbances: several disturbances in place of ``disturb``; each moves a value from the last one of its kind.
         mode: index of the mode to follow, from 0; by default the last.
-        contact: law of the contact; ``None`` for a free tip.
         begin: start of the disturbance, s; by default when the tracker, and the mode of a transducer, have settled.
         duration: simulated time, s; by default some time after the disturbance.
         load_torque: torque of the load in N·m; by default half the stall torque, which takes a run with the shaft held.
@@ -528,19 +525,18 @@ def track(
         thermal: coefficients of the drift; by default of frequencies only, in a warm-up those of :meth:`Thermal.of`.
         target_step: step of the target phase of a phase-locked loop, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
-        step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: circuit between tracker and the motor's pins, where the tracker senses; it sets voltages and phase.
         averaged: whether to track the averaged motor.
         margin: whether to find the loop gain of a locked loop at the end; of the full motor this takes about 1 s.
         engine: of the averaged motor, as in :func:`simulate_averaged`; ngspice runs the full motor.
-        timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.
+        settings: contact and solver, as in :class:`.RunSettings`.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    contact = None if motor.is_transducer else contact
+    contact = None if motor.is_transducer else settings.get("contact", PAPER_LAW)
     law = law_of(contact, motor.law)
     mode = motor.main_mode if mode is None else mode
     if disturbances and disturb != "start":
@@ -558,7 +554,7 @@ def track(
     if averaged:
         _ = motor.rotor  # of a transducer an error
         check_averaged(contact)
-        if step is not None:
+        if settings.get("step") is not None:
             raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
     elif engine == "compiled":
         raise ParameterError("engine = 'compiled' has no tracker for the full motor: give averaged=True, or 'spice'.")
@@ -566,7 +562,9 @@ def track(
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
     lag = running_resonance(motor, tracker, mode=mode, contact=law is not None)
     source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver)
-    setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
+    setup = Point(
+        motor, source, Load(speed), law, Solver(settings.get("step"), timeout=settings.get("timeout"), audit=audit)
+    )
     if duration is None:
         last = max(sequence.events, key=lambda one: one.end_s)
         duration = last.end_s + {"start": 0.0, "temperature": 2e-3}.get(last.kind, max(12e-3, built_up))
