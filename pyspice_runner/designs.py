@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from pyspice_runner.control.loop import SAMPLE_TIME, ControlLoop, Quantity, sampled_loop
-from pyspice_runner.drivers.design import Design, DriverSpec, design_driver
+from pyspice_runner.drivers.design import Design, DriverSpec, Settings, design_driver
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
-from pyspice_runner.run.point import Settings
 from pyspice_runner.trackers.loop import LoopDesign, loop_design
 from pyspice_runner.trackers.tracker import LoopFilter, Tracker, propose_filter, running_resonance
 

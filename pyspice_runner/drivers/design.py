@@ -38,7 +38,8 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import json_ready
-from pyspice_runner.run.point import Point, Settings
+from pyspice_runner.run.point import Point
+from pyspice_runner.run.point import Settings as Settings
 from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.small_signals import cold_admittance
 from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
