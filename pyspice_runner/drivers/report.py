@@ -396,7 +396,9 @@ def drive_report(
     setup = Point.of(motor, driver, audit=audit, **settings)
     if duration is None:
         duration = _DURATION if design is None and not motor.is_transducer else _start_time(setup, design)
-    _check_duration(setup, duration)
+    shortest, longest = 10.0 * setup.source.period, MOST_POINTS * setup.step
+    words = f"from {shortest:.3g} s, ten periods of the driver, to {longest:.3g} s, so that the points fit in memory"
+    require(shortest <= duration <= longest, "duration", duration, words, unit="s")
     recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
     coarser = CoarserRuns(setup, judged, duration) if judged and settings.get("step") is None else None
     with coarser or nullcontext():
@@ -465,13 +467,6 @@ def drive_report(
     return replace(report, audit=audited)
 
 
-def _beat(setup: Point) -> int:
-    """Return the number of periods of the beat of a driver with the nearest resonance of the running motor."""
-    frequency = setup.source.frequencies[0]
-    away = float(np.abs(setup.motor.pressed_stator.damped()[0] - frequency).min())
-    return min(max(round(frequency / max(away, 1.0)), AVERAGED_PERIODS), _LONGEST_BEAT)
-
-
 def _starts(setup: Point, design: Design | None, sources: Array) -> tuple[Any, ...]:
     """Return how the events of a target begin: idle device and its motion, share of the sweep and the motion there."""
     if design is None or not design.targets:
@@ -498,8 +493,10 @@ def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple
     if driver.own or not (orbit or setup.motor.is_transducer):
         return None, sources
     if orbit:
-        held = replace(setup, load=Load(speed=orbit.plant.load.speed))
-        beat = _beat(held)
+        held, frequency = replace(setup, load=Load(speed=orbit.plant.load.speed)), setup.source.frequencies[0]
+        away = float(np.abs(setup.motor.pressed_stator.damped()[0] - frequency).min())
+        # with the nearest resonance of the running motor
+        beat = min(max(round(frequency / max(away, 1.0)), AVERAGED_PERIODS), _LONGEST_BEAT)
         return measured(running(held, orbit, _SETTLING + beat, _vectors(held, driver)), beat), sources
     phasors = two_phasors(driver.equivalent)
     sources = np.array([phasors[group] for group in driver.groups])
@@ -572,13 +569,6 @@ def _start_time(setup: Point, design: Design | None) -> float:
     whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
     time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole
     return min(max(_SHORTEST, time), _LONGEST)
-
-
-def _check_duration(setup: Point, duration: float) -> None:
-    """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
-    least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
-    words = f"from {least:.3g} s, ten periods of the driver, to {most:.3g} s, so that the points fit in memory"
-    require(least <= duration <= most, "duration", duration, words, unit="s")
 
 
 def _to_come(setup: Point, measured: _Measurement) -> dict[str, float | None]:

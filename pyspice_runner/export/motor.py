@@ -138,12 +138,6 @@ def _library(export: MotorExport) -> str:
     return xyce_library(text) if export.dialect == "xyce" else text
 
 
-def _module(export: MotorExport) -> str:
-    return motor_module(
-        export.motor, contact=export.contact, name=export.name, thermal=export.thermal, rotational=export.rotational
-    )
-
-
 def _unit(export: MotorExport) -> dict[str, str]:
     check_averaged(export.contact)
     return fmu_texts(export.motor, name=export.name, thermal=export.thermal, version=export.fmi)
@@ -174,7 +168,11 @@ def _stator(export: MotorExport, _: Path) -> str:
 _CONTACT, _NETLIST = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
 FORMATS = {
     ".lib": Format(_library, averaged=True),
-    ".va": Format(_module),
+    ".va": Format(
+        lambda it: motor_module(
+            it.motor, contact=it.contact, name=it.name, thermal=it.thermal, rotational=it.rotational
+        )
+    ),
     ".fmu": Format(
         lambda export: _unit(export)["modelDescription.xml"],
         lambda export, _: fmu_archive(_unit(export)),
