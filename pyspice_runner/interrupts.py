@@ -135,9 +135,8 @@ def raised() -> Iterator[list[int]]:
     try:
         yield came
     except Exception as error:
-        if came and (
-            isinstance(error, ImportError) or _comes_of_a_signal(error)
-        ):  # a signal breaks the import of an extension
+        # a signal breaks the import of an extension
+        if came and (isinstance(error, ImportError) or _comes_of_a_signal(error)):
             raise Stopped(came[-1]) from None
         raise
     finally:

@@ -85,7 +85,6 @@ TARGETS = "as_json output plot"
 LOAD = ("--load", "--load-torque")  # both names of the load, of which the first is shown
 ROOM_C = 25.0  # °C, of the parameters of a motor without a table of limits
 LEAST_C, MOST_C = -60.0, 200.0  # °C, within which linear drift is a fair description of a hard ceramic
-NO_START = "on a steady state, which has no start"  # the reason why a soft start is refused
 OPTIONS: dict[str, Option] = {
     # the motor
     "motor": argument(
@@ -421,8 +420,10 @@ class Call:
         for name in common.stated_options(self.context, *names.split()):
             raise pr.ParameterError(f"{name} has no effect {reason}. Leave it out.")
 
-    def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
-        """Check the files to write before any work is done; see :func:`.common.check_targets`."""
+    def check(self, *endings: str, inputs: Iterable[str | Path | None] = (), starts: bool = True) -> None:
+        """Check the files to write (:func:`.common.check_targets`), and refuse a soft start of what has no start."""
+        if not starts:
+            self.refuse_idle("on a steady state, which has no start", "soft_start")
         common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
     def deliver(self, result: Result, title: str, table: str = "") -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, PERIOD, TARGETS, Call, command, option
 from pyspice_runner.errors import Interrupted, did_you_mean
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.paths import LOADS, canonical
@@ -27,8 +27,7 @@ def steady(call: Call) -> int:
 
     Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".json", ".csv", ".nc", ".cir")
+    call.check(".json", ".csv", ".nc", ".cir", starts=False)
     motor = call.loaded
     if motor.is_transducer:
         return _linear(call)
@@ -61,8 +60,7 @@ def small_signals(call: Call) -> None:
 
     Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".json", ".csv", ".nc")
+    call.check(".json", ".csv", ".nc", starts=False)
     with common.busy("ngspice runs periods of the drive"):
         result = pr.small_signals(
             call.loaded, call.stated, frequencies=common.grid("--frequencies", call.frequencies), contact=call.law,
@@ -88,8 +86,7 @@ def map_points(call: Call) -> int:
     Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
     --over drive.voltage=60,100 --limit current_a=0.06 --plot map.png
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".nc", ".csv", ".json")
+    call.check(".nc", ".csv", ".json", starts=False)
     limits, axes = common.limits_of(call.limit, bare=True), common.axes_of(call.over)
     if call.loaded.is_transducer:
         _linear_map(call, axes, limits)
@@ -157,8 +154,7 @@ def speed_torque(call: Call) -> int:
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
     --speeds=-5:25:13 --plot curve.png
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".nc", ".csv", ".json")
+    call.check(".nc", ".csv", ".json", starts=False)
     motor, axes = call.loaded, common.axes_of(call.over)
     common.refuse_covered(call.context, axes)
     speeds = common.grid_or_none("--speeds", call.speeds)

@@ -21,7 +21,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.source import Pins
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
-from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
+from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, largest_inductance, ratings
 from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged, rating_notes
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import groups
@@ -246,10 +246,9 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if (resonance := driver.transformer_resonance(group)) < FEWEST_TIMES * frequency
     ]
     for part in parts:
-        volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
             winding = [driver.winding(part.group)] if part.name.startswith("series") else []
-            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, *winding)
+            notes += part.beyond(largest_inductance(frequency, *winding))
     return notes
 
 

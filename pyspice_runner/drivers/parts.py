@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from pyspice_runner.drivers.own_device import MOSFET
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.spice.library import Header, Library, number, read_library
-from pyspice_runner.units import engineering
 
 CABLE = "cable"  # label of the part between network and pin
 NO_CAPACITOR = 1.0  # F in series, which stands for none
@@ -164,36 +163,6 @@ def largest_inductance(frequency_hz: float, winding_f: float = WINDING_CAPACITAN
     ``winding_f`` is the capacitance of its winding.
     """
     return min(LARGEST_INDUCTANCE, 1.0 / ((2.0 * pi * FEWEST_TIMES * frequency_hz) ** 2 * winding_f))
-
-
-def beyond(
-    name: str,
-    value: float,
-    unit: str,
-    volts: float,
-    amperes: float,
-    frequency_hz: float,
-    winding_f: float = WINDING_CAPACITANCE,
-) -> tuple[str, ...]:
-    """Return one sentence for each limit that a coil (unit H) or capacitor (unit F) exceeds by its maxima."""
-    largest = largest_inductance(frequency_hz, winding_f)
-    limits = {
-        "H": [
-            ("inductance", value, SMALLEST_INDUCTANCE, largest, "H"),
-            ("flux linkage", value * amperes, 0.0, LARGEST_FLUX, "V·s"),
-            ("voltage", volts, 0.0, HIGHEST_COIL_VOLTAGE, "V"),
-        ],
-        "F": [
-            ("capacitance", value, SMALLEST_CAPACITANCE, LARGEST_CAPACITANCE, "F"),
-            ("voltage", volts, 0.0, HIGHEST_CAPACITOR_VOLTAGE, "V"),
-        ],
-    }[unit]
-    return tuple(
-        f"The {name} has a {what} of {engineering(much, of)}; "
-        f"the limit is {engineering(low if much < low else high, of)}."
-        for what, much, low, high, of in limits
-        if not low <= much <= high * (1.0 + 1e-9)
-    )
 
 
 def match_to_source(load_ohm: complex, source_ohm: float, frequency_hz: float) -> dict[str, float]:

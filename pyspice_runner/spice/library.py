@@ -102,12 +102,10 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
         if key not in known:
             raise ParameterError(f"Subcircuit {name} has no parameter {key!r}; it has {', '.join(known)}.")
         parameter = known[key]
-        if not isinstance(value, str) and not parameter.least <= value <= parameter.greatest:
-            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-            raise ParameterError(
-                f"Subcircuit {name}: {key} = {value:g}{unit} is not valid: "
-                f"it must be {parameter.least:g} to {parameter.greatest:g}{unit}."
-            )
+        unit = parameter.unit.removesuffix("1")
+        valid = isinstance(value, str) or parameter.least <= value <= parameter.greatest
+        allowed = f"{parameter.least:g} to {parameter.greatest:g} {unit}".rstrip()
+        require(valid, f"Subcircuit {name}: {key}", value, allowed, unit=unit)
 
 
 def check_name(name: str) -> str:

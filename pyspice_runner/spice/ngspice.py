@@ -41,9 +41,8 @@ from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
 _PATIENCE = 10.0  # s of wall time, in which a transient must advance by _MIN_ADVANCE
-_MIN_ADVANCE = (
-    1e-5  # of its duration, which would take 12 days; a run of 1e8 steps, half an hour, advances by 500 times as much
-)
+# of its duration, which would take 12 days; a run of 1e8 steps, half an hour, advances by 500 times as much
+_MIN_ADVANCE = 1e-5
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
 
