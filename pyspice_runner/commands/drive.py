@@ -70,7 +70,7 @@ def drive(call: Call) -> None:
     bom = call.values["bom"]
     _check_bom(call, bom)
     motor = call.loaded
-    tone = call.phases(motor)
+    tone = call.phases()
     targets = call.pick("power current amplitude at")
     targets["load_range"] = call.load_range and tuple(map(common.number, call.load_range.split(":")))
     specs = [replace(call.spec_of(driver, tone), **targets)]

@@ -300,11 +300,14 @@ class Call:
             raise pr.ParameterError(f"{what} a drive with one frequency. Add --drive two-phase.")
         return self.stated
 
-    def recommended_phases(self) -> dict[str, float]:
-        """Return voltage, frequency and phase of two phases: those given, the others from the recommended drive.
+    def phases(self, **more: float) -> pr.TwoPhaseDrive:
+        """Return a drive with the voltage, frequency and phase given, the others from the recommended drive.
 
-        Raise ParameterError if a value is missing and the motor recommends two tones.
+        It has one phase for a motor with one group. Raise ParameterError if a value is missing and the motor recommends
+        two tones.
         """
+        if alone := len(self.loaded.groups) == 1:
+            self.refuse_idle(f"on {self.loaded.name}, which has one group", "phase ratio_b")
         self._check_frequency()
         given = self.pick("voltage frequency", phase_deg="phase")
         missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]
@@ -314,14 +317,8 @@ class Call:
                 f"The recommended drive of {self.loaded.name} has two tones, and this command needs two phases of one "
                 f"tone. Give --{' and --'.join(missing)}."
             )
-        return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
-
-    def phases(self, motor: pr.Motor, **more: float) -> pr.TwoPhaseDrive:
-        """Return the drive of :meth:`recommended_phases`, one phase for a motor with one group."""
-        alone = len(motor.groups) == 1
-        if alone:
-            self.refuse_idle(f"on {motor.name}, which has one group", "phase ratio_b")
-        return (OnePhaseDrive if alone else pr.TwoPhaseDrive)(**self.recommended_phases() | more)
+        found = {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
+        return (OnePhaseDrive if alone else pr.TwoPhaseDrive)(**found | more)
 
     def _check_frequency(self) -> None:
         """Raise ParameterError for a frequency in Hz that is meant in kHz: a thousandth of a resonance."""

@@ -70,7 +70,7 @@ def track(call: Call) -> None:
     names = [mode.name for mode in motor.modes]
     require(call.mode is None or call.mode in names, "--mode", call.mode, f"one of {', '.join(names)}")
     mode = None if call.mode is None else names.index(call.mode)
-    phases = call.phases(motor, ratio_b=call.ratio_b)
+    phases = call.phases(ratio_b=call.ratio_b)
     tone = {name: getattr(phases, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
     call.refuse_idle(f"on {motor.name}", "load_torque" if motor.is_transducer else "load_factor")
     offset = START_OFFSET if call.disturb == "start" and not call.event else 0.0

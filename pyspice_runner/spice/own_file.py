@@ -15,6 +15,7 @@ from typing import NoReturn
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.spice.library import FACTS, PREFIX, Header, Library, LibraryParameter, Pin, library_names, number
 
+Parameters = tuple[LibraryParameter, ...]
 Statement = tuple[int, str]  # number of its first line in the file, and its text with the continued lines
 _FUNCTIONS = frozenset(
     "abs acos asin atan ceil cos cosh exp floor int ln log log10 max min pow pwr sgn sin sinh sqrt tan tanh".split()  # noqa: SIM905
@@ -76,15 +77,9 @@ class OwnFile:
         return "".join(pieces)
 
     def _library(
-        self,
-        name: str,
-        own_name: str,
-        pins: Sequence[str],
-        parameters: tuple[LibraryParameter, ...],
-        subcircuit: str,
-        needs: tuple[str, ...],
+        self, name: str, own_name: str, pins: Sequence[str], parameters: Parameters, text: str, needs: tuple[str, ...]
     ) -> Library:
-        """Return the file as a library: ``name`` in a netlist, ``own_name`` in the file."""
+        """Return the file as a library: ``name`` and ``text`` in a netlist, ``own_name`` in the file."""
         what, stated = self._rules.what, dict.fromkeys(FACTS, "not stated")
         return Library(
             name=name,
@@ -92,11 +87,11 @@ class OwnFile:
             pins=tuple(Pin(pin, "", "", "") for pin in pins),
             parameters=parameters,
             usage="",
-            subcircuit=subcircuit,
+            subcircuit=text,
             text=self._text,
             needs=needs,
             **(stated | {"omits": f"what the user's own {what} leaves out"} | self._header.facts()),
-            **self._header.insides(subcircuit),
+            **self._header.insides(text),
         )
 
     def _needs(self) -> tuple[str, ...]:
@@ -110,7 +105,7 @@ class OwnFile:
                 )
         return names
 
-    def _parameters(self, line: int, words: Sequence[str]) -> tuple[LibraryParameter, ...]:
+    def _parameters(self, line: int, words: Sequence[str]) -> Parameters:
         """Return the parameters ``name=value`` of a ``.subckt`` line, with their PAR lines."""
         stated = {parameter.name: parameter for parameter in self._header.parameters()}
         found: list[LibraryParameter] = []
