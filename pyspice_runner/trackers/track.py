@@ -66,35 +66,22 @@ AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off ove
 
 @dataclass(frozen=True)
 class Sensing:
-    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less.
+    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less."""
 
-    Attributes:
-        capacitance_drift_per_k: relative drift of the clamped capacitances that their copies do not follow, 1/K.
-        phase_drift_deg_per_k: by which the loop moves the phase of the mode's velocity per kelvin.
-        frequency_drift_hz_per_k: by which it thus moves the frequency away from the one wanted.
-    """
-
-    capacitance_drift_per_k: float
-    phase_drift_deg_per_k: float
-    frequency_drift_hz_per_k: float
+    capacitance_drift_per_k: float  # relative drift of the clamped capacitances that their copies do not follow, 1/K
+    phase_drift_deg_per_k: float  # by which the loop moves the phase of the mode's velocity per kelvin
+    frequency_drift_hz_per_k: float  # by which it thus moves the frequency away from the one wanted
 
 
 @dataclass(frozen=True)
 class LostLock:
-    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods.
+    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods."""
 
-    Attributes:
-        lost_s: time at which lock is lost.
-        lost_hz: drive frequency then, the pull-out frequency.
-        regained_s: time from which on it is regained; ``None`` if it is not in the run.
-        regained_hz: drive frequency then.
-        pull_out: what the disturbances have changed when it is lost: the load in N·m, others as :class:`.Disturbance`.
-    """
-
-    lost_s: float
-    lost_hz: float
-    regained_s: float | None = None
-    regained_hz: float | None = None
+    lost_s: float  # time at which lock is lost
+    lost_hz: float  # drive frequency then, the pull-out frequency
+    regained_s: float | None = None  # time from which on it is regained; ``None`` if it is not in the run
+    regained_hz: float | None = None  # drive frequency then
+    # what the disturbances have changed when it is lost: the load in N·m, others as :class:`.Disturbance`
     pull_out: dict[str, float] = field(default_factory=dict)
 
 
