@@ -35,25 +35,10 @@ from pyspice_runner.run.waveforms import ROUNDING_RAD_S, Array, has_settled
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
 from pyspice_runner.steady.transducer import heavier
+from pyspice_runner.trackers import tracker as parts
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, replayed, run_averaged
 from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
-from pyspice_runner.trackers.tracker import (
-    CHANGED,
-    LOST_DEG,
-    SMOOTHED_PERIODS,
-    Disturbance,
-    DisturbanceKind,
-    Disturbances,
-    LoopFilter,
-    StatorLag,
-    TrackedSource,
-    Tracker,
-    propose_filter,
-    restart_values,
-    running_resonance,
-    sensed_modes,
-    sensing,
-)
+from pyspice_runner.trackers.tracker import SMOOTHED_PERIODS, Disturbances, StatorLag, TrackedSource, Tracker
 from pyspice_runner.units import engineering, unit_in
 
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its largest amplitude or more
@@ -141,7 +126,7 @@ class Tracking(Estimated, Result):
     stall_torque_n_m: float | None
     to_come: float | None
     lag: StatorLag
-    loop_filter: LoopFilter
+    loop_filter: parts.LoopFilter
     settings: dict[str, Any]
     time_s: Array = field(repr=False)
     frequency_hz: Array = field(repr=False)
@@ -364,7 +349,7 @@ class Periods:
         time, frequency, found = self.time, self.smoothed(self.frequency), list[LostLock]()
         outside = np.where(np.abs(error) >= LOCKED_DEG, time, time[-1])
         held = np.minimum.accumulate(outside[::-1])[::-1] - time >= SMOOTHED_PERIODS / frequency
-        far = np.abs(error) >= LOST_DEG
+        far = np.abs(error) >= parts.LOST_DEG
         while far[first:].any():
             first += int(np.argmax(far[first:]))
             back = first + int(np.argmax(held[first:]))
@@ -469,8 +454,8 @@ def track(
     tracker: Tracker,
     duration: float | None = None,
     *,
-    disturb: DisturbanceKind = "start",
-    disturbances: Sequence[Disturbance] = (),
+    disturb: parts.DisturbanceKind = "start",
+    disturbances: Sequence[parts.Disturbance] = (),
     mode: int | None = None,
     begin: float | None = None,
     load_torque: float | None = None,
@@ -530,7 +515,7 @@ def track(
         raise ParameterError(f"disturb = {disturb!r} and disturbances exclude each other. Give one.")
     built_up = (BUILT_UP + 1.0) * motor.loaded_stator.decay_s if motor.is_transducer else 0.0
     begin = max(_settled(tracker, disturb), built_up) if begin is None else begin
-    one = Disturbance(
+    one = parts.Disturbance(
         kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
         supply_change=supply_change, drift_time_s=drift_time, target_step_deg=target_step,
         thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
@@ -547,8 +532,8 @@ def track(
         raise ParameterError("engine = 'compiled' has no tracker for the full motor: give averaged=True, or 'spice'.")
     elif sequence.of("warm-up"):
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
-    lag = running_resonance(motor, tracker, mode=mode, contact=law is not None)
-    source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver)
+    lag = parts.running_resonance(motor, tracker, mode=mode, contact=law is not None)
+    source = TrackedSource(tracker, mode, parts.propose_filter(tracker, lag), driver)
     setup = Point(
         motor, source, Load(speed), law, Solver(settings.get("step"), timeout=settings.get("timeout"), audit=audit)
     )
@@ -567,7 +552,7 @@ def track(
     if disturb == "load" and load_torque is None and not motor.is_transducer:
         stall = _stall_torque(setup, source)  # of the full motor
         sequence = Disturbances((one.model_copy(update={"load_torque_n_m": 0.5 * stall}),))
-    restart = restart_values(motor, tracker, mode, lag, source.loop_filter)
+    restart = parts.restart_values(motor, tracker, mode, lag, source.loop_filter)
     begins = tracker.restart and tracker.kind == "pll" and restart["wait"] < duration  # else it takes no time
     source = replace(source, disturbances=sequence, restart=restart if begins else None)
     setup = replace(setup, source=source)
@@ -627,7 +612,7 @@ def _track_full(run: TrackedRun) -> Tracking:
 
 def _inseparable(motor: Motor, mode: int) -> tuple[str, ...]:
     """Return a caution where the groups sense another mode more than the one to track."""
-    sensed = np.abs(sensed_modes(motor, mode))
+    sensed = np.abs(parts.sensed_modes(motor, mode))
     other, names = int(np.argmax(sensed)), [one.name for one in motor.modes]
     if motor.is_transducer or sensed[other] <= sensed[mode] * (1.0 + SAME):  # its modes are far from each other
         return ()
@@ -726,7 +711,7 @@ def _check_duration(setup: Point, source: TrackedSource, duration: float) -> Non
 
 def _event_words(event: Mapping[str, Any]) -> str:
     """Return kind, size and beginning of a disturbance."""
-    name = "load_change_n_s_per_m" if event.get("load_change_n_s_per_m") else CHANGED.get(event["kind"], "")
+    name = "load_change_n_s_per_m" if event.get("load_change_n_s_per_m") else parts.CHANGED.get(event["kind"], "")
     if not (size := event.get(name)):
         return str(event["kind"])
     unit = "N·s/m" if name.endswith("n_s_per_m") else unit_in(name)
@@ -764,7 +749,7 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     disturbances = run.source.disturbances
     thermal = next((one.thermal for one in disturbances.events if one.thermal), Thermal.of(motor))
     drift = thermal.capacitance_drift_per_k - tracker.copies_drift_per_k
-    weights = sensing(motor, tracker, run.source.mode)
+    weights = parts.sensing(motor, tracker, run.source.mode)
     taken = copies(weights, frequency) @ pins
     charging = by_group(weights, "current") @ taken
     motional = by_group(weights, "current") @ (tracker.sensed_share(frequency) * currents - taken)
