@@ -447,9 +447,8 @@ def drive_report(
     if design:
         reached = None if setup.load.speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
-        at = {part.name: part for part in (operating or report).parts}
         between = loads.recovery_peaks(setup, driver, vectors, samples)
-        parts[0] = tuple(replace(part.settled(at[part.name]), peak_range_a=between.get(part.name)) for part in parts[0])
+        parts[0] = tuple(replace(part, peak_range_a=between.get(part.name)) for part in parts[0])
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in driver.groups}
         design = design.ran(parts, reached, most, motor, _start_time(setup, design) - duration)
         if limits:

@@ -159,7 +159,7 @@ def parse_library(name: str, text: str) -> Library:
     missing = [key for key, entry in entries.items() if not entry]
     if missing or begin is None or end is None or usage is None:
         raise ParameterError(f"{header.where} lacks {', '.join(missing)}; see behavioral/CONVENTIONS.md.")
-    pins, parameters = header.pins(), header.parameters()
+    pins, parameters = tuple(Pin(*words) for words in header.entries("PIN", 4)), header.parameters()
     words = begin.group(1).split()
     if [word for word in words if "=" not in word] != [pin.name for pin in pins]:
         raise ParameterError(f"{header.where}: the PIN lines and the pins of .subckt differ; make them the same.")
@@ -212,10 +212,6 @@ class Header:
     def needs(self) -> tuple[str, ...]:
         """Return the names on the ``NEEDS`` lines."""
         return tuple(name for (names,) in self.entries("NEEDS") for name in names.split())
-
-    def pins(self) -> tuple[Pin, ...]:
-        """Return the ``PIN`` lines."""
-        return tuple(Pin(*words) for words in self.entries("PIN", 4))
 
     def parameters(self) -> tuple[LibraryParameter, ...]:
         """Return the ``PAR`` lines. Raise ParameterError for an invalid number or a default out of its range."""
