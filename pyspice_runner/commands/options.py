@@ -379,12 +379,8 @@ class Call:
             stage, network = words, "none"
         given: dict[str, Any] = self._parts()
         if not strict:
-            present = {
-                item.label
-                for item in pr.Driver(
-                    kind=stage, network="llcc" if network == "l" else network, voltage=1.0, frequency=1e4
-                ).parts("a")
-            }
+            plain = pr.DriverSpec(drive, stage, network).driver(voltage=1.0, frequency=1e4)
+            present = {item.label for item in plain.parts("a")}
             labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
             given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
         if self.mosfet is not None and (strict or stage in BRIDGES):

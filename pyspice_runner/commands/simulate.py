@@ -11,7 +11,6 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.source import Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, LAW, TARGETS, Call, command, option
-from pyspice_runner.errors import Interrupted
 
 # options of a run cycle by cycle, which an averaged one does not have
 _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every audit"
@@ -53,17 +52,12 @@ def simulate(call: Call) -> None:
         return
     if call.plot is not None and call.signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
-    status = 0
     signals = None if call.signals is None else [name.strip() for name in call.signals.split(",")]
     with common.run_progress("ngspice runs the motor") as progress:
-        try:
-            run = pr.simulate(
-                motor, shaped, duration, contact=call.law, signals=signals, progress=progress,
-                **call.pick("speed load_torque step accuracy record_from record_every timeout audit"),
-            )  # fmt: skip
-        except Interrupted as interrupt:
-            run, status = interrupt.partial, common.INTERRUPTED
-            common.complain(f"piezomotor: {interrupt}")
+        run, status = common.finished(lambda: pr.simulate(
+            motor, shaped, duration, contact=call.law, signals=signals, progress=progress,
+            **call.pick("speed load_torque step accuracy record_from record_every timeout audit"),
+        ))  # fmt: skip
     partial = "" if run.complete else ", partial"
     call.deliver(run, f"{motor.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
     raise typer.Exit(status)

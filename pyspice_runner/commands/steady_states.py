@@ -11,7 +11,7 @@ import numpy as np
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, PERIOD, TARGETS, Call, command, option
-from pyspice_runner.errors import Interrupted, did_you_mean
+from pyspice_runner.errors import did_you_mean
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.steady.speed_torque import no_load_state
@@ -95,16 +95,11 @@ def map_points(call: Call) -> int:
     free = call.speed is None and not call.load_torque and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
         common.refuse_covered(call.context, axes)
-    status = 0
     with common.points_progress() as progress:
-        try:
-            dataset = pr.working_points(
-                call.loaded, call.stated, over=axes, limits=bounds, contact=call.law, progress=progress,
-                **call.pick("objective speed load_torque accuracy step timeout"),
-            )  # fmt: skip
-        except Interrupted as interrupt:
-            dataset, status = interrupt.partial, common.INTERRUPTED
-            common.complain(f"piezomotor: {interrupt}")
+        dataset, status = common.finished(lambda: pr.working_points(
+            call.loaded, call.stated, over=axes, limits=bounds, contact=call.law, progress=progress,
+            **call.pick("objective speed load_torque accuracy step timeout"),
+        ))  # fmt: skip
     call.deliver(dataset.piezomotor, dataset.attrs["title"])
     return status
 
@@ -163,19 +158,11 @@ def speed_torque(call: Call) -> int:
         return 0
     if speeds is None and "load.speed" not in map(canonical, axes):
         speeds = _up_to_no_load(call)
-    status = 0
     with common.points_progress() as progress:
-        try:
-            curve = pr.speed_torque(
-                motor, call.stated, speeds=speeds, over=axes, contact=call.law, progress=progress,
-                **call.pick("mode tolerance patience step timeout audit"),
-            )  # fmt: skip
-        except (Interrupted, pr.SimulationError) as fault:
-            if fault.partial is None:
-                raise
-            curve = fault.partial
-            status = common.INTERRUPTED if isinstance(fault, Interrupted) else 3
-            common.complain(f"piezomotor: {fault}")
+        curve, status = common.finished(lambda: pr.speed_torque(
+            motor, call.stated, speeds=speeds, over=axes, contact=call.law, progress=progress,
+            **call.pick("mode tolerance patience step timeout audit"),
+        ))  # fmt: skip
     shown = curve[_SHOWN]
     if curve.piezomotor.linear:
         shown = shown.swap_dims(speed_rad_s="speed_m_s").drop_vars("speed_rad_s").rename(torque_n_m="force_n")

@@ -202,9 +202,8 @@ def _of_network(part: Part, before: Array, after: Array, samples: Samples, measu
 
 
 def maxima(
-    motor: Motor, driver: Driver, samples: Samples, at: Sequence[PartLoad] = (),
-    later: Mapping[str, Array] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    motor: Motor, driver: Driver, samples: Samples, at: Sequence[PartLoad] = (), later: Samples | None = None
+) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
     ``later`` are samples of the settled state, if it is another run: a time is ``None`` if the maximum is there. ``at``
