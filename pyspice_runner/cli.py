@@ -32,7 +32,7 @@ GROUPS = {
         "drive": "drive", "track": "track", "loop": "loop", "small-signals": "steady_states", "state-space": "loop",
     },
     "Measurements": {
-        "admittance": "compare", "fit": "fit", "compare": "compare", "constants": "fit", "motor-from": "motor_from",
+        "admittance": "compare", "fit": "fit", "compare": "compare", "constants": "fit", "motor-from": "calibrate",
         "calibrate": "calibrate",
     },
     "Files": {"export": "motors", "new": "motors"},

@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, overload
+from typing import Any, Unpack, overload
 
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.control.loop import SAMPLE_TIME, ControlLoop, Quantity, sampled_loop
-from pyspice_runner.drivers.design import Design, DriverSpec, design_driver
+from pyspice_runner.drivers.design import Design, DriverSpec, Settings, design_driver
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.drive import TwoPhaseDrive
 from pyspice_runner.motor.motor import Motor
@@ -18,15 +17,7 @@ from pyspice_runner.trackers.tracker import LoopFilter, Tracker, propose_filter,
 
 
 @overload
-def design(
-    motor: Motor,
-    what: DriverSpec,
-    *,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    contact: ContactLaw = PAPER_LAW,
-    timeout: float | None = None,
-) -> Design: ...
+def design(motor: Motor, what: DriverSpec, **settings: Unpack[Settings]) -> Design: ...
 @overload
 def design(motor: Motor, what: Tracker, *, mode: int | None = None, contact: bool = True) -> LoopFilter: ...
 def design(motor: Motor, what: DriverSpec | Tracker, **settings: Any) -> Design | LoopFilter:
@@ -35,9 +26,9 @@ def design(motor: Motor, what: DriverSpec | Tracker, **settings: Any) -> Design 
     Args:
         motor: the motor.
         what: the specification of a driver, or the tracker.
-        **settings: of a driver ``speed`` (rad/s), ``load_torque`` (N·m), ``contact`` and ``timeout`` (s), as of
-            :func:`.design_driver`; of a tracker the index ``mode`` of the mode to track, by default the last one, and
-            whether it is in ``contact``.
+        **settings: of a driver ``speed`` (rad/s), ``load_torque`` (N·m), ``contact``, ``step`` (s) and ``timeout`` (s),
+            as of :func:`.design_driver`; of a tracker the index ``mode`` of the mode to track, by default the last one,
+            and whether it is in ``contact``.
 
     Raises:
         ParameterError: for an invalid value.

@@ -25,8 +25,10 @@ _ENDING = [*TERMINAL, signal.SIGTERM]
 _REMIND = 0.01  # s; delay before a signal received where no exception can be raised is sent again
 
 
-@contextmanager
-def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+Listening = Callable[[], AbstractContextManager[None]]
+
+
+def held() -> AbstractContextManager[Listening]:
     """Delay signals until the end of the block, except within ``listening()``.
 
     A signal without a handler ends the process behind the block, so that a child process in it is ended before.
@@ -36,62 +38,48 @@ def held() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     ...     with listening():
     ...         pass  # the long part; a pending signal is raised at its beginning
     """
-    if not _signals_come_here():
-        yield nullcontext
-        return
-    keeper = _Keeper()
-    try:
-        yield keeper.listening
-    finally:
-        keeper.release()
+    return _delayed() if _signals_come_here() else nullcontext(nullcontext)
 
 
-class _Keeper:
-    """Handlers of a block of :func:`held`, and the signals that came in it."""
+@contextmanager
+def _delayed() -> Iterator[Listening]:
+    handlers: dict[int, Any] = {}
+    came, fatal, listens = list[int](), list[int](), False  # fatal: signals without a handler
 
-    def __init__(self) -> None:
-        self._handlers: dict[int, Any] = {}
-        self._came: list[int] = []
-        self._fatal: list[int] = []  # signals without a handler
-        self._listens = False
-        for number in _ENDING:
-            before = signal.getsignal(number)
-            if callable(before) or before is signal.SIG_DFL:
-                self._handlers[number] = before
-                signal.signal(number, self._note)
-
-    @contextmanager
-    def listening(self) -> Iterator[None]:
-        try:
-            self._listens = True
-            self._raise_what_came()
-            yield
-        finally:
-            self._listens = False
-
-    def release(self) -> None:
-        for number, before in self._handlers.items():
-            signal.signal(number, before)
-        for number in (*self._fatal, *(number for number in self._came if not callable(self._handlers[number]))):
-            signal.raise_signal(number)
-        self._raise_what_came()
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._listens:
-            self._handle(number, frame)
+    def note(number: int, frame: FrameType | None) -> None:
+        if not listens:
+            came.append(number)
+        elif callable(handlers[number]):
+            handlers[number](number, frame)
         else:
-            self._came.append(number)
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        if callable(self._handlers[number]):
-            self._handlers[number](number, frame)
-        else:
-            self._fatal.append(number)
+            fatal.append(number)
             raise Stopped(number)
 
-    def _raise_what_came(self) -> None:
-        while self._came:
-            self._handle(self._came.pop(0), None)
+    @contextmanager
+    def listening() -> Iterator[None]:
+        nonlocal listens
+        try:
+            listens = True
+            while came:
+                note(came.pop(0), None)
+            yield
+        finally:
+            listens = False
+
+    for number in _ENDING:
+        before = signal.getsignal(number)
+        if callable(before) or before is signal.SIG_DFL:
+            handlers[number] = before
+            signal.signal(number, note)
+    try:
+        yield listening
+    finally:
+        for number, before in handlers.items():
+            signal.signal(number, before)
+        for number in (*fatal, *(number for number in came if not callable(handlers[number]))):
+            signal.raise_signal(number)
+        with listening():
+            pass
 
 
 def end_at_once() -> None:
@@ -147,9 +135,8 @@ def raised() -> Iterator[list[int]]:
     try:
         yield came
     except Exception as error:
-        if came and (
-            isinstance(error, ImportError) or _comes_of_a_signal(error)
-        ):  # a signal breaks the import of an extension
+        # a signal breaks the import of an extension
+        if came and (isinstance(error, ImportError) or _comes_of_a_signal(error)):
             raise Stopped(came[-1]) from None
         raise
     finally:

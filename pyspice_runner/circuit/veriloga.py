@@ -34,7 +34,7 @@ from pyspice_runner.circuit.state import Discretisation, held_piezo, pushes, ste
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.groups import GROUPS
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, require_one_contact
 from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
@@ -71,6 +71,7 @@ def motor_module(
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
     """
+    require_one_contact(motor, "A Verilog-A module is")
     law = touching_law(contact, "The module contains the rotor.", motor.law)
     if law.name not in WRITTEN:
         raise ParameterError(

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import typer
@@ -24,12 +24,14 @@ from rich.measure import Measurement
 from rich.table import Table
 
 import pyspice_runner as pr
+from pyspice_runner.errors import Interrupted
 from pyspice_runner.files import save_by_ending, write_json, write_rows
 from pyspice_runner.interrupts import held
 from pyspice_runner.motor.load import changed_motor
 from pyspice_runner.result import Result as _Result
 from pyspice_runner.spice.ngspice import ngspice_version
 
+T = TypeVar("T")
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
 _WIDEST = 1000  # characters of a line of a table in a file or pipe
@@ -397,29 +399,24 @@ def silence() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def leaves(document: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted path and value of every leaf."""
-    items = document.items() if isinstance(document, dict) else enumerate(document)
-    for key, value in items:
-        path = f"{prefix}.{key}" if prefix else str(key)
-        if isinstance(value, dict | list | tuple):
-            yield from leaves(value, path)
-        else:
-            yield path, value
-
-
-def warn_of(findings: Iterable[str]) -> None:
-    """Print to standard error the findings of the audit in a result that is returned nevertheless."""
-    for finding in findings:
-        complain(f"piezomotor: the result failed the audit: {finding}")
-
-
 def caution(result: _Result) -> None:
-    """Print on stderr what the audit found in a result, and what else to know before using it."""
-    warn_of(result.audit.findings)
+    """Print on stderr what the audit found in a result that is returned nevertheless, and what else to know of it."""
+    for finding in result.audit.findings:
+        complain(f"piezomotor: the result failed the audit: {finding}")
     for sentence in result.cautions:
         if sentence not in result.audit.findings:
             complain(f"piezomotor: {sentence}", style="yellow")
+
+
+def finished(run: Callable[[], T]) -> tuple[T, int]:
+    """Return the result of a run and the exit status; after an interrupt or a failure what is finished, if any."""
+    try:
+        return run(), 0
+    except (Interrupted, pr.SimulationError) as fault:
+        if fault.partial is None:
+            raise
+        complain(f"piezomotor: {fault}")
+        return fault.partial, INTERRUPTED if isinstance(fault, Interrupted) else 3
 
 
 @contextmanager

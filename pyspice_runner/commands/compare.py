@@ -17,10 +17,10 @@ from pyspice_runner.impedance.spectrum import Connection, State
 
 @command(
     "motor", TARGETS, "state start stop points timeout audit", CHANGES,
-    state=option(State, "free", "Free tip, or pressed on the rotor."),
-    start=option(float | None, None, "First frequency, Hz; default: that of the solid, else 5 kHz."),
-    stop=option(float | None, None, "Last frequency, Hz; default: that of the solid, else 100 kHz."),
-    points=option(int, 2000, "Number of frequencies."),
+    state=option("Free tip, or pressed on the rotor.", State, "free"),
+    start=option("First frequency, Hz; default: that of the solid, else 5 kHz."),
+    stop=option("Last frequency, Hz; default: that of the solid, else 100 kHz."),
+    points=option("Number of frequencies.", int, 2000),
 )  # fmt: skip
 def admittance(call: Call) -> None:
     """Compute the stator's two-port admittance and the equivalent circuit of each mode. Writes .csv, .nc or .json.
@@ -35,19 +35,18 @@ def admittance(call: Call) -> None:
 
 @command(
     "files", FIT, "leads no_leads", TARGETS, "reference share connection state columns through at label changes",
-    files=argument(list[str], ..., "Spectra, and last a motor or another spectrum.", "FILE... REFERENCE"),
-    timeout=option(float | None, None, "Time limit of the fit of a spectrum, s."),
-    reference=option(str | None, None, "The reference, if it is not the last: a motor or a spectrum."),
+    files=argument("Spectra, and last a motor or another spectrum.", list[str], ..., "FILE... REFERENCE"),
+    timeout=option("Time limit of the fit of a spectrum, s."),
+    reference=option("The reference, if it is not the last: a motor or a spectrum.", str | None),
     share=option(
-        list[str] | None, None,
         "Allowed deviation of all but resistance and coupling_factor, or of NAME (frequency, quality_factor, coupling, "
         "clamped_capacitance, coupling_factor, resistance): 5% or 0.05. Exit status 1 if it is exceeded. Repeatable.",
-        "--tolerance", metavar="[NAME=]SHARE",
+        list[str] | None, None, "--tolerance", metavar="[NAME=]SHARE",
     ),
-    connection=option(Connection, "A", "Connection of the groups, for a motor and two-ports."),
-    state=option(State, "free", "Tip of a motor: free, or pressed on the rotor."),
-    at=option(str | None, None, "Condition of each spectrum, such as its temperature: 20,40,60."),
-    label=option(str, "", 'Name and unit of --at: "temperature in °C".'),
+    connection=option("Connection of the groups, for a motor and two-ports.", Connection, "A"),
+    state=option("Tip of a motor: free, or pressed on the rotor.", State, "free"),
+    at=option("Condition of each spectrum, such as its temperature: 20,40,60.", str | None),
+    label=option('Name and unit of --at: "temperature in °C".', str, ""),
 )  # fmt: skip
 def compare(call: Call) -> None:
     """Compare spectra with a motor or another spectrum, mode by mode, and name the cause. Writes .json or .csv.

@@ -16,6 +16,7 @@ from pyspice_runner.commands.options import CHANGES, DRIVERS, LAW, PHASE, TARGET
 from pyspice_runner.drivers.design import NoDriverError
 from pyspice_runner.drivers.ratings import bill_of_materials
 from pyspice_runner.files import write_rows
+from pyspice_runner.result import leaves
 
 if TYPE_CHECKING:
     from pyspice_runner.drivers.report import DriveReport
@@ -24,45 +25,35 @@ if TYPE_CHECKING:
 @command(
     "motor driver against voltage frequency phase rail stage network source_resistance match part mosfet duration",
     "events power current amplitude at load_range speed load_torque audit", LAW, "timeout", CHANGES, TARGETS,
-    driver=option(str, "linear", DRIVERS),
-    against=option(str | None, None, "A second driver for comparison."),
+    driver=option(DRIVERS, str, "linear"),
+    against=option("A second driver for comparison.", str | None),
     voltage=VOLTAGE,
-    frequency=option(float | None, None, "Frequency, Hz; default: as above."),
+    frequency=option("Frequency, Hz; default: as above."),
     phase=PHASE,
-    rail=option(
-        float | None, None, "Voltage between the rails, V: design a driver for it, from its transformer on."
-    ),
+    rail=option("Voltage between the rails, V: design a driver for it, from its transformer on."),
     stage=option(
-        Literal["linear", "feedback", "half-bridge", "full-bridge", "push-pull"] | None, None,
         "Power stage of the design; default: full-bridge.",
+        Literal["linear", "feedback", "half-bridge", "full-bridge", "push-pull"] | None,
     ),
-    network=option(
-        Literal["none", "inductor", "l", "llcc"] | None, None, "Default: inductor, with --load-range llcc."
-    ),
-    source_resistance=option(
-        float | None, None, "Resistance to which a network l (default: 50) or llcc transforms the motor, ohm."
-    ),
-    duration=option(
-        float | None, None, "Simulated time, s; default: 3e-3, of a design up to 6e-3; of a transducer until settled."
-    ),
+    network=option("Default: inductor, with --load-range llcc.", Literal["none", "inductor", "l", "llcc"] | None),
+    source_resistance=option("Resistance to which a network l (default: 50) or llcc transforms the motor, ohm."),
+    duration=option("Simulated time, s; default: 3e-3, of a design up to 6e-3; of a transducer until settled."),
     events=option(
-        bool, False,
         "Also run a load step, a stop and a frequency sweep, for the stress on the parts; default with --load-range.",
-        "--events",
+        bool, False,
     ),
-    power=option(float | None, None, "Transducer: power into the load, W; without a load into the arms."),
-    current=option(float | None, None, "Transducer: amplitude of the motional current, A."),
-    amplitude=option(float | None, None, "Transducer: amplitude of the face, m, where its motion is known."),
+    power=option("Transducer: power into the load, W; without a load into the arms."),
+    current=option("Transducer: amplitude of the motional current, A."),
+    amplitude=option("Transducer: amplitude of the face, m, where its motion is known."),
     at=option(
-        Literal["series", "between", "parallel"] | None, None,
         "Transducer: series or parallel resonance under load, or between, in place of --frequency.",
+        Literal["series", "between", "parallel"] | None,
     ),
     load_range=option(
-        str | None, None,
         "Transducer: damping idle and under full load, relative to the file, as 1:20. The motional current is kept.",
-        metavar="IDLE:FULL",
+        str | None, metavar="IDLE:FULL",
     ),
-    bom=option(Path | None, None, "File of the bill of materials of the driver, with peaks, ratings and cores, .csv."),
+    bom=option("File of the bill of materials of the driver, with peaks, ratings and cores, .csv.", Path | None),
 )  # fmt: skip
 def drive(call: Call) -> None:
     """Run a motor with its drive electronics: currents, powers, harmonics, losses, and the stress on the parts.
@@ -79,7 +70,7 @@ def drive(call: Call) -> None:
     bom = call.values["bom"]
     _check_bom(call, bom)
     motor = call.loaded
-    tone = call.phases(motor)
+    tone = call.phases()
     targets = call.pick("power current amplitude at")
     targets["load_range"] = call.load_range and tuple(map(common.number, call.load_range.split(":")))
     specs = [replace(call.spec_of(driver, tone), **targets)]
@@ -166,7 +157,7 @@ def _no_plot(_: Path) -> None:
 def _rows(reports: list[DriveReport]) -> list[list[str]]:
     """Return one row for each number of the reports, by its path in ``--json``, with one column for each driver."""
     rows = [["driver", *(report.driver["label"] for report in reports)]]
-    documents = [dict(common.leaves(report.to_dict())) for report in reports]
+    documents = [dict(leaves(report.to_dict())) for report in reports]
     for path in dict.fromkeys(path for document in documents for path in document):
         values = [document.get(path) for document in documents]
         if not path.startswith(("motor.", "driver.", "run.")) and not any(isinstance(value, str) for value in values):

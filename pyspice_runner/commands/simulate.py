@@ -11,7 +11,6 @@ import pyspice_runner as pr
 from pyspice_runner.circuit.source import Waveform, read_waveform
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, LAW, TARGETS, Call, command, option
-from pyspice_runner.errors import Interrupted
 
 # options of a run cycle by cycle, which an averaged one does not have
 _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every audit"
@@ -20,18 +19,15 @@ _OF_CYCLES = "waveform sliders step accuracy signals record_from record_every au
 @command(
     "motor", DRIVE, "duration", LAW, "speed load_torque step accuracy signals record_from record_every waveform",
     "averaged", DRIVER, "timeout audit engine", CHANGES, TARGETS,
-    duration=option(float | None, None, "Simulated time, s; default: 5e-3, of a transducer until it has settled."),
-    step=option(float | None, None, "Uniform time step, s; default: from the fastest motion."),
-    accuracy=option(
-        float | None, None, "Largest relative error of the tip's trajectory, such as 0.005; sets the step."
-    ),
-    signals=option(str | None, None, "Columns to record, such as tip_x_m,tip_y_m."),
-    record_from=option(float, 0.0, "Time at which recording starts, s."),
-    record_every=option(int, 1, "Record every n-th step."),
+    duration=option("Simulated time, s; default: 5e-3, of a transducer until it has settled."),
+    step=option("Uniform time step, s; default: from the fastest motion."),
+    accuracy=option("Largest relative error of the tip's trajectory, such as 0.005; sets the step."),
+    signals=option("Columns to record, such as tip_x_m,tip_y_m.", str | None),
+    record_from=option("Time at which recording starts, s.", float, 0.0),
+    record_every=option("Record every n-th step.", int, 1),
     waveform=option(
-        Path | None, None,
         "CSV file of the voltages: time_s, voltage_a_v, voltage_b_v; --frequency is that of its cycles.",
-        rich_help_panel="Drive",
+        Path | None, rich_help_panel="Drive",
     ),
 )  # fmt: skip
 def simulate(call: Call) -> None:
@@ -56,17 +52,12 @@ def simulate(call: Call) -> None:
         return
     if call.plot is not None and call.signals is not None:
         raise pr.ParameterError("--plot draws all signals; leave --signals out.")
-    status = 0
     signals = None if call.signals is None else [name.strip() for name in call.signals.split(",")]
     with common.run_progress("ngspice runs the motor") as progress:
-        try:
-            run = pr.simulate(
-                motor, shaped, duration, contact=call.law, signals=signals, progress=progress,
-                **call.pick("speed load_torque step accuracy record_from record_every timeout audit"),
-            )  # fmt: skip
-        except Interrupted as interrupt:
-            run, status = interrupt.partial, common.INTERRUPTED
-            common.complain(f"piezomotor: {interrupt}")
+        run, status = common.finished(lambda: pr.simulate(
+            motor, shaped, duration, contact=call.law, signals=signals, progress=progress,
+            **call.pick("speed load_torque step accuracy record_from record_every timeout audit"),
+        ))  # fmt: skip
     partial = "" if run.complete else ", partial"
     call.deliver(run, f"{motor.name}, {shaped.label}, {run.time_s[-1]:.6g} s{partial}")
     raise typer.Exit(status)

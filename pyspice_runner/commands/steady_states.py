@@ -10,8 +10,8 @@ import numpy as np
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, NO_START, PERIOD, TARGETS, Call, command, option
-from pyspice_runner.errors import Interrupted, did_you_mean
+from pyspice_runner.commands.options import CHANGES, DRIVE, DRIVER, PERIOD, TARGETS, Call, command, option
+from pyspice_runner.errors import did_you_mean
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.steady.speed_torque import no_load_state
@@ -27,8 +27,7 @@ def steady(call: Call) -> int:
 
     Example: piezomotor steady bimodal40 --voltage 90 --speed 30 --json
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".json", ".csv", ".nc", ".cir")
+    call.check(".json", ".csv", ".nc", ".cir", starts=False)
     motor = call.loaded
     if motor.is_transducer:
         return _linear(call)
@@ -54,17 +53,14 @@ def _linear(call: Call) -> int:
 
 @command(
     "motor", DRIVE, "frequencies speed load_torque", PERIOD, CHANGES, TARGETS,
-    frequencies=option(
-        str, "10,30,100,300,1000,3000", "Frequencies of the modulation, Hz: 10,100,1000 or 100:5000:8."
-    ),
+    frequencies=option("Frequencies of the modulation, Hz: 10,100,1000 or 100:5000:8.", str, "10,30,100,300,1000,3000"),
 )  # fmt: skip
 def small_signals(call: Call) -> None:
     """Find transfer functions and hot admittance of a running motor. Writes .json, .csv or .nc.
 
     Example: piezomotor small-signals andersen2002-unintended-mode --frequency 46e3 --load 5e-3 --frequencies 100,1000
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".json", ".csv", ".nc")
+    call.check(".json", ".csv", ".nc", starts=False)
     with common.busy("ngspice runs periods of the drive"):
         result = pr.small_signals(
             call.loaded, call.stated, frequencies=common.grid("--frequencies", call.frequencies), contact=call.law,
@@ -75,17 +71,13 @@ def small_signals(call: Call) -> None:
 
 @command(
     "motor", DRIVE, "over objective limit speed load_torque", PERIOD, "accuracy", CHANGES, TARGETS,
-    over=option(
-        list[str], ..., "An axis: drive.frequency=44e3:46e3:10. Twice for a plane.", metavar="PATH=VALUES"
-    ),
-    objective=option(Objective, "torque", "Quantity that the best point maximises."),
+    over=option("An axis: drive.frequency=44e3:46e3:10. Twice for a plane.", list[str], ..., metavar="PATH=VALUES"),
+    objective=option("Quantity that the best point maximises.", Objective, "torque"),
     limit=option(
-        list[str] | None, None, "A limit: current_a=:0.1 (or current_a=0.1) or torque_n_m=0.03:. Repeatable.",
-        metavar="NAME=LOW:HIGH",
+        "A limit: current_a=:0.1 (or current_a=0.1) or torque_n_m=0.03:. Repeatable.",
+        list[str] | None, metavar="NAME=LOW:HIGH",
     ),
-    speed=option(
-        float | None, None, "Speed of the held shaft, rad/s (slider: m/s); default: by the objective."
-    ),
+    speed=option("Speed of the held shaft, rad/s (slider: m/s); default: by the objective."),
     accuracy=ACCURACY,
 )  # fmt: skip
 def map_points(call: Call) -> int:
@@ -94,8 +86,7 @@ def map_points(call: Call) -> int:
     Example: piezomotor map andersen2002-unintended-mode --over drive.frequency=44e3:46e3:5
     --over drive.voltage=60,100 --limit current_a=0.06 --plot map.png
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".nc", ".csv", ".json")
+    call.check(".nc", ".csv", ".json", starts=False)
     limits, axes = common.limits_of(call.limit, bare=True), common.axes_of(call.over)
     if call.loaded.is_transducer:
         _linear_map(call, axes, limits)
@@ -104,18 +95,12 @@ def map_points(call: Call) -> int:
     free = call.speed is None and not call.load_torque and not LOADS.keys() & set(map(canonical, axes))
     if not (free and call.objective in ("efficiency", "power")):  # whose speed is found under the given drive
         common.refuse_covered(call.context, axes)
-    status = 0
     with common.points_progress() as progress:
-        try:
-            dataset = pr.working_points(
-                call.loaded, call.stated, over=axes, limits=bounds, contact=call.law, progress=progress,
-                **call.pick("objective speed load_torque accuracy step timeout"),
-            )  # fmt: skip
-        except Interrupted as interrupt:
-            dataset, status = interrupt.partial, common.INTERRUPTED
-            common.complain(f"piezomotor: {interrupt}")
-    result = dataset.piezomotor
-    call.deliver(result, dataset.attrs["title"])
+        dataset, status = common.finished(lambda: pr.working_points(
+            call.loaded, call.stated, over=axes, limits=bounds, contact=call.law, progress=progress,
+            **call.pick("objective speed load_torque accuracy step timeout"),
+        ))  # fmt: skip
+    call.deliver(dataset.piezomotor, dataset.attrs["title"])
     return status
 
 
@@ -149,19 +134,14 @@ def _linear_map(call: Call, axes: dict[str, list[float]], limits: dict[str, tupl
 @command(
     "motor", DRIVE, "speeds over mode follow tolerance patience", PERIOD, "audit", CHANGES, TARGETS,
     speeds=option(
-        str | None, None,
         "Speeds, rad/s (slider: m/s): 0,2.5,5, or --speeds=-5:10:7 for seven from -5 to 10 (first:last:count); "
-        "default: nine from stall to no load.",
+        "default: nine from stall to no load.", str | None
     ),
-    over=option(
-        list[str] | None, None, "A further axis, as drive.voltage=40,60,80. Repeatable.", metavar="PATH=VALUES"
-    ),
-    mode=option(Literal["steady", "settle"], "steady", "steady: solve; settle: run until settled."),
-    follow=option(
-        str | None, None, "Follow the branch of steady states along this axis, through folds.", metavar="AXIS"
-    ),
-    tolerance=option(float, 1e-3, "Largest change from block to block of a settled point."),
-    patience=option(int, 40, "Number of blocks after which a point counts as not settled."),
+    over=option("A further axis, as drive.voltage=40,60,80. Repeatable.", list[str] | None, metavar="PATH=VALUES"),
+    mode=option("steady: solve; settle: run until settled.", Literal["steady", "settle"], "steady"),
+    follow=option("Follow the branch of steady states along this axis, through folds.", str | None, metavar="AXIS"),
+    tolerance=option("Largest change from block to block of a settled point.", float, 1e-3),
+    patience=option("Number of blocks after which a point counts as not settled.", int, 40),
 )  # fmt: skip
 def speed_torque(call: Call) -> int:
     """Measure torque, power and losses versus speed. Writes .nc, .csv or .json.
@@ -169,8 +149,7 @@ def speed_torque(call: Call) -> int:
     Example: piezomotor speed-torque andersen2002-unintended-mode --voltage 100 --frequency 46e3 --phase 180
     --speeds=-5:25:13 --plot curve.png
     """
-    call.refuse_idle(NO_START, "soft_start")
-    call.check(".nc", ".csv", ".json")
+    call.check(".nc", ".csv", ".json", starts=False)
     motor, axes = call.loaded, common.axes_of(call.over)
     common.refuse_covered(call.context, axes)
     speeds = common.grid_or_none("--speeds", call.speeds)
@@ -179,26 +158,17 @@ def speed_torque(call: Call) -> int:
         return 0
     if speeds is None and "load.speed" not in map(canonical, axes):
         speeds = _up_to_no_load(call)
-    status = 0
     with common.points_progress() as progress:
-        try:
-            curve = pr.speed_torque(
-                motor, call.stated, speeds=speeds, over=axes, contact=call.law, progress=progress,
-                **call.pick("mode tolerance patience step timeout audit"),
-            )  # fmt: skip
-        except (Interrupted, pr.SimulationError) as fault:
-            if fault.partial is None:
-                raise
-            curve = fault.partial
-            status = common.INTERRUPTED if isinstance(fault, Interrupted) else 3
-            common.complain(f"piezomotor: {fault}")
-    result = curve.piezomotor
-    common.caution(result)
+        curve, status = common.finished(lambda: pr.speed_torque(
+            motor, call.stated, speeds=speeds, over=axes, contact=call.law, progress=progress,
+            **call.pick("mode tolerance patience step timeout audit"),
+        ))  # fmt: skip
     shown = curve[_SHOWN]
-    if result.linear:
+    if curve.piezomotor.linear:
         shown = shown.swap_dims(speed_rad_s="speed_m_s").drop_vars("speed_rad_s").rename(torque_n_m="force_n")
     points = shown.to_dataframe().dropna(subset=next(iter(shown))).to_string(float_format="{:.4g}".format)
-    call.write(result.to_dict(), f"{curve.attrs['title']}\n{points}\n", result.save, result.plot)
+    title = curve.attrs["title"]
+    call.deliver(curve.piezomotor, title, f"{title}\n{points}\n")
     return status
 
 
@@ -225,7 +195,4 @@ def _follow(call: Call, axes: dict[str, list[float]], speeds: list[float] | None
         call.loaded, call.stated, follow=call.follow, start=along[0], stop=along[-1],
         speed=None if of_speed else speeds[0], contact=call.law, **call.pick("step timeout"),
     )  # fmt: skip
-    result = branch.piezomotor
-    common.caution(result)
-    table = common.summary_table(result.summary(), branch.attrs["title"])
-    call.write(result.to_dict(), table, result.save, result.plot)
+    call.deliver(branch.piezomotor, branch.attrs["title"])

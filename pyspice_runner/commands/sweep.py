@@ -35,43 +35,34 @@ _IDLE = {  # options without effect on each analysis
     "distribution samples sampling seed workers scheduler store duration", LAW, "speed load_torque timeout",
     CHANGES, TARGETS,
     over=option(
-        list[str] | None, None, "A grid: contact.preload_n=2,5,9, or drive.voltage=20:80:7 (first:last:count).",
-        metavar="PATH=VALUES",
+        "A grid: contact.preload_n=2,5,9, or drive.voltage=20:80:7 (first:last:count).",
+        list[str] | None, metavar="PATH=VALUES",
     ),
     tolerance=option(
-        list[str] | None, None, "A tolerance about the nominal value: contact.friction=10%.", metavar="PATH=PERCENT"
+        "A tolerance about the nominal value: contact.friction=10%.", list[str] | None, metavar="PATH=PERCENT"
     ),
     quantity=option(
-        list[str] | None, None, "What to keep: a name in `simulate --json`, or of `speed-torque`. Repeatable.",
-        metavar="NAME",
+        "What to keep: a name in `simulate --json`, or of `speed-torque`. Repeatable.", list[str] | None, metavar="NAME"
     ),
     analysis=option(
-        Literal["simulate", "operating-point", "drive", "driver-state"], "simulate",
         "simulate: a run from rest; operating-point: settled at a speed; drive: a run of a driver; driver-state: the "
-        "steady state behind one.",
+        "steady state behind one.", Literal["simulate", "operating-point", "drive", "driver-state"], "simulate"
     ),
-    driver=option(str | None, None, f"Drive, driver-state: {DRIVERS}; default: linear."),
-    rail=option(
-        float | None, None, "Drive, driver-state: rails for which transformer and MOSFET are designed, V."
-    ),
+    driver=option(f"Drive, driver-state: {DRIVERS}; default: linear.", str | None),
+    rail=option("Drive, driver-state: rails for which transformer and MOSFET are designed, V."),
     limit=option(
-        list[str] | None, None, "A limit of a quantity, for the yield. Either end may be left out.",
-        metavar="NAME=LOW:HIGH",
+        "A limit of a quantity, for the yield. Either end may be left out.", list[str] | None, metavar="NAME=LOW:HIGH"
     ),
-    distribution=option(
-        Distribution, "uniform", "Distribution; normal: the tolerance is three standard deviations."
-    ),
-    samples=option(int, 64, "Samples within the tolerances."),
-    sampling=option(Sampling, "sobol", "Sampling method."),
-    seed=option(int, 0, "Seed of the samples."),
-    workers=option(int | None, None, "Worker processes; default: one per core."),
-    scheduler=option(
-        str | None, None, "Address of a Dask cluster, such as tcp://10.0.0.1:8786.", metavar="ADDRESS"
-    ),
-    store=option(Path | None, None, "Folder of finished points; default: in the user's cache folder."),
-    duration=option(float | None, None, "Simulate: simulated time, s; default: as `simulate`."),
-    speed=option(float | None, None, "Hold the shaft at this speed, rad/s (slider: m/s)."),
-    load_torque=option(float | None, None, "Simulate: torque of a load, N.m (slider: N).", *LOAD),
+    distribution=option("Distribution; normal: the tolerance is three standard deviations.", Distribution, "uniform"),
+    samples=option("Samples within the tolerances.", int, 64),
+    sampling=option("Sampling method.", Sampling, "sobol"),
+    seed=option("Seed of the samples.", int, 0),
+    workers=option("Worker processes; default: one per core.", int | None),
+    scheduler=option("Address of a Dask cluster, such as tcp://10.0.0.1:8786.", str | None, metavar="ADDRESS"),
+    store=option("Folder of finished points; default: in the user's cache folder.", Path | None),
+    duration=option("Simulate: simulated time, s; default: as `simulate`."),
+    speed=option("Hold the shaft at this speed, rad/s (slider: m/s)."),
+    load_torque=option("Simulate: torque of a load, N.m (slider: N).", float | None, None, *LOAD),
 )  # fmt: skip
 def sweep(call: Call) -> int:
     """Run a motor at many values of its parameters, the drive's (drive.voltage) and the run's (run.load_torque).

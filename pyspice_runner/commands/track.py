@@ -8,19 +8,9 @@ from typing import Any, Literal, get_args
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
-from pyspice_runner.commands.options import (
-    CHANGES,
-    DRIVER,
-    DRIVERS,
-    LOAD,
-    PHASE,
-    TARGETS,
-    Call,
-    command,
-    option,
-)
+from pyspice_runner.commands.options import CHANGES, DRIVER, DRIVERS, LOAD, PHASE, TARGETS, Call, command, option
 from pyspice_runner.errors import require
-from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind
+from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind, running_resonance
 
 START_OFFSET = 0.03  # relative to the centre
 FARTHEST_DEG = 60.0  # of a target
@@ -31,56 +21,45 @@ FARTHEST_DEG = 60.0  # of a target
     "reverse no_restart restart_after load_torque load_factor preload_change supply_change target_step drift",
     "drift_time all_drift compensate no_copies sense sense_ohm magnetizing", DRIVER,
     "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
-    tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
-    mode=option(str | None, None, "Name of the mode to track; default: the last.", "--mode", metavar="NAME"),
-    disturb=option(DisturbanceKind, "start", "Disturbance of the motor."),
+    tracker=option("Tracker that sets the frequency.", TrackerKind, "pll"),
+    mode=option("Name of the mode to track; default: the last.", str | None, metavar="NAME"),
+    disturb=option("Disturbance of the motor.", DisturbanceKind, "start"),
     event=option(
-        list[str] | None, None, "In place of --disturb, one of several: load=50m@20m is 50 mN.m from 20 ms on. "
-        f"Kinds: {', '.join(CHANGED)}. Repeatable.", "--event", metavar="KIND=VALUE@BEGIN",
+        "In place of --disturb, one of several: load=50m@20m is 50 mN.m from 20 ms on. "
+        f"Kinds: {', '.join(CHANGED)}. Repeatable.", list[str] | None, metavar="KIND=VALUE@BEGIN"
     ),
-    voltage=option(
-        float | None, None, "Amplitude of group A, V; default: the mode has the amplitude of the recommended drive."
-    ),
-    ratio_b=option(float, 1.0, "Amplitude of group B relative to group A."),
+    voltage=option("Amplitude of group A, V; default: the mode has the amplitude of the recommended drive."),
+    ratio_b=option("Amplitude of group B relative to group A.", float, 1.0),
     phase=PHASE,
-    frequency=option(
-        float | None, None, "Centre of the oscillator's range, Hz; default: the resonance of the running motor."
-    ),
-    span=option(float, 0.07, "Half the oscillator's range, relative."),
-    offset=option(
-        float | None, None, "Initial offset, relative to the centre; default: 0.03 for start, otherwise 0."
-    ),
-    target=option(float, 0.0, "Target phase of the loop, degrees; 0 is resonance."),
-    bandwidth=option(float, 500.0, "Bandwidth of the phase-locked loop, Hz."),
-    period=option(float, 0.8e-3, "Time between two steps of an observer, s."),
-    step_size=option(float, 80.0, "Size of an observer's steps, Hz."),
-    reverse=option(bool, False, "Reverse the polarity of the tracker.", "--reverse"),
-    no_restart=option(bool, False, "A loop that has lost lock does not return to its start.", "--no-restart"),
-    restart_after=option(float, 0.0, "Time without lock after which it returns, s; 0: by the loop."),
-    load_torque=option(float | None, None, "Load, N.m (slider: N); default: half the stall torque.", *LOAD),
-    load_factor=option(float, 2.0, "Transducer: damping of the mode after the step of its load over that before."),
-    preload_change=option(float, 0.3, "Relative change of the preload."),
-    supply_change=option(float, -0.3, "Relative change of the supply."),
-    target_step=option(float, 10.0, "Step of the target, degrees."),
-    drift=option(float, -0.02, "Relative drift of the frequencies."),
-    drift_time=option(float, 50e-3, "Duration of the drift, s."),
-    all_drift=option(
-        bool, False, "Couplings and capacitances drift too, by their default coefficients.", "--all-drift"
-    ),
-    compensate=option(
-        bool, False, "The copies of the clamped capacitances follow the stator's temperature.", "--compensate"
-    ),
-    no_copies=option(
-        bool, False, "The sensed current includes the current of the clamped capacitances.", "--no-copies"
-    ),
+    frequency=option("Centre of the oscillator's range, Hz; default: the resonance of the running motor."),
+    span=option("Half the oscillator's range, relative.", float, 0.07),
+    offset=option("Initial offset, relative to the centre; default: 0.03 for start, otherwise 0."),
+    target=option("Target phase of the loop, degrees; 0 is resonance.", float, 0.0),
+    bandwidth=option("Bandwidth of the phase-locked loop, Hz.", float, 500.0),
+    period=option("Time between two steps of an observer, s.", float, 0.8e-3),
+    step_size=option("Size of an observer's steps, Hz.", float, 80.0),
+    reverse=option("Reverse the polarity of the tracker.", bool, False),
+    no_restart=option("A loop that has lost lock does not return to its start.", bool, False),
+    restart_after=option("Time without lock after which it returns, s; 0: by the loop.", float, 0.0),
+    load_torque=option("Load, N.m (slider: N); default: half the stall torque.", float | None, None, *LOAD),
+    load_factor=option("Transducer: damping of the mode after the step of its load over that before.", float, 2.0),
+    preload_change=option("Relative change of the preload.", float, 0.3),
+    supply_change=option("Relative change of the supply.", float, -0.3),
+    target_step=option("Step of the target, degrees.", float, 10.0),
+    drift=option("Relative drift of the frequencies.", float, -0.02),
+    drift_time=option("Duration of the drift, s.", float, 50e-3),
+    all_drift=option("Couplings and capacitances drift too, by their default coefficients.", bool, False),
+    compensate=option("The copies of the clamped capacitances follow the stator's temperature.", bool, False),
+    no_copies=option("The sensed current includes the current of the clamped capacitances.", bool, False),
     sense=option(
-        Literal["current", "feedback"], "current", "Senses the currents of the groups, or the feedback electrode."
+        "What is sensed: the currents of the groups, or the feedback electrode.", Literal["current", "feedback"],
+        "current",
     ),
-    sense_ohm=option(float, 0.0, "Sense resistor, or burden of a current transformer referred to the line, ohm."),
-    magnetizing=option(float, 0.0, "Magnetising inductance of this transformer, referred to the line, H."),
-    driver=option(str | None, None, f"Driver between tracker and motor: {DRIVERS}; default: none."),
-    begin=option(float | None, None, "Start of the disturbance, s."),
-    averaged=option(bool, False, "Track the averaged motor: minutes of motor time in seconds.", "--averaged"),
+    sense_ohm=option("Sense resistor, or burden of a current transformer referred to the line, ohm.", float, 0.0),
+    magnetizing=option("Magnetising inductance of this transformer, referred to the line, H.", float, 0.0),
+    driver=option(f"Driver between tracker and motor: {DRIVERS}; default: none.", str | None),
+    begin=option("Start of the disturbance, s."),
+    averaged=option("Track the averaged motor: minutes of motor time in seconds.", bool, False),
 )  # fmt: skip
 def track(call: Call) -> None:
     """Track a mode of a motor under a disturbance. The exit status is 0 whether or not the tracker locked.
@@ -95,7 +74,7 @@ def track(call: Call) -> None:
     names = [mode.name for mode in motor.modes]
     require(call.mode is None or call.mode in names, "--mode", call.mode, f"one of {', '.join(names)}")
     mode = None if call.mode is None else names.index(call.mode)
-    phases = call.phases(motor, ratio_b=call.ratio_b)
+    phases = call.phases(ratio_b=call.ratio_b)
     tone = {name: getattr(phases, name) for name in ("voltage", "frequency", "phase_deg", "ratio_b")}
     call.refuse_idle(f"on {motor.name}", "load_torque" if motor.is_transducer else "load_factor")
     offset = START_OFFSET if call.disturb == "start" and not call.event else 0.0
@@ -147,8 +126,6 @@ def _usual_voltage(
     That drive holds beside the resonance, where the same voltage gives less. Where a mode has a phase beyond all
     targets there, the drive is meant for another one, and its voltage is returned.
     """
-    from pyspice_runner.trackers.tracker import running_resonance
-
     lag = running_resonance(motor, tracker, mode=mode, contact=contact)
     phase = atan(2.0 * pi * lag.time_constant_s * (frequency - lag.resonance_hz))
     factor = 1.0 if abs(phase) > radians(FARTHEST_DEG) else cos(phase) / cos(radians(tracker.wanted_deg))
@@ -157,8 +134,6 @@ def _usual_voltage(
 
 def centred(motor: pr.Motor, tracker: pr.Tracker, *, mode: int | None = None, contact: bool = True) -> pr.Tracker:
     """Return a tracker with the resonance of the running motor in the middle of its range."""
-    from pyspice_runner.trackers.tracker import running_resonance
-
     return tracker.updated({"frequency": running_resonance(motor, tracker, mode=mode, contact=contact).resonance_hz})
 
 

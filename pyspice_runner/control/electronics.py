@@ -83,15 +83,15 @@ class Rounding:
 
     def current(self, value: complex) -> complex:
         """Return a measured complex amplitude of a current in A."""
-        parts = self.electronics
-        return self._converted(value, parts.current_bits, parts.current_range_a, parts.current_noise_a)
+        return self._converted(value, "current", "a")
 
     def voltage(self, value: complex) -> complex:
         """Return a measured complex amplitude of a voltage in V."""
-        parts = self.electronics
-        return self._converted(value, parts.voltage_bits, parts.voltage_range_v, parts.voltage_noise_v)
+        return self._converted(value, "voltage", "v")
 
-    def _converted(self, value: complex, bits: int, span: float, noise: float) -> complex:
+    def _converted(self, value: complex, name: str, unit: str) -> complex:
+        names = (f"{name}_bits", f"{name}_range_{unit}", f"{name}_noise_{unit}")
+        bits, span, noise = (getattr(self.electronics, one) for one in names)
         if noise:
             value += noise * complex(*self._noise.standard_normal(2))
         if not bits:

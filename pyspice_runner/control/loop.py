@@ -72,25 +72,16 @@ GAINS: dict[str, dict[str, str]] = {
 
 @dataclass(frozen=True)
 class SpreadPoint:
-    """The loop at another operating point: with the gains of the design, and what gains the point itself needs.
+    """The loop at another operating point: with the gains of the design, and what gains the point itself needs."""
 
-    Attributes:
-        at: path → value that differs from the design.
-        speed: of the steady state there, rad/s; ``None`` where there is none.
-        voltage: amplitude of group A there, V; ``None`` where none gives the wanted speed.
-        crossover_hz: with the gains of the design; ``None`` where the loop is not stable or does not cross over.
-        phase_margin_deg: the same.
-        gains: that give the wanted crossover and margin there; ``None`` where none do.
-        reason: why something is ``None``.
-    """
-
-    at: Mapping[str, float]
-    speed: float | None = None
-    voltage: float | None = None
+    at: Mapping[str, float]  # path → value that differs from the design
+    speed: float | None = None  # of the steady state there, rad/s; ``None`` where there is none
+    voltage: float | None = None  # amplitude of group A there, V; ``None`` where none gives the wanted speed
+    # with the gains of the design; ``None`` where the loop is not stable or does not cross over
     crossover_hz: float | None = None
-    phase_margin_deg: float | None = None
-    gains: Mapping[str, float] | None = None
-    reason: str = ""
+    phase_margin_deg: float | None = None  # the same
+    gains: Mapping[str, float] | None = None  # that give the wanted crossover and margin there; ``None`` where none do
+    reason: str = ""  # why something is ``None``
 
 
 @dataclass(frozen=True, repr=False)

@@ -100,29 +100,25 @@ class ControlledRun(RunOverTime):
         noise = NOISE * (run["electronics"] or {}).get("encoder_jitter_rad", 0.0)
         return float(max(2.0 * presliding(self.provenance["motor"]), 1.5 * run["resolution"]["position_rad"] + noise))
 
-    @property
-    def _hunts(self) -> tuple[str, ...]:
-        """Whether the rotor turns back again and again in the second half of the time with the last set point."""
+    def _hunts(self) -> Iterator[str]:
+        """Yield whether the rotor turns back again and again in the second half of the time at the last set point."""
         time, position, reference = (self.samples[name] for name in ("time_s", "position_rad", "reference"))
         quantity = self.provenance["run"]["quantity"]
         if quantity in ("speed", "phase") or (quantity is None and not reference.any()):  # it need not rest
-            return ()
+            return
         changes = np.flatnonzero(np.diff(reference))
         begin = ((int(changes[-1]) + 1 if changes.size else 0) + len(time)) // 2
         late = position[begin:]
-        turns = turning_points(late, self._still)
-        if turns <= MOST_TURNS:
-            return ()
-        caution = (
-            f"The rotor hunts: it turns back {turns} times after {time[begin]:.4g} s, between {late.min():.5g} rad and "
-            f"{late.max():.5g} rad, at a constant set point. Give the controller a dead zone (of an encoder's step "
-            "or more), or lower its gains."
-        )
-        return (caution,)
+        if (turns := turning_points(late, self._still)) > MOST_TURNS:
+            yield (
+                f"The rotor hunts: it turns back {turns} times after {time[begin]:.4g} s, between {late.min():.5g} rad "
+                f"and {late.max():.5g} rad, at a constant set point. Give the controller a dead zone (of an encoder's "
+                "step or more), or lower its gains."
+            )
 
     def _limits(self) -> Iterator[str]:
         """Yield why the run is not trusted, and whether the rotor hunts."""
-        yield from (*self._doubts(), *self._hunts)
+        yield from (*self._doubts(), *self._hunts())
 
     @property
     def _watched(self) -> dict[str, str]:

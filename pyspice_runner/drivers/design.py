@@ -17,19 +17,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from math import ceil, copysign, degrees, floor, inf, log10, pi, sqrt
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
+from pyspice_runner.circuit.law import ContactLaw
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, MOST_VOLTAGE, Driver, NetworkKind
 from pyspice_runner.drivers.loads import NO_BLEEDER, NO_COIL, NO_PARALLEL, SHORT_OF, exceeded, part_loads
 from pyspice_runner.drivers.magnetics import Wound, cores, wound_transformer
-from pyspice_runner.drivers.matching import match_to_source
-from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, nearest
+from pyspice_runner.drivers.parts import CABLE, MOSFETS, NO_CAPACITOR, match_to_source, nearest
 from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.motor import groups
@@ -40,6 +39,7 @@ from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import json_ready
 from pyspice_runner.run.point import Point
+from pyspice_runner.run.point import Settings as Settings
 from pyspice_runner.steady.shooting import Orbit
 from pyspice_runner.steady.small_signals import cold_admittance
 from pyspice_runner.steady.steady import SteadyState, check_runs, steady_states
@@ -514,14 +514,7 @@ def warmed(point: Point, driver: Driver, rise_k: float) -> Point:
 
 @checked
 def driver_state(
-    motor: Motor,
-    driver: Driver,
-    *,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    warmer_k: float = 0.0,
-    contact: ContactLaw = PAPER_LAW,
-    timeout: float | None = None,
+    motor: Motor, driver: Driver, *, warmer_k: float = 0.0, **settings: Unpack[Settings]
 ) -> dict[str, Any]:
     """Return the steady state behind a driver with its network as it is: for sweeps over tolerances.
 
@@ -530,11 +523,8 @@ def driver_state(
     Args:
         motor: the motor, cold.
         driver: the driver.
-        speed: at which the shaft is held, rad/s; ``None`` leaves it free.
-        load_torque: torque in N·m of the load of a free shaft.
         warmer_k: temperature in K of the motor above that of its parameters; the frequency follows its resonance.
-        contact: law of the contact.
-        timeout: wall time in s after which a run is ended.
+        settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
         ``torque_n_m``, ``speed_rad_s``, amplitudes ``voltage_a_v`` and ``current_a_a`` at the pins of each group,
@@ -545,14 +535,11 @@ def driver_state(
         SimulationError: if there is no stable steady state.
     """
     stage = driver.equivalent
-    settings: dict[str, Any] = {
-        "speed": speed, "load_torque": load_torque, "contact": contact, "timeout": timeout, "audit": False
-    }  # fmt: skip
-    cold = Point.of(motor, stage, **settings)
+    cold = Point.of(motor, stage, audit=False, **settings)
     point = warmed(cold, stage, warmer_k) if warmer_k else cold
     # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
     pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
-    ideal = Point.of(point.motor, pins, **settings)
+    ideal = Point.of(point.motor, pins, audit=False, **settings)
     (pins_held,) = steady_states([ideal], accuracy=ACCURACY, averages=False)
     (state,) = _solved([point], [pins_held.solution])
     if not _steady(state):
@@ -603,37 +590,24 @@ _INSTEAD = {
 
 
 @checked
-def design_driver(
-    motor: Motor,
-    spec: DriverSpec,
-    *,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    contact: ContactLaw | None = PAPER_LAW,
-    timeout: float | None = None,
-    seeks: bool = True,
-) -> Design:
+def design_driver(motor: Motor, spec: DriverSpec, *, seeks: bool = True, **settings: Unpack[Settings]) -> Design:
     """Design a driver whose pins keep their voltages from stall to no load, and check it in steady states.
 
     Args:
         motor: the motor.
         spec: the drive wanted at the pins, stage, network and rails, and the parts that are given; those of network
             and transformer are chosen here.
-        speed: of the operating point, rad/s; by default half the speed at no load.
-        load_torque: torque in N·m of the load at the operating point, and of the motor when it starts.
-        contact: law of the contact.
-        timeout: wall time in s after which a run is ended.
         seeks: whether the largest possible value is searched for where a target is not reached.
+        settings: as in :class:`.Settings`; the speed is that of the operating point, by default half the speed at no
+            load; the load torque is that at the operating point, and of the motor when it starts.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     given, (spec, motor, idle) = motor, spec.aimed(motor)
-    ideal = Point.of(
-        motor, spec.drive, speed=speed, load_torque=0.0 if speed is not None else load_torque, contact=contact,
-        timeout=timeout, audit=False,
-    )  # fmt: skip
+    load_torque, held = settings.get("load_torque", 0.0), settings.get("speed") is not None
+    ideal = Point.of(motor, spec.drive, audit=False, **(settings | {"load_torque": 0.0} if held else settings))
     Load(torque=load_torque).check(motor)
     if ideal.law is None and not motor.is_transducer:
         raise ParameterError(

@@ -203,16 +203,11 @@ class Driver(Stated, Source):
         longest = LARGEST_DEAD_TIME / self.frequency
         for group in self.groups:
             dead_time, edge = (self.setting(f"bridge_{group}.{name}") for name in ("dead_time", "gate_edge"))
-            if dead_time > longest:
-                raise ParameterError(
-                    f"Driver: bridge_{group}.dead_time = {dead_time:g} s is not valid at {self.frequency:g} Hz: it "
-                    f"must be at most a fifth of a period, {longest:.3g} s."
-                )
-            if edge > LARGEST_GATE_EDGE * dead_time:
-                raise ParameterError(
-                    f"Driver: bridge_{group}.gate_edge = {edge:g} s is not valid with a dead time of {dead_time:g} s: "
-                    f"it must be at most an eighth of that, {LARGEST_GATE_EDGE * dead_time:.3g} s."
-                )
+            allowed = f"at {self.frequency:g} Hz at most a fifth of a period, {longest:.3g} s"
+            require(dead_time <= longest, f"Driver: bridge_{group}.dead_time", dead_time, allowed, unit="s")
+            most = LARGEST_GATE_EDGE * dead_time
+            allowed = f"with a dead time of {dead_time:g} s at most an eighth of that, {most:.3g} s"
+            require(edge <= most, f"Driver: bridge_{group}.gate_edge", edge, allowed, unit="s")
 
     @property
     def groups(self) -> tuple[str, ...]:

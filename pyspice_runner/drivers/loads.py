@@ -21,7 +21,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.source import Pins
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers.driver import BRIDGES, RAILS, Driver, Part, add_driver, control_amplitude
-from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, beyond, ratings
+from pyspice_runner.drivers.parts import CABLE, FEWEST_TIMES, MOSFETS, NO_CAPACITOR, largest_inductance, ratings
 from pyspice_runner.drivers.ratings import TRANSFORMER, TRANSISTOR, PartLoad, judged, rating_notes
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import groups
@@ -32,6 +32,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.run.window import Array, Window
 from pyspice_runner.units import engineering
 
+Samples = Mapping[str, Array]  # by the names of their vectors
 LEAST_COIL = 1e-6  # H in series, which stands for none
 NO_BLEEDER = 1e12  # Ω across it, which stands for none
 NO_COIL = 1.0  # H across a group, which stands for none
@@ -60,21 +61,21 @@ def load_vectors(driver: Driver) -> Iterator[str]:
             yield from (f"i(v.xnetwork_{group}.v{place})" for place in places)
 
 
-def part_loads(driver: Driver, samples: Mapping[str, Array], measure: Measure | None = None) -> tuple[PartLoad, ...]:
+def part_loads(driver: Driver, samples: Samples, measure: Measure | None = None) -> tuple[PartLoad, ...]:
     """Return the parts of both groups, from the supply to the pin, with the maxima over a run, or another measure."""
     found, measure = list[PartLoad](), measure or _peak
     for group in driver.groups:
         of_group = [*_of_stage(driver, group, samples, measure)]
         for part, before, after in _behind(driver, group):
-            of_group += _of_part(part, group, samples[f"v({before})"], samples[f"v({after})"], samples, measure)
+            of_group += _of_part(part, samples[f"v({before})"], samples[f"v({after})"], samples, measure)
         found += [replace(load, group=group) for load in of_group]
     return tuple(found)
 
 
 def settled_parts(
-    driver: Driver, samples: Mapping[str, Array], window: Window, losses_w: Mapping[str, float]
+    driver: Driver, samples: Samples, window: Window, losses: Mapping[str, float]
 ) -> tuple[PartLoad, ...]:
-    """Return the parts with RMS values, ripple and losses in a window; ``losses_w`` come from a balance."""
+    """Return the parts with RMS values, ripple and losses in a window; ``losses`` in W come from a balance."""
 
     def ripple(values: Array) -> float:
         return float(np.ptp(window.cut(values)[window.time >= window.time[-1] - window.period]))
@@ -83,7 +84,7 @@ def settled_parts(
     for peak, rms, swing in zip(*several, strict=True):
         volts, amperes, transistor = rms.peak_voltage_v, rms.peak_current_a, peak.name.startswith(TRANSISTOR)
         lost = [
-            loss for path, loss in losses_w.items() if f"_{peak.group}." in path and not path.startswith("driver")
+            loss for path, loss in losses.items() if f"_{peak.group}." in path and not path.startswith("driver")
             and peak.name.startswith(_LOSSES.get(path.partition(".")[2], "?"))
         ]  # fmt: skip
         found.append(replace(
@@ -117,11 +118,9 @@ def _peak(values: Array) -> float:
     return float(np.abs(values).max())
 
 
-def _of_part(
-    part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array], measure: Measure
-) -> Iterator[PartLoad]:
+def _of_part(part: Part, before: Array, after: Array, samples: Samples, measure: Measure) -> Iterator[PartLoad]:
     """Yield the values of a part behind the stage of a group, between two voltages."""
-    of_group = f"group {group.upper()}"
+    group, of_group = part.group, f"group {part.group.upper()}"
     if part.label == "transformer":
         places = (f"i(v.xnetwork_{group}.vcurrent)", f"i(v.xcable_{group}.vcurrent)", groups.current("pin", group))
         secondary = next(samples[name] for name in places if name in samples)
@@ -131,7 +130,7 @@ def _of_part(
             measure(secondary), primary_peak_voltage_v=measure(primary),
             primary_peak_current_a=measure(samples[groups.current("out", group)]),
         )  # fmt: skip
-        yield from _winding(part, group, measure(after))
+        yield from _winding(part, measure(after))
     elif part.label == CABLE:
         through = measure(samples[f"i(v.xcable_{group}.vcurrent)"])
         yield PartLoad(
@@ -139,10 +138,10 @@ def _of_part(
         )
         yield PartLoad(f"cable capacitance, {of_group}", part.values["capacitance"], "F", measure(after), None)
     else:
-        yield from _of_network(part, group, before, after, samples, measure)
+        yield from _of_network(part, before, after, samples, measure)
 
 
-def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array], measure: Measure) -> Iterator[PartLoad]:
+def _of_stage(driver: Driver, group: str, samples: Samples, measure: Measure) -> Iterator[PartLoad]:
     of_group = f"group {group.upper()}"
     for rail, volts in zip(RAILS, driver.rails(group), strict=True):
         current = groups.current(rail, group)
@@ -160,7 +159,7 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array], measure:
             yield PartLoad(
                 name, turns, "1", line_v, current_a, primary_peak_voltage_v=half_v, primary_peak_current_a=half_a
             )
-            yield from _winding(driver.parts(group)[0], group, line_v)
+            yield from _winding(driver.parts(group)[0], line_v)
             current_a *= turns
         name = f"{TRANSISTOR} {driver.mosfet.rpartition(':')[2]}, {of_group}"
         peaks = max([borne_v, *voltages]), max(currents or [current_a])
@@ -169,16 +168,15 @@ def _of_stage(driver: Driver, group: str, samples: Mapping[str, Array], measure:
         yield PartLoad(f"dead time, {of_group}", dead_time, "s", None, None)
 
 
-def _winding(part: Part, group: str, volts: float) -> Iterator[PartLoad]:
+def _winding(part: Part, volts: float) -> Iterator[PartLoad]:
     """Yield the capacitance of a transformer's winding, if it is stated."""
     if capacitance := part.values["winding_capacitance"]:
-        yield PartLoad(f"{TRANSFORMER}, group {group.upper()}, winding capacitance", capacitance, "F", volts, None)
+        name = f"{TRANSFORMER}, group {part.group.upper()}, winding capacitance"
+        yield PartLoad(name, capacitance, "F", volts, None)
 
 
-def _of_network(
-    part: Part, group: str, before: Array, after: Array, samples: Mapping[str, Array], measure: Measure
-) -> list[PartLoad]:
-    values, llcc = part.values, part.label == "llcc"
+def _of_network(part: Part, before: Array, after: Array, samples: Samples, measure: Measure) -> list[PartLoad]:
+    values, llcc, group = part.values, part.label == "llcc", part.group
     prefix, instance = "series_" if llcc else "", groups.named("xnetwork", group)
     inner, through = samples[f"v({instance}.inner)"], samples[f"i(v.{instance}.vcurrent)"]
     coil, capacitor, bleeder = values[f"{prefix}inductance"], values[f"{prefix}capacitance"], values["bleeder"]
@@ -204,9 +202,8 @@ def _of_network(
 
 
 def maxima(
-    motor: Motor, driver: Driver, samples: Mapping[str, Array], at: Sequence[PartLoad] = (),
-    later: Mapping[str, Array] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    motor: Motor, driver: Driver, samples: Samples, at: Sequence[PartLoad] = (), later: Samples | None = None
+) -> dict[str, Any]:
     """Return the maxima of pins, stages and parts over a run and when the pins had theirs, JSON-ready.
 
     ``later`` are samples of the settled state, if it is another run: a time is ``None`` if the maximum is there. ``at``
@@ -246,10 +243,9 @@ def exceeded(parts: Sequence[PartLoad], driver: Driver) -> list[str]:
         if (resonance := driver.transformer_resonance(group)) < FEWEST_TIMES * frequency
     ]
     for part in parts:
-        volts, amperes = part.peak_voltage_v or 0.0, part.peak_current_a or 0.0
         if part.unit in ("H", "F") and not part.name.startswith((CABLE, TRANSFORMER)):
             winding = [driver.winding(part.group)] if part.name.startswith("series") else []
-            notes += beyond(part.name, part.value, part.unit, volts, amperes, frequency, *winding)
+            notes += part.beyond(largest_inductance(frequency, *winding))
     return notes
 
 
@@ -257,7 +253,7 @@ LIMITED = 0.01  # of the time; a limit that is reached for longer is exceeded
 SHORT_OF = 0.1  # of the wanted voltage, by which less is a caution: a tenth of the amplitude is a fifth of the power
 
 
-def limited(driver: Driver, samples: Mapping[str, Array], begin_s: float) -> dict[str, dict[str, float]]:
+def limited(driver: Driver, samples: Samples, begin_s: float) -> dict[str, dict[str, float]]:
     """Return group → limit of its stage → share of the time from ``begin_s`` on in which it is reached."""
     time = samples["time"]
     later = time >= (begin_s if begin_s < time[-1] else time[0])
@@ -355,7 +351,7 @@ def switching_vectors(driver: Driver) -> list[str]:
     return [name for switch in _switches(driver) for name in (switch.ramp, switch.voltage, switch.current)]
 
 
-def turn_ons(driver: Driver, samples: Mapping[str, Array], window: Window) -> tuple[TurnOn, ...]:
+def turn_ons(driver: Driver, samples: Samples, window: Window) -> tuple[TurnOn, ...]:
     """Return the turn-ons of all transistors of a bridge, means over the window; none for another stage."""
     found, time = [], samples["time"]
     part = ratings(driver.mosfet) if driver.mosfet in MOSFETS else None
@@ -513,7 +509,7 @@ RECOVERY = (0.0, 2.3)
 
 
 def recovery_peaks(
-    setup: Point, driver: Driver, vectors: Sequence[str], samples: Mapping[str, Array]
+    setup: Point, driver: Driver, vectors: Sequence[str], samples: Samples
 ) -> dict[str, tuple[float, float]]:
     """Return transistor or supply → smallest and largest peak current in A at power-up by the recovery of body diodes.
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.document import read_bytes
-from pyspice_runner.spice.library import Header, Library, LibraryParameter
-from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
+from pyspice_runner.spice.library import Header, Library
+from pyspice_runner.spice.own_file import OwnFile, Parameters, Rules, Statement, short, words_of
 
 DRIVER = "driver_own"  # name of the subcircuit in a netlist
 MOSFET = "driver_mosfet"  # that of the part of the bridges that it replaces
@@ -180,7 +180,7 @@ class _Devices(OwnFile):
         return f".subckt {MOSFET} d g s\nMswitch d g s{bulk} {name}\n{text}\n.ends {MOSFET}"
 
     def _netlist(
-        self, block: _Block, name: str, pins: Sequence[str], parameters: tuple[LibraryParameter, ...]
+        self, block: _Block, name: str, pins: Sequence[str], parameters: Parameters
     ) -> tuple[str, tuple[str, ...]]:
         """Return a subcircuit with its parts, and the libraries of ``behavioral/`` that they need.
 

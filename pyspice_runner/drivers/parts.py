@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Built-in parts of a driver: MOSFETs with the ratings of data sheets, networks, and values that can be bought."""
+"""Built-in parts of a driver: MOSFETs with the ratings of data sheets, networks and a match, values to be bought."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import floor, log10, pi
+from math import floor, log10, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.drivers.own_device import MOSFET
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.spice.library import Header, Library, number, read_library
-from pyspice_runner.units import engineering
 
 CABLE = "cable"  # label of the part between network and pin
 NO_CAPACITOR = 1.0  # F in series, which stands for none
@@ -165,31 +165,24 @@ def largest_inductance(frequency_hz: float, winding_f: float = WINDING_CAPACITAN
     return min(LARGEST_INDUCTANCE, 1.0 / ((2.0 * pi * FEWEST_TIMES * frequency_hz) ** 2 * winding_f))
 
 
-def beyond(
-    name: str,
-    value: float,
-    unit: str,
-    volts: float,
-    amperes: float,
-    frequency_hz: float,
-    winding_f: float = WINDING_CAPACITANCE,
-) -> tuple[str, ...]:
-    """Return one sentence for each limit that a coil (unit H) or capacitor (unit F) exceeds by its maxima."""
-    largest = largest_inductance(frequency_hz, winding_f)
-    limits = {
-        "H": [
-            ("inductance", value, SMALLEST_INDUCTANCE, largest, "H"),
-            ("flux linkage", value * amperes, 0.0, LARGEST_FLUX, "V·s"),
-            ("voltage", volts, 0.0, HIGHEST_COIL_VOLTAGE, "V"),
-        ],
-        "F": [
-            ("capacitance", value, SMALLEST_CAPACITANCE, LARGEST_CAPACITANCE, "F"),
-            ("voltage", volts, 0.0, HIGHEST_CAPACITOR_VOLTAGE, "V"),
-        ],
-    }[unit]
-    return tuple(
-        f"The {name} has a {what} of {engineering(much, of)}; "
-        f"the limit is {engineering(low if much < low else high, of)}."
-        for what, much, low, high, of in limits
-        if not low <= much <= high * (1.0 + 1e-9)
-    )
+def match_to_source(load_ohm: complex, source_ohm: float, frequency_hz: float) -> dict[str, float]:
+    """Return the lossless elements that transform an impedance to a resistance, both in Ω, at a frequency in Hz.
+
+    They are a coil in series, ``series_inductance`` in H, and across the load ``parallel_capacitance`` in F or
+    ``parallel_inductance`` in H. With the load G + jB they have a susceptance b in total, and the impedance
+    G/(G² + b²) − jb/(G² + b²): its real part is R for b = √(G/R − G²), and the coil cancels −jbR/G.
+
+    Raises:
+        ParameterError: for a source resistance that is not positive or above that of the load in its parallel form.
+    """
+    require(load_ohm.real > 0.0, "load_ohm", load_ohm, "of a positive resistance", unit="Ω")
+    load, omega = 1.0 / load_ohm, 2.0 * pi * frequency_hz
+    if not 0.0 < load.real * source_ohm <= 1.0:
+        raise ParameterError(
+            f"source_ohm = {source_ohm:g} Ω is not valid for a load of {1.0 / load.real:.4g} Ω in parallel with a "
+            "reactance: it must be > 0 and at most that resistance. Take another one, or a transformer."
+        )
+    total = sqrt(load.real / source_ohm - load.real**2)
+    across = (total - load.imag) / omega
+    parallel = {"parallel_capacitance": across} if across > 0.0 else {"parallel_inductance": -1.0 / (omega**2 * across)}
+    return {"series_inductance": total * source_ohm / load.real / omega, **parallel}

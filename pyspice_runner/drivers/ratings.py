@@ -14,6 +14,7 @@ from math import inf, isfinite, sqrt
 from types import MappingProxyType
 from typing import Any
 
+from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import RATED, Driver
 from pyspice_runner.drivers.magnetics import Wound, wound, wound_transformer
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, ratings
@@ -79,6 +80,27 @@ class PartLoad:
             words += [f"{name} {', '.join(known)}"] if known else []
         words += [f"at power-up {between} by the recovery of the body diodes"] if between else []
         return "; ".join([*words, *(f"EXCEEDED: {one}" for one in self.exceeds)])
+
+    def beyond(self, largest_h: float) -> list[str]:
+        """Return one sentence for each limit that a coil, whose largest inductance is given, or a capacitor exceeds."""
+        volts, linkage = self.peak_voltage_v or 0.0, self.value * (self.peak_current_a or 0.0)
+        limits = {
+            "H": [
+                ("inductance", self.value, stock.SMALLEST_INDUCTANCE, largest_h, "H"),
+                ("flux linkage", linkage, 0.0, stock.LARGEST_FLUX, "V·s"),
+                ("voltage", volts, 0.0, stock.HIGHEST_COIL_VOLTAGE, "V"),
+            ],
+            "F": [
+                ("capacitance", self.value, stock.SMALLEST_CAPACITANCE, stock.LARGEST_CAPACITANCE, "F"),
+                ("voltage", volts, 0.0, stock.HIGHEST_CAPACITOR_VOLTAGE, "V"),
+            ],
+        }[self.unit]
+        return [
+            f"The {self.name} has a {what} of {engineering(much, of)}; "
+            f"the limit is {engineering(low if much < low else high, of)}."
+            for what, much, low, high, of in limits
+            if not low <= much <= high * (1.0 + 1e-9)
+        ]
 
     def largest(self, others: Iterable[PartLoad]) -> PartLoad:
         """Return the part with the largest voltage and current of several runs."""

@@ -12,11 +12,10 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from math import degrees, isfinite
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
 from pyspice_runner.circuit.motor import force_vectors
 from pyspice_runner.drivers import design as linear
 from pyspice_runner.drivers import loads
@@ -33,7 +32,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.strength import depolarised
 from pyspice_runner.result import Audit, Result, contact_row, json_ready
 from pyspice_runner.run.audit import DRIVER_BOUND, audit_contact, audit_power, ceramic, modal_vectors
-from pyspice_runner.run.point import MOST_POINTS, Point
+from pyspice_runner.run.point import MOST_POINTS, Point, Settings
 from pyspice_runner.run.recording import Recording
 from pyspice_runner.run.simulate import JUDGED, CoarserRuns
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, SMALL_TORQUE, Array, has_settled, remark
@@ -363,13 +362,9 @@ def drive_report(
     driver: Driver | Design | DriverSpec,
     duration: float | None = None,
     *,
-    contact: ContactLaw | None = PAPER_LAW,
-    speed: float | None = None,
-    load_torque: float = 0.0,
-    step: float | None = None,
-    timeout: float | None = None,
     audit: bool = True,
     events: bool = False,
+    **settings: Unpack[Settings],
 ) -> DriveReport:
     """Run a driver and its motor from power-up and report on both; design the driver of a specification first.
 
@@ -378,15 +373,11 @@ def drive_report(
         driver: the driver; a design of :func:`design`, whose parts and start the run completes; or a specification,
             from which it is designed or built.
         duration: simulated time in s; by default 3 ms; for a design from 1 to 6 ms, until its motor has started.
-        contact: law of the contact; ``None`` for a free tip.
-        speed: if given, the shaft is held at this speed, rad/s; of a specification with a rail it is the operating
-            point of the design, and the motor starts from rest.
-        load_torque: torque in N·m that a load draws from the free shaft.
-        step: uniform time step in s, or with a bridge the largest; by default from the fastest motion.
-        timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the report has them.
         events: whether further runs find what a load step, a stop and a frequency sweep do to pins and parts. The parts
             of a design are then rated for the largest of all.
+        settings: load, contact and solver, as in :class:`.Settings`; of a specification with a rail the speed is that
+            of the operating point of the design, and the motor starts from rest.
 
     Raises:
         NoDriverError: if the design has no driver; a ``ParameterError``.
@@ -394,27 +385,23 @@ def drive_report(
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
     if isinstance(driver, DriverSpec):
-        held = speed if driver.rail is None else None
-        driver = (
-            design_driver(motor, driver, speed=speed, load_torque=load_torque, contact=contact, timeout=timeout)
-            if driver.designed
-            else driver.aimed(motor)[0].driver()
-        )
-        speed = held
+        spec, of_design = driver, settings | {"step": None}
+        driver = design_driver(motor, spec, **of_design) if spec.designed else spec.aimed(motor)[0].driver()
+        settings = settings if spec.rail is None else settings | {"speed": None}
     design = driver if isinstance(driver, Design) else None
     if isinstance(driver, Design):
         if driver.driver is None:
             raise NoDriverError(driver)
         motor, driver = driver.motor or motor, driver.driver
     transistor_ratings(driver)  # refused before the run
-    setup = Point.of(
-        motor, driver, speed=speed, load_torque=load_torque, contact=contact, step=step, timeout=timeout, audit=audit
-    )
+    setup = Point.of(motor, driver, audit=audit, **settings)
     if duration is None:
         duration = _DURATION if design is None and not motor.is_transducer else _start_time(setup, design)
-    _check_duration(setup, duration)
+    shortest, longest = 10.0 * setup.source.period, MOST_POINTS * setup.step
+    words = f"from {shortest:.3g} s, ten periods of the driver, to {longest:.3g} s, so that the points fit in memory"
+    require(shortest <= duration <= longest, "duration", duration, words, unit="s")
     recording, judged, vectors = Recording(setup, setup.discretisation), _judged(setup), _vectors(setup, driver)
-    coarser = CoarserRuns(setup, judged, duration) if judged and step is None else None
+    coarser = CoarserRuns(setup, judged, duration) if judged and settings.get("step") is None else None
     with coarser or nullcontext():
         outcome = setup.run(duration, vectors)
         samples = outcome.vectors()
@@ -422,7 +409,7 @@ def drive_report(
     window = Window(samples["time"], driver.period, uniform=driver.uniform)
     measured = _Measurement(window, samples, driver)
     balance = measured.balance(setup)
-    settled, sources = _operating(setup, design if speed is None else None, vectors)
+    settled, sources = _operating(setup, design if setup.load.speed is None else None, vectors)
     operating = settled.balance(setup) if settled else None
     report = DriveReport(
         motor=motor.to_dict(),
@@ -459,11 +446,10 @@ def drive_report(
         runs += found.values()
     peaks = {group: float(report.maxima[groups.column("voltage", group, "v")]) for group in driver.groups}
     if design:
-        reached = None if speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
+        reached = None if setup.load.speed is not None or motor.is_transducer else report.mean_rotor_speed_rad_s
         parts = [tuple(PartLoad(**load) for load in run["parts"]) for run in runs]
-        at = {part.name: part for part in (operating or report).parts}
         between = loads.recovery_peaks(setup, driver, vectors, samples)
-        parts[0] = tuple(replace(part.settled(at[part.name]), peak_range_a=between.get(part.name)) for part in parts[0])
+        parts[0] = tuple(replace(part, peak_range_a=between.get(part.name)) for part in parts[0])
         most = {group: max(float(run[groups.column("voltage", group, "v")]) for run in runs) for group in driver.groups}
         design = design.ran(parts, reached, most, motor, _start_time(setup, design) - duration)
         if limits:
@@ -479,13 +465,6 @@ def drive_report(
     if audit:
         audited.withhold("report")
     return replace(report, audit=audited)
-
-
-def _beat(setup: Point) -> int:
-    """Return the number of periods of the beat of a driver with the nearest resonance of the running motor."""
-    frequency = setup.source.frequencies[0]
-    away = float(np.abs(setup.motor.pressed_stator.damped()[0] - frequency).min())
-    return min(max(round(frequency / max(away, 1.0)), AVERAGED_PERIODS), _LONGEST_BEAT)
 
 
 def _starts(setup: Point, design: Design | None, sources: Array) -> tuple[Any, ...]:
@@ -514,8 +493,10 @@ def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple
     if driver.own or not (orbit or setup.motor.is_transducer):
         return None, sources
     if orbit:
-        held = replace(setup, load=Load(speed=orbit.plant.load.speed))
-        beat = _beat(held)
+        held, frequency = replace(setup, load=Load(speed=orbit.plant.load.speed)), setup.source.frequencies[0]
+        away = float(np.abs(setup.motor.pressed_stator.damped()[0] - frequency).min())
+        # with the nearest resonance of the running motor
+        beat = min(max(round(frequency / max(away, 1.0)), AVERAGED_PERIODS), _LONGEST_BEAT)
         return measured(running(held, orbit, _SETTLING + beat, _vectors(held, driver)), beat), sources
     phasors = two_phasors(driver.equivalent)
     sources = np.array([phasors[group] for group in driver.groups])
@@ -588,13 +569,6 @@ def _start_time(setup: Point, design: Design | None) -> float:
     whole = motor.rotor.inertia_kg_m2 * abs(target.speed_rad_s) / torque if torque > 0.0 else _LONGEST
     time = whole + 0.5 * motor.decay_s if uniform else 2.0 * TURNING * whole
     return min(max(_SHORTEST, time), _LONGEST)
-
-
-def _check_duration(setup: Point, duration: float) -> None:
-    """Raise a ParameterError unless a run lasts ten periods of its driver, and its points fit in memory."""
-    least, most = 10.0 * setup.source.period, MOST_POINTS * setup.step
-    words = f"from {least:.3g} s, ten periods of the driver, to {most:.3g} s, so that the points fit in memory"
-    require(least <= duration <= most, "duration", duration, words, unit="s")
 
 
 def _to_come(setup: Point, measured: _Measurement) -> dict[str, float | None]:

@@ -23,7 +23,7 @@ from pyspice_runner.export.fmu import Version, fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.xyce import Dialect, xyce_library
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.motor.motor import Motor, require_one_contact
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.two_port import stator_two_port
@@ -138,13 +138,6 @@ def _library(export: MotorExport) -> str:
     return xyce_library(text) if export.dialect == "xyce" else text
 
 
-def _module(export: MotorExport) -> str:
-    require_one_contact(export.motor, "A Verilog-A module is")
-    return motor_module(
-        export.motor, contact=export.contact, name=export.name, thermal=export.thermal, rotational=export.rotational
-    )
-
-
 def _unit(export: MotorExport) -> dict[str, str]:
     check_averaged(export.contact)
     return fmu_texts(export.motor, name=export.name, thermal=export.thermal, version=export.fmi)
@@ -175,7 +168,11 @@ def _stator(export: MotorExport, _: Path) -> str:
 _CONTACT, _NETLIST = ("contact", "sliders"), ("contact", "sliders", "name", "thermal")
 FORMATS = {
     ".lib": Format(_library, averaged=True),
-    ".va": Format(_module),
+    ".va": Format(
+        lambda it: motor_module(
+            it.motor, contact=it.contact, name=it.name, thermal=it.thermal, rotational=it.rotational
+        )
+    ),
     ".fmu": Format(
         lambda export: _unit(export)["modelDescription.xml"],
         lambda export, _: fmu_archive(_unit(export)),

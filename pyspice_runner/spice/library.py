@@ -102,12 +102,10 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
         if key not in known:
             raise ParameterError(f"Subcircuit {name} has no parameter {key!r}; it has {', '.join(known)}.")
         parameter = known[key]
-        if not isinstance(value, str) and not parameter.least <= value <= parameter.greatest:
-            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-            raise ParameterError(
-                f"Subcircuit {name}: {key} = {value:g}{unit} is not valid: "
-                f"it must be {parameter.least:g} to {parameter.greatest:g}{unit}."
-            )
+        unit = parameter.unit.removesuffix("1")
+        valid = isinstance(value, str) or parameter.least <= value <= parameter.greatest
+        allowed = f"{parameter.least:g} to {parameter.greatest:g} {unit}".rstrip()
+        require(valid, f"Subcircuit {name}: {key}", value, allowed, unit=unit)
 
 
 def check_name(name: str) -> str:
@@ -161,7 +159,7 @@ def parse_library(name: str, text: str) -> Library:
     missing = [key for key, entry in entries.items() if not entry]
     if missing or begin is None or end is None or usage is None:
         raise ParameterError(f"{header.where} lacks {', '.join(missing)}; see behavioral/CONVENTIONS.md.")
-    pins, parameters = header.pins(), header.parameters()
+    pins, parameters = tuple(Pin(*words) for words in header.entries("PIN", 4)), header.parameters()
     words = begin.group(1).split()
     if [word for word in words if "=" not in word] != [pin.name for pin in pins]:
         raise ParameterError(f"{header.where}: the PIN lines and the pins of .subckt differ; make them the same.")
@@ -214,10 +212,6 @@ class Header:
     def needs(self) -> tuple[str, ...]:
         """Return the names on the ``NEEDS`` lines."""
         return tuple(name for (names,) in self.entries("NEEDS") for name in names.split())
-
-    def pins(self) -> tuple[Pin, ...]:
-        """Return the ``PIN`` lines."""
-        return tuple(Pin(*words) for words in self.entries("PIN", 4))
 
     def parameters(self) -> tuple[LibraryParameter, ...]:
         """Return the ``PAR`` lines. Raise ParameterError for an invalid number or a default out of its range."""

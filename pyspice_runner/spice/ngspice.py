@@ -13,7 +13,6 @@ the data of the previous run after a netlist with a syntax error.
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import re
 import shutil
@@ -30,7 +29,7 @@ from PySpice.Spice.Netlist import Circuit
 from PySpice.Spice.Simulation import CircuitSimulation, CircuitSimulator
 
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
-from pyspice_runner.interrupts import held
+from pyspice_runner.interrupts import Listening, held
 from pyspice_runner.spice import wasm
 from pyspice_runner.spice.process import KeptProcesses, silent_fault, uses_wasm
 from pyspice_runner.spice.process import find_ngspice as find_ngspice
@@ -38,12 +37,13 @@ from pyspice_runner.spice.process import ngspice_version as ngspice_version
 from pyspice_runner.spice.program import FREE_SPACE, Child, new_folder
 from pyspice_runner.spice.rawfile import RawFile, RawFileError, read_rawfile
 
+Progress = Callable[[float], object] | None  # called with the simulated time in s
+
 LARGEST = 1e100  # of a value, in any unit: no physical quantity is near it, and its square is still a number
 _PROGRESS_PERIOD = 0.2  # s; ngspice reports its progress no more often
 _PATIENCE = 10.0  # s of wall time, in which a transient must advance by _MIN_ADVANCE
-_MIN_ADVANCE = (
-    1e-5  # of its duration, which would take 12 days; a run of 1e8 steps, half an hour, advances by 500 times as much
-)
+# of its duration, which would take 12 days; a run of 1e8 steps, half an hour, advances by 500 times as much
+_MIN_ADVANCE = 1e-5
 _LONGEST_LOG = 1 << 24  # bytes; a good run writes about 1 kB
 _FULL = 1 << 16  # bytes; a disk that ngspice has filled has less than this free, the size of one write
 
@@ -83,7 +83,7 @@ def run_deck(
     stop_time: float | None = None,
     stop_frequency: float | None = None,
     timeout: float | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
     keep_partial: bool = False,
     processes: KeptProcesses | None = None,
 ) -> SpiceRun:
@@ -140,12 +140,7 @@ def run_deck(
 
 
 def _execute(
-    in_wasm: bool,
-    folder: Path,
-    timeout: float | None,
-    progress: Callable[[float], object] | None,
-    stop_time: float | None,
-    listening: Callable[[], contextlib.AbstractContextManager[None]],
+    in_wasm: bool, folder: Path, timeout: float | None, progress: Progress, stop: float | None, listening: Listening
 ) -> tuple[int, str, float]:
     """Run ngspice to its end; an interrupt or a timeout ends the child first."""
     started = time.perf_counter()
@@ -157,7 +152,7 @@ def _execute(
             raise SimulationError(f"{error.filename} does not run: {error.strerror}.") from None
         try:
             with listening():
-                status = _wait(process, timeout, progress, stop_time, log_file)
+                status = _wait(process, timeout, progress, stop, log_file)
         except subprocess.TimeoutExpired:
             raise SimulationError(
                 f"ngspice did not finish within {timeout:g} s and was stopped.", log=_read(log_file)
@@ -168,17 +163,13 @@ def _execute(
 
 
 def _wait(
-    process: Child | wasm.Batch,
-    timeout: float | None,
-    progress: Callable[[float], object] | None,
-    stop_time: float | None,
-    log_file: IO[bytes],
+    process: Child | wasm.Batch, timeout: float | None, progress: Progress, stop: float | None, log_file: IO[bytes]
 ) -> int:
     """Wait for the end of ngspice, and report the simulated time.
 
     Raise SimulationError for a transient that hardly advances, because its iteration needs very small steps.
     """
-    if progress is None and stop_time is None:
+    if progress is None and stop is None:
         return process.wait(timeout=timeout)
     period = _PROGRESS_PERIOD if progress else 0.1 * _PATIENCE
     ends, last = (None if timeout is None else time.monotonic() + timeout), b""
@@ -197,11 +188,11 @@ def _wait(
             if progress:
                 progress(now)
             crawled += period
-            if stop_time is None or now - advanced > _MIN_ADVANCE * stop_time:
+            if stop is None or now - advanced > _MIN_ADVANCE * stop:
                 advanced, crawled = now, 0.0
             elif crawled > _PATIENCE:
                 raise SimulationError(
-                    f"The time steps of ngspice become too small at {now:.4g} s of {stop_time:g} s, and it was "
+                    f"The time steps of ngspice become too small at {now:.4g} s of {stop:g} s, and it was "
                     "stopped. Halve the step, or check stiffness, damping and compliance of the contact.",
                     log=_read(log_file),
                 )
@@ -334,8 +325,8 @@ class BatchSimulator(CircuitSimulator):
         return self
 
     def verified(
-        self, analysis_method: str, *args: Any, progress: Callable[[float], object] | None = None,
-        keep_partial: bool = False, processes: KeptProcesses | None = None, **kwargs: Any,
+        self, analysis_method: str, *args: Any, progress: Progress = None, keep_partial: bool = False,
+        processes: KeptProcesses | None = None, **kwargs: Any,
     ) -> SpiceRun:  # fmt: skip
         """Run an analysis and return the vectors of the raw file.
 

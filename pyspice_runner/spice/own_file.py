@@ -15,12 +15,10 @@ from typing import NoReturn
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.spice.library import FACTS, PREFIX, Header, Library, LibraryParameter, Pin, library_names, number
 
+Parameters = tuple[LibraryParameter, ...]
 Statement = tuple[int, str]  # number of its first line in the file, and its text with the continued lines
 _FUNCTIONS = frozenset(
-    re.findall(
-        r"\w+",
-        "abs acos asin atan ceil cos cosh exp floor int ln log log10 max min pow pwr sgn sin sinh sqrt tan tanh",
-    )
+    "abs acos asin atan ceil cos cosh exp floor int ln log log10 max min pow pwr sgn sin sinh sqrt tan tanh".split()  # noqa: SIM905
 )
 _FREE = frozenset(["pi", "temper", "time"])  # names that every expression may read
 _UNIT = re.compile(r"[\w/*^().%-]{1,20}")  # of a PAR line; a label of axes
@@ -79,15 +77,9 @@ class OwnFile:
         return "".join(pieces)
 
     def _library(
-        self,
-        name: str,
-        own_name: str,
-        pins: Sequence[str],
-        parameters: tuple[LibraryParameter, ...],
-        subcircuit: str,
-        needs: tuple[str, ...],
+        self, name: str, own_name: str, pins: Sequence[str], parameters: Parameters, text: str, needs: tuple[str, ...]
     ) -> Library:
-        """Return the file as a library: ``name`` in a netlist, ``own_name`` in the file."""
+        """Return the file as a library: ``name`` and ``text`` in a netlist, ``own_name`` in the file."""
         what, stated = self._rules.what, dict.fromkeys(FACTS, "not stated")
         return Library(
             name=name,
@@ -95,11 +87,11 @@ class OwnFile:
             pins=tuple(Pin(pin, "", "", "") for pin in pins),
             parameters=parameters,
             usage="",
-            subcircuit=subcircuit,
+            subcircuit=text,
             text=self._text,
             needs=needs,
             **(stated | {"omits": f"what the user's own {what} leaves out"} | self._header.facts()),
-            **self._header.insides(subcircuit),
+            **self._header.insides(text),
         )
 
     def _needs(self) -> tuple[str, ...]:
@@ -113,7 +105,7 @@ class OwnFile:
                 )
         return names
 
-    def _parameters(self, line: int, words: Sequence[str]) -> tuple[LibraryParameter, ...]:
+    def _parameters(self, line: int, words: Sequence[str]) -> Parameters:
         """Return the parameters ``name=value`` of a ``.subckt`` line, with their PAR lines."""
         stated = {parameter.name: parameter for parameter in self._header.parameters()}
         found: list[LibraryParameter] = []

@@ -188,9 +188,8 @@ class Server:
         SimulationError: if ngspice fails; the process is ended.
     """
 
-    def __init__(self, timeout: float = _HANDSHAKE) -> None:
-        self.version = ngspice_version()
-        self.timeout = timeout
+    def __init__(self) -> None:
+        self.version, self.timeout = ngspice_version(), _HANDSHAKE
         self._marks = 0
         self.folder = new_folder()
         self._terminal: int | None = None

@@ -58,6 +58,9 @@ class Tolerance:
         return 1.0 + self.relative / 3.0 * np.asarray(norm.ppf(inside))
 
 
+Values = Sequence[float] | Array | Tolerance  # of an axis
+
+
 def named(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> list[Parameter]:
     """Return the parameters that a path names: one, or with ``modes.*`` one of each mode.
 
@@ -72,11 +75,7 @@ def named(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) -> lis
 
 
 def plan_of(
-    over: Mapping[str, Sequence[float] | Array | Tolerance],
-    parameters: Mapping[str, Sequence[Parameter]],
-    samples: int,
-    sampling: Sampling,
-    seed: int,
+    over: Mapping[str, Values], parameters: Mapping[str, list[Parameter]], samples: int, sampling: Sampling, seed: int
 ) -> tuple[dict[str, int], dict[str, tuple[str, Array, dict[str, Any]]], list[dict[str, float]]]:
     """Return the sizes of the dimensions, the coordinates, and the changes at each point, by dimension.
 

@@ -28,9 +28,8 @@ from pyspice_runner.motor.refusal import Stated, checked, quoted
 from pyspice_runner.result import grouped, json_ready
 from pyspice_runner.run.paths import LOADS, canonical, changed, unit_of_name, unknown
 from pyspice_runner.run.simulate import simulate
-from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.speed_torque import held_point, held_points
-from pyspice_runner.sweeps.plan import Sampling, Tolerance, named, plan_of
+from pyspice_runner.sweeps.plan import Sampling, Tolerance, Values, named, plan_of
 from pyspice_runner.sweeps.store import Store, fingerprint
 from pyspice_runner.sweeps.task import Analysis, Task, drive_document, identity, plain, versions_here
 from pyspice_runner.sweeps.workers import outcomes
@@ -52,7 +51,7 @@ def sweep(
     motor: Motor,
     drive: Stated,
     *,
-    over: Mapping[str, SkipValidation[Sequence[float] | Array | Tolerance]],
+    over: Mapping[str, SkipValidation[Values]],
     quantities: Sequence[str] | Mapping[str, Quantity] = ("mean_rotor_speed_rad_s", "mean_torque_n_m"),
     samples: int = 64,
     sampling: Sampling = "sobol",

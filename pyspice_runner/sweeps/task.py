@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
@@ -20,6 +20,7 @@ from pyspice_runner.circuit.law import Law, contact_library, is_own
 from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.refusal import Stated, quoted
+from pyspice_runner.result import leaves
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.sweeps.store import fingerprint
@@ -89,22 +90,13 @@ class Task:
     def answer(self, result: Any) -> dict[str, Any]:
         """Return the stored part of a result."""
         document = result if isinstance(result, Mapping) else result.to_dict()
-        numbers = dict(_numbers(document)) | {name: float(of(result)) for name, of in self.functions.items()}
+        numbers = {name: float(value) for name, value in leaves(document) if isinstance(value, Real | np.bool_)}
+        numbers |= {name: float(of(result)) for name, of in self.functions.items()}
         numbers.pop("solver_seconds", None)  # of the machine, not of the motor
         settings = document.get("run") or {}
         deck = document.get("deck_sha256") or settings.get("deck_sha256", "")
         cautions = getattr(result, "cautions", None) or document.get("cautions") or ()
         return {"numbers": numbers, "deck_sha256": str(deck), "cautions": list(cautions)}
-
-
-def _numbers(document: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
-    """Yield every number in a document with its dotted name."""
-    items = document.items() if isinstance(document, Mapping) else enumerate(document)
-    for key, value in items:
-        if isinstance(value, Mapping | list | tuple):
-            yield from _numbers(value, f"{prefix}{key}.")
-        elif isinstance(value, Real | np.bool_):
-            yield f"{prefix}{key}", float(value)
 
 
 def drive_document(drive: Stated) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, pi, radians
 from time import monotonic
+from typing import Any
 
 import numpy as np
 from PySpice.Spice.Netlist import Circuit
@@ -17,14 +18,7 @@ from pyspice_runner.averaged.core import AveragedMotor, Loop
 from pyspice_runner.averaged.driver import AveragedDrive
 from pyspice_runner.averaged.errors import estimate
 from pyspice_runner.averaged.library import HARMONICS, OPTIONS, Schedule, add_averaged_motor, schedule_text
-from pyspice_runner.averaged.point import (
-    INPUT_OF,
-    LONGEST_STEPS,
-    VALUES_OF_A_FUNCTION,
-    AveragedPoint,
-    ScheduleLike,
-    deck_of,
-)
+from pyspice_runner.averaged.point import INPUT_OF, LONGEST_STEPS, VALUES_OF_A_FUNCTION, AveragedPoint, deck_of
 from pyspice_runner.averaged.run import ErrorEstimate
 from pyspice_runner.averaged.simulate import RECORDED, averaged_engine, mode_amplitudes, phasor
 from pyspice_runner.circuit.bench import Bench, add_cooling
@@ -191,7 +185,7 @@ def replayed(run: TrackedRun, time: Array, frequency: Array) -> ErrorEstimate:
     """Estimate the errors of the averaged motor at the frequencies in Hz that a tracker sets at times in s."""
     setup, source, disturbances = run.setup, run.source, run.source.disturbances
     thermal, every = disturbances.drifting, ceil(len(time) / VALUES_OF_A_FUNCTION)
-    courses: dict[str, ScheduleLike] = {"frequency": np.transpose([time, frequency])[::every], **_moved(run)}
+    courses: dict[str, Any] = {"frequency": np.transpose([time, frequency])[::every], **_moved(run)}
     if disturbances.of("temperature") and thermal:  # the stator follows the course at once, not its own losses
         thermal = thermal.model_copy(update={"heat_capacity_j_per_k": 1e-9, "thermal_resistance_k_per_w": 1e-3})
     drive = source.driver or TwoPhaseDrive(**two_phases(source.tracker))

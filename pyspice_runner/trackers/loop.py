@@ -39,15 +39,8 @@ from pyspice_runner.result import Result, json_ready
 from pyspice_runner.run.point import Point
 from pyspice_runner.run.waveforms import Array
 from pyspice_runner.steady.small_signals import HIGHEST, cold_admittance, linearised, loop_margins
-from pyspice_runner.trackers.tracker import (
-    LoopFilter,
-    TrackedSource,
-    Tracker,
-    loop_gain,
-    propose_filter,
-    running_resonance,
-    sensing,
-)
+from pyspice_runner.trackers import tracker as parts
+from pyspice_runner.trackers.tracker import LoopFilter, TrackedSource, Tracker
 from pyspice_runner.units import engineering
 
 POINTS_PER_DECADE = 100
@@ -93,22 +86,15 @@ def phase_shown_deg(
 def loop_design(motor: Motor, tracker: Tracker, *, mode: int | None = None, contact: bool = True) -> LoopDesign:
     """Return the loop gain of a phase-locked loop in front of a resonator alone, for which its filter is designed.
 
-    Args:
-        motor: the motor.
-        tracker: the tracker; its filter is the proposed one for its bandwidth.
-        mode: index of the tracked mode, from 0; by default the last.
-        contact: whether the tip is on the rotor.
-
-    Raises:
-        ParameterError: if the tracker is no phase-locked loop.
-        SimulationError: if the loop gain does not cross 1 near the bandwidth.
+    The arguments are those of :func:`.control_loop`. Raise ParameterError for a tracker that is no phase-locked loop,
+    SimulationError if the loop gain does not cross 1 near the bandwidth.
     """
     if tracker.kind != "pll":
         raise ParameterError(f"The tracker {tracker.kind!r} has no loop gain; take a pll.")
-    lag = running_resonance(motor, tracker, mode=mode, contact=contact)
-    loop_filter = propose_filter(tracker, lag)
+    lag = parts.running_resonance(motor, tracker, mode=mode, contact=contact)
+    loop_filter = parts.propose_filter(tracker, lag)
     frequency = swept_hz(tracker)
-    gain = tracker.polarity * loop_gain(tracker, lag, loop_filter, frequency)
+    gain = tracker.polarity * parts.loop_gain(tracker, lag, loop_filter, frequency)
     return LoopDesign(loop_filter, *loop_margins(frequency, gain)[:2], frequency, gain)
 
 
@@ -199,7 +185,7 @@ def _turns(
     in Hz, with the currents of :func:`_running`.
     """
     drawn, inner, error = answers
-    frequency, weights = drive.frequency, sensing(known, source.tracker, source.mode)
+    frequency, weights = drive.frequency, parts.sensing(known, source.tracker, source.mode)
     currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
     pins = volts(drive)
     share = source.tracker.sensed_share

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from math import degrees, isfinite, pi, sqrt
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -31,30 +31,15 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import audit_contact, ceramic, modal_vectors
 from pyspice_runner.run.kernel import Outcome
-from pyspice_runner.run.point import MOST_POINTS, Point, Solver
+from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, Array, has_settled
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
 from pyspice_runner.spice import Engine
 from pyspice_runner.steady.transducer import heavier
+from pyspice_runner.trackers import tracker as parts
 from pyspice_runner.trackers.averaged import AveragedTrack, TrackedRun, replayed, run_averaged
 from pyspice_runner.trackers.loop import Complex, LoopDesign, by_group, copies, running_loop
-from pyspice_runner.trackers.tracker import (
-    CHANGED,
-    LOST_DEG,
-    SMOOTHED_PERIODS,
-    Disturbance,
-    DisturbanceKind,
-    Disturbances,
-    LoopFilter,
-    StatorLag,
-    TrackedSource,
-    Tracker,
-    propose_filter,
-    restart_values,
-    running_resonance,
-    sensed_modes,
-    sensing,
-)
+from pyspice_runner.trackers.tracker import SMOOTHED_PERIODS, Disturbances, StatorLag, TrackedSource, Tracker
 from pyspice_runner.units import engineering, unit_in
 
 LOCKED_DEG = 20.0  # closer to the target is locked: a resonator has 94 % of its largest amplitude or more
@@ -67,35 +52,22 @@ AT_LIMIT = 0.98  # of half the oscillator's range: the charge pump turns off ove
 
 @dataclass(frozen=True)
 class Sensing:
-    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less.
+    """Drift of the sensed motional current: the clamped capacitances warm up, their copies do not, or less."""
 
-    Attributes:
-        capacitance_drift_per_k: relative drift of the clamped capacitances that their copies do not follow, 1/K.
-        phase_drift_deg_per_k: by which the loop moves the phase of the mode's velocity per kelvin.
-        frequency_drift_hz_per_k: by which it thus moves the frequency away from the one wanted.
-    """
-
-    capacitance_drift_per_k: float
-    phase_drift_deg_per_k: float
-    frequency_drift_hz_per_k: float
+    capacitance_drift_per_k: float  # relative drift of the clamped capacitances that their copies do not follow, 1/K
+    phase_drift_deg_per_k: float  # by which the loop moves the phase of the mode's velocity per kelvin
+    frequency_drift_hz_per_k: float  # by which it thus moves the frequency away from the one wanted
 
 
 @dataclass(frozen=True)
 class LostLock:
-    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods.
+    """A loss of lock: the phase error exceeds 60°. It is regained when the error stays within 20° for 20 periods."""
 
-    Attributes:
-        lost_s: time at which lock is lost.
-        lost_hz: drive frequency then, the pull-out frequency.
-        regained_s: time from which on it is regained; ``None`` if it is not in the run.
-        regained_hz: drive frequency then.
-        pull_out: what the disturbances have changed when it is lost: the load in N·m, others as :class:`.Disturbance`.
-    """
-
-    lost_s: float
-    lost_hz: float
-    regained_s: float | None = None
-    regained_hz: float | None = None
+    lost_s: float  # time at which lock is lost
+    lost_hz: float  # drive frequency then, the pull-out frequency
+    regained_s: float | None = None  # time from which on it is regained; ``None`` if it is not in the run
+    regained_hz: float | None = None  # drive frequency then
+    # what the disturbances have changed when it is lost: the load in N·m, others as :class:`.Disturbance`
     pull_out: dict[str, float] = field(default_factory=dict)
 
 
@@ -155,7 +127,7 @@ class Tracking(Estimated, Result):
     stall_torque_n_m: float | None
     to_come: float | None
     lag: StatorLag
-    loop_filter: LoopFilter
+    loop_filter: parts.LoopFilter
     settings: dict[str, Any]
     time_s: Array = field(repr=False)
     frequency_hz: Array = field(repr=False)
@@ -378,7 +350,7 @@ class Periods:
         time, frequency, found = self.time, self.smoothed(self.frequency), list[LostLock]()
         outside = np.where(np.abs(error) >= LOCKED_DEG, time, time[-1])
         held = np.minimum.accumulate(outside[::-1])[::-1] - time >= SMOOTHED_PERIODS / frequency
-        far = np.abs(error) >= LOST_DEG
+        far = np.abs(error) >= parts.LOST_DEG
         while far[first:].any():
             first += int(np.argmax(far[first:]))
             back = first + int(np.argmax(held[first:]))
@@ -483,10 +455,9 @@ def track(
     tracker: Tracker,
     duration: float | None = None,
     *,
-    disturb: DisturbanceKind = "start",
-    disturbances: Sequence[Disturbance] = (),
+    disturb: parts.DisturbanceKind = "start",
+    disturbances: Sequence[parts.Disturbance] = (),
     mode: int | None = None,
-    contact: ContactLaw | None = PAPER_LAW,
     begin: float | None = None,
     load_torque: float | None = None,
     preload_change: float = 0.3,
@@ -497,13 +468,12 @@ def track(
     target_step: float = 10.0,
     load_factor: float = 2.0,
     speed: float | None = None,
-    step: float | None = None,
     driver: Driver | None = None,
     averaged: bool = False,
     margin: bool = True,
     engine: Engine = "auto",
-    timeout: float | None = None,
     audit: bool = True,
+    **settings: Unpack[RunSettings],
 ) -> Tracking:
     """Track a mode of a motor from rest, under a disturbance.
 
@@ -517,7 +487,6 @@ def track(
             ``"temperature"``: a drift of all frequencies; ``"warm-up"``, averaged only: the losses heat the stator.
         disturbances: several disturbances in place of ``disturb``; each moves a value from the last one of its kind.
         mode: index of the mode to follow, from 0; by default the last.
-        contact: law of the contact; ``None`` for a free tip.
         begin: start of the disturbance, s; by default when the tracker, and the mode of a transducer, have settled.
         duration: simulated time, s; by default some time after the disturbance.
         load_torque: torque of the load in N·m; by default half the stall torque, which takes a run with the shaft held.
@@ -529,26 +498,25 @@ def track(
         thermal: coefficients of the drift; by default of frequencies only, in a warm-up those of :meth:`Thermal.of`.
         target_step: step of the target phase of a phase-locked loop, degrees.
         speed: if given, the shaft is held at this speed, rad/s.
-        step: largest time step, s; by default 1/200 of the period of the fastest motion.
         driver: circuit between tracker and the motor's pins, where the tracker senses; it sets voltages and phase.
         averaged: whether to track the averaged motor.
         margin: whether to find the loop gain of a locked loop at the end; of the full motor this takes about 1 s.
         engine: of the averaged motor, as in :func:`simulate_averaged`; ngspice runs the full motor.
-        timeout: wall time in s after which a run is ended.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.
+        settings: contact and solver, as in :class:`.RunSettings`.
 
     Raises:
         ParameterError: for an invalid value.
         SimulationError: if ngspice fails or its result cannot be trusted.
     """
-    contact = None if motor.is_transducer else contact
+    contact = None if motor.is_transducer else settings.get("contact", PAPER_LAW)
     law = law_of(contact, motor.law)
     mode = motor.main_mode if mode is None else mode
     if disturbances and disturb != "start":
         raise ParameterError(f"disturb = {disturb!r} and disturbances exclude each other. Give one.")
     built_up = (BUILT_UP + 1.0) * motor.loaded_stator.decay_s if motor.is_transducer else 0.0
     begin = max(_settled(tracker, disturb), built_up) if begin is None else begin
-    one = Disturbance(
+    one = parts.Disturbance(
         kind=disturb, begin_s=begin, load_torque_n_m=load_torque or 0.0, preload_change=preload_change, drift=drift,
         supply_change=supply_change, drift_time_s=drift_time, target_step_deg=target_step,
         thermal={"temperature": thermal, "warm-up": thermal or Thermal.of(motor)}.get(disturb),
@@ -559,15 +527,17 @@ def track(
     if averaged:
         _ = motor.rotor  # of a transducer an error
         check_averaged(contact)
-        if step is not None:
+        if settings.get("step") is not None:
             raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
     elif engine == "compiled":
         raise ParameterError("engine = 'compiled' has no tracker for the full motor: give averaged=True, or 'spice'.")
     elif sequence.of("warm-up"):
         raise ParameterError("disturb = 'warm-up' takes minutes of motor time: give averaged=True, or 'temperature'.")
-    lag = running_resonance(motor, tracker, mode=mode, contact=law is not None)
-    source = TrackedSource(tracker, mode, propose_filter(tracker, lag), driver)
-    setup = Point(motor, source, Load(speed), law, Solver(step, timeout=timeout, audit=audit))
+    lag = parts.running_resonance(motor, tracker, mode=mode, contact=law is not None)
+    source = TrackedSource(tracker, mode, parts.propose_filter(tracker, lag), driver)
+    setup = Point(
+        motor, source, Load(speed), law, Solver(settings.get("step"), timeout=settings.get("timeout"), audit=audit)
+    )
     if duration is None:
         last = max(sequence.events, key=lambda one: one.end_s)
         duration = last.end_s + {"start": 0.0, "temperature": 2e-3}.get(last.kind, max(12e-3, built_up))
@@ -583,7 +553,7 @@ def track(
     if disturb == "load" and load_torque is None and not motor.is_transducer:
         stall = _stall_torque(setup, source)  # of the full motor
         sequence = Disturbances((one.model_copy(update={"load_torque_n_m": 0.5 * stall}),))
-    restart = restart_values(motor, tracker, mode, lag, source.loop_filter)
+    restart = parts.restart_values(motor, tracker, mode, lag, source.loop_filter)
     begins = tracker.restart and tracker.kind == "pll" and restart["wait"] < duration  # else it takes no time
     source = replace(source, disturbances=sequence, restart=restart if begins else None)
     setup = replace(setup, source=source)
@@ -646,7 +616,7 @@ def _track_full(run: TrackedRun) -> Tracking:
 
 def _inseparable(motor: Motor, mode: int, sense: str = "current") -> tuple[str, ...]:
     """Return a caution where the tracker senses another mode more than the one to track."""
-    sensed = np.abs(sensed_modes(motor, mode, sense))
+    sensed = np.abs(parts.sensed_modes(motor, mode, sense))
     other, names = int(np.argmax(sensed)), [one.name for one in motor.modes]
     if motor.is_transducer or sensed[other] <= sensed[mode] * (1.0 + SAME):  # its modes are far from each other
         return ()
@@ -747,7 +717,7 @@ def _check_duration(setup: Point, source: TrackedSource, duration: float) -> Non
 
 def _event_words(event: Mapping[str, Any]) -> str:
     """Return kind, size and beginning of a disturbance."""
-    name = "load_change_n_s_per_m" if event.get("load_change_n_s_per_m") else CHANGED.get(event["kind"], "")
+    name = "load_change_n_s_per_m" if event.get("load_change_n_s_per_m") else parts.CHANGED.get(event["kind"], "")
     if not (size := event.get(name)):
         return str(event["kind"])
     unit = "N·s/m" if name.endswith("n_s_per_m") else unit_in(name)
@@ -785,7 +755,7 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     disturbances = run.source.disturbances
     thermal = next((one.thermal for one in disturbances.events if one.thermal), Thermal.of(motor))
     drift = thermal.capacitance_drift_per_k - tracker.copies_drift_per_k
-    weights = sensing(motor, tracker, run.source.mode)
+    weights = parts.sensing(motor, tracker, run.source.mode)
     taken = copies(weights, frequency) @ pins
     charging = by_group(weights, "current") @ taken
     motional = by_group(weights, "current") @ (tracker.sensed_share(frequency) * currents - taken)

@@ -9,7 +9,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.drivers.design import Design
-from pyspice_runner.drivers.matching import match_to_source
+from pyspice_runner.drivers.parts import match_to_source
 
 pytestmark = pytest.mark.xdist_group("drivers")
 
