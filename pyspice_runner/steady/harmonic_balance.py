@@ -465,11 +465,12 @@ class _Points:
         unknowns = np.zeros((count, self.unknowns.shape[1]))
         unknowns[:, -1] = stators.surface[:, 0]
         coordinates = np.zeros(stators.forces.shape, dtype=complex)
-        # the preload bends the modes; of a carrier it is balanced
+        # the preload bends the modes and compresses what is in series; of a carrier it is balanced
         pressed = stators.forces[:, 0] - np.einsum("pk,pkn->pn", stators.preload, stators.tip[:, 1::2])
         coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
         width = grid.shape.shape[1]
         unknowns[:, width : -1 : 2 * width] = np.einsum("pkn,pn->pk", stators.tip[:, 1::2], coordinates[:, 0].real)
+        unknowns[:, width : -1 : 2 * width] -= np.einsum("pkl,pl->pk", stators.series[:, 1::2, 1::2], stators.preload)
         step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
         reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         for _ in range(MOST_TIMES):
