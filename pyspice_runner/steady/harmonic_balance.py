@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from math import nan, pi, sqrt
+from math import ceil, nan, pi, sqrt
 from typing import Self
 
 import numpy as np
@@ -315,6 +315,8 @@ def clipped(slid: Array, limit: Array) -> tuple[Array, Array]:
 
 # --- solution ---
 
+MOST_CONTACTS = 32  # beyond, the equations are too many
+LARGEST = 4_000_000  # elements of the derivatives of points that are solved together: 32 MB
 MOST_TONES = 4  # periods of the highest tone in that of the drive; beyond, the equations are too many
 CLOSE = 1e-3  # last Newton step over the static penetration
 QUICK, MOST_STEPS = 5, 12  # Newton steps below which the voltage may rise faster, and beyond which it must rise slower
@@ -327,13 +329,14 @@ LEAST_DAMPING = 1.0 / 64.0
 def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> list[Balance | None]:
     """Return the balanced motions of operating points; ``None`` where there is none.
 
-    A free tip and laws without sliders have none. A point starts from that of ``near``. Without one, the point with the
-    middle speed of each curve runs up from rest, and the others start from it. A brush is balanced as a single slider.
+    A free tip, laws without sliders and more than :data:`MOST_CONTACTS` contacts have none. A point starts from that of
+    ``near``. Without one, the point with the middle speed of each curve runs up from rest, and the others start from
+    it. A brush is balanced as a single slider.
     """
     found: list[Balance | None] = [None] * len(plants)
     groups: dict[tuple[float, Library, Law, int], dict[int, Plant]] = {}
     for place, plant in enumerate(plants):
-        if plant.law and plant.law.sliding and tones(plant):
+        if plant.law and plant.law.sliding and tones(plant) and len(plant.motor.touching) <= MOST_CONTACTS:
             library, count = motor_library_of(PAPER_LAW, plant.motor), len(plant.motor.touching)
             groups.setdefault((plant.drive.period, library, plant.law, count), {})[place] = plant
     for (period, library, *_), some in groups.items():
@@ -382,6 +385,11 @@ def _newton(
 
     A step is good if the next one with the same derivative is shorter.
     """
+    if len(unknowns) > (most := max(1, LARGEST // unknowns.shape[1] ** 2)):
+        some = np.array_split(np.arange(len(unknowns)), ceil(len(unknowns) / most))
+        parts = [_newton(stators.of(part), grid, response.of(part), unknowns[part]) for part in some]
+        values, solved, steps = (np.concatenate(several) for several in zip(*parts, strict=True))
+        return values, solved, steps
     unknowns, size, count = unknowns.copy(), stators.depth[:, 0], len(unknowns)
     done, taken, damping = np.zeros(count, dtype=bool), np.zeros(count, dtype=int), np.ones(count)
     active = np.arange(count)
@@ -465,11 +473,12 @@ class _Points:
         unknowns = np.zeros((count, self.unknowns.shape[1]))
         unknowns[:, -1] = stators.surface[:, 0]
         coordinates = np.zeros(stators.forces.shape, dtype=complex)
-        # the preload bends the modes; of a carrier it is balanced
+        # the preload bends the modes and compresses what is in series; of a carrier it is balanced
         pressed = stators.forces[:, 0] - np.einsum("pk,pkn->pn", stators.preload, stators.tip[:, 1::2])
         coordinates[:, 0] = np.linalg.solve(stators.impedance[:, 0], pressed[..., np.newaxis])[..., 0]
         width = grid.shape.shape[1]
         unknowns[:, width : -1 : 2 * width] = np.einsum("pkn,pn->pk", stators.tip[:, 1::2], coordinates[:, 0].real)
+        unknowns[:, width : -1 : 2 * width] -= np.einsum("pkl,pl->pk", stators.series[:, 1::2, 1::2], stators.preload)
         step = np.full(count, FIRST_STEP * 2.0 * pi / grid.omega)
         reached, lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         for _ in range(MOST_TIMES):

@@ -43,7 +43,6 @@ def test_two_equal_contacts_have_the_steady_state_of_one_with_twice_the_points(m
         assert getattr(ours, name) == pytest.approx(value, rel=1e-5, abs=1e-6, nan_ok=True), name
     assert ours.speed_rad_s == pytest.approx(one.speed_rad_s, rel=1e-5)
     assert np.abs(ours.floquet_multipliers[:6]) == pytest.approx(np.abs(one.floquet_multipliers[:6]), rel=1e-6)
-    assert one.contacts == ()
     first, second = (contact["normal_force_n"] for contact in ours.contacts)
     assert first == pytest.approx(second, rel=1e-6)
     assert first + second == pytest.approx(ours.normal_force_n, rel=1e-9)
@@ -58,7 +57,6 @@ def test_the_derivative_of_a_ring_is_that_of_perturbed_copies(speed, frequency, 
 @pytest.mark.parametrize(
     ("compliance", "contact"),
     [(4e-8, {"restitution": 0.7}), (0.0, {"worn_flat_radius_m": 3e-5, "sliding_ratio": 0.8})],
-    ids=["compliance and damping", "worn and falling"],
 )
 def test_the_derivative_of_unequal_contacts_is_that_of_perturbed_copies(compliance, contact):
     motor = unequal(FLAGSHIP.updated({"contact.tangential_series_compliance_m_per_n": compliance}), contact=contact)
@@ -66,7 +64,6 @@ def test_the_derivative_of_unequal_contacts_is_that_of_perturbed_copies(complian
 
 
 def check_derivative(plant):
-    """Compare the derivatives as for one contact."""
     point, along, copies = along_and_by_copies(plant)
     across = point.scale / point.scale[:, np.newaxis]
     for one, other in ((along.at_start, copies.at_start), (along.at_end, copies.at_end)):
@@ -76,14 +73,22 @@ def check_derivative(plant):
 
 
 def test_contacts_of_which_one_alone_has_a_compliance_in_series_are_differentiated_by_copies():
-    stiff = FLAGSHIP.updated({
-        "contact.series_compliance_m_per_n": 0.0, "contact.tangential_series_compliance_m_per_n": 0.0,
-    })  # fmt: skip
+    series = ("contact.series_compliance_m_per_n", "contact.tangential_series_compliance_m_per_n")
+    stiff = FLAGSHIP.updated(dict.fromkeys(series, 0.0))
     motor, drive = unequal(stiff, contact={"series_compliance_m_per_n": 1e-8}), pr.default_drive(FLAGSHIP)
     assert not differentiable(Plant(motor, drive, Load(10.0), Law()))
     state = pr.steady_state(motor, drive, speed=10.0)
     assert state.stable
     assert abs(state.balance_residual) < 1e-6
+
+
+def test_points_on_a_soft_compliance_in_series_start_near_their_steady_state(tmp_path):
+    motor = ring(tmp_path).updated({
+        "contact.series_compliance_m_per_n": 7.2e-7, "contact.normal_stiffness_n_per_m15": 1.14e10,
+        **{f"contact.{name}": 1.2e-7 for name in SOFTNESS},
+    })  # fmt: skip
+    state = pr.steady_state(motor, pr.default_drive(motor), speed=5.0)
+    assert (state.method, state.iterations <= 3) == ("newton", True)
 
 
 @pytest.mark.slow
@@ -93,7 +98,6 @@ def test_a_ring_settles_to_its_steady_state(tmp_path):
     state = pr.steady_state(motor, drive, speed=5.0)
     run = pr.simulate(motor, drive, periods * drive.period, speed=5.0)  # 8 decay times, e^-8 = 3e-4
     last = run.time_s > (periods - 20) * drive.period
-    # of steps that do not begin together the means differ by the error of one step
     assert RADIUS * run.friction_force_n[last].mean() == pytest.approx(state.torque_n_m, abs=1e-3 * SLIDING)
     assert run.normal_force_n[last].mean() == pytest.approx(state.normal_force_n, rel=1e-3)
 
@@ -101,7 +105,6 @@ def test_a_ring_settles_to_its_steady_state(tmp_path):
 def test_a_ring_mirrors_with_its_phase_and_eight_points_suffice(tmp_path):
     motor = ring(tmp_path)
     drive = pr.default_drive(motor)
-    behind = drive.updated({"phase_deg": -90.0})
     softer = {name: 2.0 ** (2.0 / 3.0) * getattr(motor.contact, name) for name in SOFTNESS}  # of points half as stiff
     sixteen = ring(tmp_path, points=16).updated({f"contact.{name}": value for name, value in softer.items()})
     speeds, of_turned, of_sixteen = (
@@ -110,10 +113,9 @@ def test_a_ring_mirrors_with_its_phase_and_eight_points_suffice(tmp_path):
     )
     assert speeds[1] > 5.0
     assert speeds[0] == pytest.approx(-speeds[1], rel=1e-4)  # of a free shaft, by the steps of ngspice
-    # 0.1 % was measured against 32 points; turned, the points are elsewhere on the wave
-    assert of_turned == pytest.approx(speeds, rel=1e-3)
-    assert of_sixteen == pytest.approx(speeds, rel=1e-3)
-    held = [pr.steady_state(motor, one, speed=sign * 5.0) for one, sign in ((drive, 1.0), (behind, -1.0))]
+    for other in (of_turned, of_sixteen):  # 0.1 % was measured against 32 points
+        assert other == pytest.approx(speeds, rel=1e-3)
+    held = [pr.steady_state(motor, drive.updated({"phase_deg": 90.0 * by}), speed=5.0 * by) for by in (1.0, -1.0)]
     assert held[0].torque_n_m == pytest.approx(-held[1].torque_n_m, abs=1e-6 * SLIDING)
     assert abs(held[0].balance_residual) < 1e-6
     (balance,) = balanced([held[0].solution.plant])
@@ -124,9 +126,8 @@ def test_friction_holds_a_ring_that_hardly_vibrates(tmp_path):
     motor = ring(tmp_path)
     state = pr.steady_state(motor, pr.default_drive(motor).updated({"voltage": 0.5}), speed=0.0)
     assert STUCK in state.cautions
-    assert abs(state.torque_n_m) < 1e-4 * SLIDING
-    # 0.5 V moves it by less than 2 % of its penetration
-    assert [state.torque_min_n_m, state.torque_max_n_m] == pytest.approx([-SLIDING, SLIDING], rel=0.02)
+    bounds = [state.torque_min_n_m, state.torque_max_n_m]
+    assert bounds == pytest.approx([-SLIDING, SLIDING], rel=0.02)  # 0.5 V moves it by less than 2 % of its penetration
 
 
 def test_a_tip_that_stands_back_bears_less_and_opens_more():
@@ -134,7 +135,6 @@ def test_a_tip_that_stands_back_bears_less_and_opens_more():
     quiet, state = (pr.steady_state(motor, drive.updated({"voltage": volts}), speed=10.0) for volts in (5.0, 40.0))
     assert quiet.contacts[1]["normal_force_n"] < 0.35 * quiet.normal_force_n
     front, back = state.contacts
-    assert (front["name"], back["name"]) == ("front", "back")
     assert back["separated"] > front["separated"]
     assert state.separated == pytest.approx(0.6 * front["separated"] + 0.4 * back["separated"])
     assert state.to_dict()["contacts"] == list(state.contacts)
@@ -148,9 +148,3 @@ def test_the_small_signals_of_two_tips_are_the_slopes_of_their_steady_states():
     speeds = [pr.steady_state(motor, drive.updated({"voltage": drive.voltage + by})).speed_rad_s for by in (-0.5, 0.5)]
     # 2 %: curvature within 1 V of 60 V, and events that pass from one step to another
     assert found.transfer("speed", "amplitude")[0].real == pytest.approx(speeds[1] - speeds[0], rel=0.02)
-
-
-def test_a_brush_is_for_one_contact(tmp_path):
-    motor = ring(tmp_path)
-    with pytest.raises(pr.ParameterError, match="one contact"):
-        pr.steady_state(motor, pr.default_drive(motor), contact="brush")
