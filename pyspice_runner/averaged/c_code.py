@@ -18,7 +18,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.averaged.library import ALL_TERMS, HARMONICS, PHASES, Terms, averaged_phase, default_two_phase
+from pyspice_runner.averaged.library import (
+    ALL_TERMS,
+    HARMONICS,
+    OTHER_POWER,
+    PHASES,
+    Terms,
+    averaged_phase,
+    default_two_phase,
+)
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
@@ -102,11 +110,19 @@ class Variable:
     start: float | None  # value before a run; ``None`` for an output
 
 
-@cache
-def _declared() -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
-    """Return the lines of the header: group → name, unit, smallest and largest value, meaning."""
+def header(terms: Terms) -> str:
+    """Return ``piezomotor_averaged.h`` with the units and ranges of the contact's exponent."""
     text = (data_path("behavioral") / HEADER).read_text(encoding="utf-8")
-    found = {}
+    for name, (unit, *ends) in OTHER_POWER.items() if terms.exponent != HERTZ else ():
+        own = f'ENTRY({name}, "{unit.format(terms.exponent)}", {", ".join(ends)},'
+        text = re.sub(rf'ENTRY\({name}, "\S+", \S+, \S+,', own, text).replace("the Hertz law", "the power law")
+    return text
+
+
+@cache
+def _declared(terms: Terms) -> Mapping[str, tuple[tuple[str, str, str, str, str], ...]]:
+    """Return the lines of the header: group → name, unit, smallest and largest value, meaning."""
+    text, found = header(terms), {}
     for group in _GROUPS:
         block = re.search(rf"#define {group}\(ENTRY\)(.*?[^\\])\n", text, re.S)
         assert block is not None, group
@@ -121,7 +137,7 @@ def variables(
 
     Without ``thermal`` nothing drifts, and the motor's own heat capacity holds.
     """
-    values = _values(motor, thermal, load)
+    values, declared = _values(motor, thermal, load), _declared(Terms.of(motor))
     modes = [(f"mode[{number}].", f", mode {mode.name}") for number, mode in enumerate(motor.modes, start=1)]
     contacts = [(prefix, f", contact {one.name}" if prefix else "") for prefix, one in _contacts(motor)]
     repeated = {  # groups that a motor has several times: prefix of the name, end of the meaning
@@ -133,7 +149,7 @@ def variables(
         if not front.has(group):
             continue
         for prefix, of in repeated.get(group, [("", "")]):
-            for name, unit, least, greatest, meaning in _declared()[group]:
+            for name, unit, least, greatest, meaning in declared[group]:
                 full = prefix + name
                 causality = {"INPUTS": "input", "TUNABLE": "tunable"}.get(group.removeprefix("LOOP_"), "parameter")
                 causality = "output" if group.endswith("OUTPUTS") else causality
@@ -253,7 +269,8 @@ def session_texts(
     circuits |= {"network": NETWORK} if front.driven else {}
     return {
         **{f"piezomotor_{name}.h": circuit_source(name, parts) for name, parts in circuits.items()},
-        **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION, HEADER)},
+        **{file: (behavioral / file).read_text(encoding="utf-8") for file in (CORE, SESSION)},
+        HEADER: header(terms),
         PHASE: phase_source(terms),
         START: "\n".join(sized) + "\n",
     }

@@ -43,7 +43,7 @@ from pyspice_runner.motor.motor import Motor, require_one_contact
 from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.library import Library, Pin, check_name, read_library
+from pyspice_runner.spice.library import Library, LibraryParameter, Pin, check_name, read_library
 
 SUBCIRCUIT = "piezomotor_averaged"
 PINS = ("a_re", "a_im", "b_re", "b_im", "frequency", "shaft", "temperature", "heat")
@@ -54,6 +54,8 @@ CHECKED_HARMONICS = 2  # above those of the model; the check node gives the resp
 DEEPEST_M = 5e-4  # static penetration: half of the largest in piezomotor_averaged_phase.lib
 _CONTACT = "piezomotor_averaged_contact"
 _PHASE = "piezomotor_averaged_phase"
+# unit and range of what depends on the exponent, as of piezomotor_lining; those in the libraries are Hertz's
+OTHER_POWER = {"normal_stiffness": ("N/m^{:g}", "1e3", "1e25"), "compliance": ("m/N^(1/{:g})", "1e-14", "1e-2")}
 _OF_BENDING = ("stiffness", "tip_x", "tip_y")
 _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip", "motion", "bound")  # outputs of a phase
 
@@ -87,6 +89,12 @@ def require_averaged(motor: Motor) -> None:
     if flat := max(one.contact.worn_flat_radius_m for one in motor.touching):
         raise ParameterError(
             f"contact.worn_flat_radius_m = {flat:g} has no averaged model: it must be 0. Set it, or use the full motor."
+        )
+    if len(exponents := {one.contact.exponent for one in motor.touching}) > 1:
+        given = " and ".join(f"{value:g}" for value in sorted(exponents))
+        raise ParameterError(
+            f"contacts: exponent = {given} has no averaged model: it must be the same at all contacts. Set it, or use "
+            "the full motor."
         )
     penetration = max(contact_law.static_penetration(one.contact) for one in motor.touching)
     if penetration > DEEPEST_M:
@@ -136,6 +144,7 @@ class Terms(NamedTuple):
             any(contact.series_compliance_m_per_n > 0.0 for contact in contacts),
             any(contact.tangential_series_compliance_m_per_n > 0.0 for contact in contacts),
             any(contact.sliding_ratio < 1.0 for contact in contacts),
+            contacts[0].exponent,
         )
 
     @property
@@ -180,8 +189,17 @@ def averaged_phase(terms: Terms) -> Library:
     text = "\n".join(lines.values())
     for term, instead in (*left, *terms.power.items()):
         text = text.replace(term, instead)
-    parameters = tuple(item for item in library.parameters if item.name not in absent)
+    parameters = tuple(_of_power(item, terms.exponent) for item in library.parameters if item.name not in absent)
     return replace(library, subcircuit=text, parameters=parameters)
+
+
+def _of_power(item: LibraryParameter, exponent: float) -> LibraryParameter:
+    """Return a parameter of the contact with unit and range for an exponent."""
+    if exponent == HERTZ or item.name not in OTHER_POWER:
+        return item
+    unit, least, greatest = OTHER_POWER[item.name]
+    meaning = item.meaning.replace("the Hertz law", "the power law")
+    return replace(item, unit=unit.format(exponent), least=float(least), greatest=float(greatest), meaning=meaning)
 
 
 def _carry(node: str, last: str, start: str) -> tuple[str, ...]:
@@ -281,7 +299,8 @@ class AveragedSubCircuit(Assembly):
             "normal_stiffness": contact.normal_stiffness_n_per_m15, "inertia": motor.rotor.inertia_kg_m2,
             "bearing": motor.rotor.bearing_damping_n_m_s, "radius": motor.rotor.radius_m,
         }  # fmt: skip
-        known = {item.name: item for part in (_PHASE, "piezomotor_rotor") for item in read_library(part).parameters}
+        parts = averaged_phase(Terms.of(motor)), read_library("piezomotor_rotor")
+        known = {item.name: item for part in parts for item in part.parameters}
         known["friction"] = known["mu"]
         self.settable = tuple(replace(known[key], name=key, default=rounded(value)) for key, value in values.items())
         super().__init__(name, *PINS, **{item.name: repr(item.default) for item in self.settable})
@@ -395,10 +414,9 @@ class AveragedSubCircuit(Assembly):
 
         It is at least 1 if a parameter of the X line is out of its range.
         """
-        depth = "(1e6*(preload/normal_stiffness)**(2/3))"
-        softness = contact_law.limit_ratio(motor.contact) / motor.contact.friction
-        softness /= motor.contact.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
-        limits = {"x": f"({softness:.10g}*friction*normal_stiffness**(2/3)*{depth})", "y": depth}
+        power, softness = Terms.of(motor).power.get("(2/3)", "(2/3)"), contact_law.total_compliance(motor.contact)
+        depth = f"(1e6*(preload/normal_stiffness)**{power})"
+        limits = {"x": f"({softness:.10g}*friction*normal_stiffness**{power}*{depth})", "y": depth}
         squares = []
         for order in range(harmonics + 1, harmonics + CHECKED_HARMONICS + 1):
             for axis, limit in limits.items():

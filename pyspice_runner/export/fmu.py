@@ -43,7 +43,6 @@ _UNITS: dict[str, dict[str, float]] = {
     "N.s/m": {"kg": 1, "s": -1}, "N/V": {"m": -1, "s": 1, "A": 1}, "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
     "J/K": {"kg": 1, "m": 2, "s": -2, "K": -1}, "K/W": {"kg": -1, "m": -2, "s": 3, "K": 1}, "1/K": {"K": -1},
     "m/V": {"kg": -1, "m": -1, "s": 3, "A": 1}, "s/m": {"m": -1, "s": 1}, "m/N": {"kg": -1, "s": 2},
-    "N/m^1.5": {}, "m/N^(2/3)": {},
 }  # fmt: skip
 KINDS = {
     "input": {"causality": "input", "variability": "continuous"},
@@ -72,7 +71,8 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
     behavioral = data_path("behavioral")
     compiled = c_files(version)
     sources = {file: (behavioral / file).read_text(encoding="utf-8") for file in (*compiled, c_code.HEADER, SHARED)}
-    sources[c_code.PHASE] = c_code.phase_source(ALL_TERMS._replace(exponent=Terms.of(motor).exponent))
+    terms = ALL_TERMS._replace(exponent=Terms.of(motor).exponent)
+    sources |= {c_code.HEADER: c_code.header(terms), c_code.PHASE: c_code.phase_source(terms)}
     start = c_code.start_header(motor, known)
     token = str(uuid.uuid5(uuid.NAMESPACE_URL, "\n".join((identifier, *sources.values(), start))))
     defined = f'#define GUID "{token}"\n#define STATE_COUNT {state_count(motor)}\n#define MODES'
@@ -169,8 +169,8 @@ class Description:
         units = ElementTree.SubElement(root, "UnitDefinitions")
         for unit in sorted({"s", *(item.unit for item in self._shown)} - {"1"}):
             base = ElementTree.SubElement(units, "Unit", {"name": unit})
-            if _UNITS[unit]:
-                ElementTree.SubElement(base, "BaseUnit", {key: f"{value!r}" for key, value in _UNITS[unit].items()})
+            if of_unit := _UNITS.get(unit):  # none of the contact's constants, whose powers of a metre are broken
+                ElementTree.SubElement(base, "BaseUnit", {key: f"{value!r}" for key, value in of_unit.items()})
 
     def _add_variables(self, root: ElementTree.Element) -> None:
         count, first, shown = state_count(self.motor), len(self.known), self._shown
