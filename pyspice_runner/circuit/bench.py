@@ -10,7 +10,7 @@ from PySpice.Spice.Netlist import Circuit, Netlist
 
 from pyspice_runner.circuit.evaluated import Derived, plotted_nodes
 from pyspice_runner.circuit.law import PAPER_LAW, Law
-from pyspice_runner.circuit.motor import add_motor, contact_nodes, dielectric_branches, instantiate
+from pyspice_runner.circuit.motor import ALL, add_motor, contact_nodes, dielectric_branches, instantiate
 from pyspice_runner.circuit.source import GROUPS, Source, not_below_rounding
 from pyspice_runner.circuit.state import (
     CHARGED,
@@ -131,7 +131,7 @@ def dynamometer_bench(
         circuit, motor, ("a", "b", circuit.gnd, "shaft"),
         law=law, discretisation=discretisation, start=start, check=check,
     )  # fmt: skip
-    connect_brake(circuit, load_torque, grips=speed is not None)
+    connect_brake(circuit, motor, load_torque, grips=speed is not None)
     if meters:
         add_meters(circuit, motor, law, {"lag": discretisation.slider_time} if discretisation else {})
     return _bench(circuit, motor, source, law, start, discretisation, {})
@@ -158,20 +158,24 @@ def _bench(
     return Bench(circuit, options, {f"xmotor.{node}": voltage for node, voltage in nodes.items()}, signals)
 
 
-def connect_brake(circuit: Netlist, load_torque: float, *, grips: bool) -> None:
+def connect_brake(circuit: Netlist, motor: Motor, load_torque: float, *, grips: bool) -> None:
     """Connect the brake to the shaft: it holds the speed, or only draws a torque in N·m."""
+    all_of = ALL if motor.contacts else ""
     instantiate(
-        circuit, "brake", BRAKE, ("set", "shaft", "xmotor.normal", "xmotor.friction"),
+        circuit, "brake", BRAKE, ("set", "shaft", f"xmotor.normal{all_of}", f"xmotor.friction{all_of}"),
         torque=load_torque, **({} if grips else {"grip": 0.0}),
     )  # fmt: skip
 
 
 def add_meters(circuit: Netlist, motor: Motor, law: Law | None, lag: dict[str, float]) -> None:
     """Put meters of power, losses and states around a motor whose source is at ``metered_a`` and ``metered_b``."""
-    tip, piezo = contact_nodes(motor, law), held_piezo(motor, law)
-    inside = [f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], "normal", "friction", "state")]
-    nodes: tuple[str | int, ...] = ("shaft", *inside)
-    instantiate(circuit, "contactmeter", "piezomotor_contactmeter", nodes, radius=motor.rotor.radius_m, **lag)
+    piezo = held_piezo(motor, law)
+    nodes: tuple[str | int, ...]
+    for one in motor.touching:
+        tip = contact_nodes(motor, law, one.suffix)
+        forces = (f"{node}{one.suffix}" for node in ("normal", "friction", "state"))
+        nodes = ("shaft", *(f"xmotor.{name}" for name in (tip["x"], tip["vx"], tip["vy"], *forces)))
+        instantiate(circuit, f"contactmeter{one.suffix}", METERS[0], nodes, radius=one.radius_m, **lag)
     for index, mode in enumerate(motor.modes, start=1):
         nodes = (f"xmotor.xmode{index}.damped", f"xmotor.xmode{index}.elastic")
         instantiate(circuit, f"heat_{index}", "piezomotor_heat", nodes, resistance=mode.damping_n_s_per_m)

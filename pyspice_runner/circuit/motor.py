@@ -79,6 +79,7 @@ SUBCIRCUIT = PREFIX
 MOUNTED = {"y": "contact_y", "vy": "contact_vy"}  # nodes of the tip at the contact if there is a mount
 MOUNTED_X = {"x": "contact_x", "vx": "contact_vx"}  # those along the rotor if the carrier moves along it, too
 ALL = "_all"  # ending of the node of a sum over several contacts
+PRELOAD_ALL = f"preload{ALL}"  # parameter of a motor with several contacts
 _OF_TIP = ("x", "y", "vx", "vy")  # its nodes, which sum what the modes add
 CROWN = "crown"  # node of a motor whose preload bends the tip sideways: x of the tip from the rotor's crown, in µm
 THERMAL_SUBCIRCUIT = "piezomotor_thermal"
@@ -282,6 +283,8 @@ class MotorSubCircuit(Assembly):
         motor, law, discretisation = self._motor, self._law, self._discretisation
         assert law is not None
         several = motor.touching if motor.contacts else ()
+        if several:
+            self.raw_spice += f".param {PRELOAD_ALL}={{preload}}\n"
         for total, gains in (
             ("fx", motor.stator.forward), ("fy", np.ones(len(several))), ("normal", np.ones(len(several))),
             ("friction", motor.stator.lever),
@@ -312,20 +315,23 @@ class MotorSubCircuit(Assembly):
             flexible = -1e-6 * bent + one.contact.series_compliance_m_per_n * one.share
             expressions = _expressions(plain, values, flexible, law.covered, one.height_m)
             if several:
-                expressions |= self._own_values(plain, values, one)
+                expressions["deflection"] = expressions["deflection"].replace("preload", PRELOAD_ALL)
+                expressions |= self._own_values(values, one)
             nodes = [moved.get(pin, pin if pin == "shaft" else f"{pin}{suffix}") for pin in PINS]
             self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
 
-    def _own_values(self, library: Library, values: Mapping[str, float], one: Touching) -> dict[str, str]:
-        """Return the parameters of one of several contacts that differ from those of the X line, as expressions."""
-        defaults = {item.name: item.default for item in self.settable}
-        found = {"preload": f"{{{one.share!r}*preload}}"}
-        for item in library.parameters:
-            name, outer = item.name, _outer(item.name)
-            if name in found or outer not in defaults or name not in values or values[name] == defaults[outer]:
+    def _own_values(self, values: Mapping[str, float], one: Touching) -> dict[str, str]:
+        """Return the parameters of one of several contacts that differ from those of the X line, as expressions.
+
+        Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes that for the name.
+        """
+        found = {"preload": f"{{{one.share!r}*{PRELOAD_ALL}}}"}
+        for item in self.settable:
+            name = "mu" if item.name == "friction" else item.name
+            if name in found or name not in values or not item.default:
                 continue
-            if defaults[outer]:
-                found[name] = f"{{{rounded(values[name] / defaults[outer])!r}*{outer}}}"
+            if (ratio := rounded(values[name] / item.default)) != 1.0:
+                found[name] = f"{{{ratio!r}*{item.name}}}"
         return found
 
     def _add_total(self, node: str, suffixes: Sequence[str], gains: Sequence[float]) -> None:
@@ -436,7 +442,7 @@ class MotorSubCircuit(Assembly):
         if axis == "x":
             values["preload"] = 0.0  # at rest there is no friction
         elif one.share < 1.0:
-            values["preload"] = f"{{{one.share!r}*preload}}"
+            values["preload"] = f"{{{one.share!r}*{PRELOAD_ALL}}}"
         else:
             passed.append("preload")
         moved = {axis: f"stem_{axis}{suffix}", f"v{axis}": f"stem_v{axis}{suffix}"}
@@ -628,6 +634,12 @@ def contact_nodes(motor: Motor, law: Law | None = None, suffix: str = "") -> dic
     return nodes | {pin: node for name in pushes(motor, law) for pin, node in moved[name].items()}
 
 
+def force_vectors(motor: Motor) -> tuple[str, str]:
+    """Return the vectors of normal and friction force of ``Xmotor``, of several contacts those of the sums."""
+    all_of = ALL if motor.contacts else ""
+    return f"v(xmotor.normal{all_of})", f"v(xmotor.friction{all_of})"
+
+
 def coarsest_step(motor: Motor) -> float:
     """Return the coarsest time step in s of an exported motor, for its modes, free and pressed; a carrier is slow."""
     frequency, quality = motor.pressed_stator.damped()
@@ -772,6 +784,7 @@ def motor_library(
         *_clamped_lines(motor),
         *([f"* FEEDBACK {motor.feedback.model_dump_json()}"] if motor.feedback else []),
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
+        *_contact_lines(motor),
         "* CHECK  the node check is 0, or 1 for a parameter out of its range, a step longer than STEP and, after",
         f"*        {550 * step:.2g} s of .tran, pins that carry no alternating drive, as when com floats. If the drive",
         "*        begins later, measure check from then on. It does not see a misspelt parameter, ignored by ngspice:",
@@ -832,6 +845,22 @@ def _mount_line(motor: Motor) -> str:
         f"damping {mount.damping_n_s_per_m:g} N.s/m: the preload is a force"
         + (f"; along the rotor {mount.tangential_stiffness_n_per_m:g} N/m" if mount.tangential else "")
     )
+
+
+def _contact_lines(motor: Motor) -> list[str]:
+    """Return what distinguishes the contacts of a motor with several."""
+    if not motor.contacts:
+        return []
+    return [
+        f"* CONTACTS {len(motor.touching)}: normal{ALL} and friction{ALL} (N) are sums. The nodes of the first have",
+        "*        the names above, those of the others end in their number; normal_stiffness, compliance and radius",
+        "*        are those of the first, in proportion to which those of the others change.",
+        *(
+            f"* CONTACT {one.suffix or 1} {one.name}: {100.0 * one.share:.4g} % of the preload"
+            + (f", {one.multiplicity} equal points" if one.multiplicity > 1 else "")
+            for one in motor.touching
+        ),
+    ]
 
 
 def _clamped_lines(motor: Motor) -> list[str]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from math import atan, cos, pi, radians
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
@@ -29,7 +29,7 @@ FARTHEST_DEG = 60.0  # of a target
 @command(
     "motor tracker mode disturb event voltage ratio_b phase frequency span offset target bandwidth period step_size",
     "reverse no_restart restart_after load_torque load_factor preload_change supply_change target_step drift",
-    "drift_time all_drift compensate no_copies sense_ohm magnetizing", DRIVER,
+    "drift_time all_drift compensate no_copies sense sense_ohm magnetizing", DRIVER,
     "contact begin duration averaged engine timeout audit", CHANGES, TARGETS,
     tracker=option(TrackerKind, "pll", "Tracker that sets the frequency."),
     mode=option(str | None, None, "Name of the mode to track; default: the last.", "--mode", metavar="NAME"),
@@ -73,6 +73,9 @@ FARTHEST_DEG = 60.0  # of a target
     no_copies=option(
         bool, False, "The sensed current includes the current of the clamped capacitances.", "--no-copies"
     ),
+    sense=option(
+        Literal["current", "feedback"], "current", "Senses the currents of the groups, or the feedback electrode."
+    ),
     sense_ohm=option(float, 0.0, "Sense resistor, or burden of a current transformer referred to the line, ohm."),
     magnetizing=option(float, 0.0, "Magnetising inductance of this transformer, referred to the line, H."),
     driver=option(str | None, None, f"Driver between tracker and motor: {DRIVERS}; default: none."),
@@ -101,7 +104,7 @@ def track(call: Call) -> None:
         restart=not call.no_restart, copies=not call.no_copies,
         copies_drift_per_k=pr.Thermal.of(motor).capacitance_drift_per_k if call.compensate else 0.0,
         **call.pick("span", kind="tracker", target_deg="target", bandwidth_hz="bandwidth", period_s="period",
-                    step_hz="step_size", restart_after_s="restart_after", sense_ohm="sense_ohm",
+                    step_hz="step_size", restart_after_s="restart_after", sense_ohm="sense_ohm", sense="sense",
                     magnetizing_h="magnetizing"),
     )  # fmt: skip
     if call.voltage is None and motor.drive is not None:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw
+from pyspice_runner.circuit.motor import force_vectors
 from pyspice_runner.drivers import design as linear
 from pyspice_runner.drivers import loads
 from pyspice_runner.drivers.design import OPERATING, TURNING, Design, DriverSpec, NoDriverError, design_driver
@@ -473,7 +474,7 @@ def drive_report(
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
     if setup.law:
-        findings += audit_contact(motor.contact.friction, samples["v(xmotor.normal)"], samples["v(xmotor.friction)"])
+        findings += audit_contact(motor.contact.friction, *(samples[name] for name in force_vectors(motor)))
     audited = Audit(findings)
     if audit:
         audited.withhold("report")
@@ -550,7 +551,7 @@ def _vectors(setup: Point, driver: Driver) -> list[str]:
     """Return the vectors of a run from which a report is made."""
     names = [
         *([] if setup.motor.is_transducer else ["v(shaft)"]),
-        *(["v(xmotor.friction)", "v(xmotor.normal)"] if setup.law else []),
+        *(force_vectors(setup.motor)[::-1] if setup.law else ()),
         *modal_vectors(setup.motor),
     ]
     for group in driver.groups:
@@ -654,7 +655,7 @@ class _Measurement:
         """Return the torque of the contact on the rotor; 0 of a free tip."""
         if setup.law is None:
             return np.zeros_like(self.samples["time"])
-        return np.asarray(setup.motor.rotor.radius_m * self.samples["v(xmotor.friction)"])
+        return np.asarray(setup.motor.rotor.radius_m * self.samples[force_vectors(setup.motor)[1]])
 
     def balance(self, setup: Point) -> Balance:
         window, driver, currents = self.window, self.driver, self.supply_currents()

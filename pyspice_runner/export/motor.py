@@ -23,7 +23,7 @@ from pyspice_runner.export.fmu import Version, fmu_archive, fmu_texts
 from pyspice_runner.export.symbols import MOTOR_PINS, THERMAL_PINS, kicad_symbol, library_name, ltspice_symbol
 from pyspice_runner.export.xyce import Dialect, xyce_library
 from pyspice_runner.files import save_by_ending
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, require_one_contact
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.two_port import stator_two_port
@@ -139,6 +139,7 @@ def _library(export: MotorExport) -> str:
 
 
 def _module(export: MotorExport) -> str:
+    require_one_contact(export.motor, "A Verilog-A module is")
     return motor_module(
         export.motor, contact=export.contact, name=export.name, thermal=export.thermal, rotational=export.rotational
     )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.bench import Bench
+from pyspice_runner.circuit.motor import ALL
 from pyspice_runner.errors import ParameterError, SimulationError, require
 from pyspice_runner.impedance.spectrum import COUPLING, Connection, State, band_of, columns_of, connect
 from pyspice_runner.motor import contact as contact_law
@@ -33,6 +34,7 @@ from pyspice_runner.run.two_port import Swept, sweep_two_port, two_port, two_por
 from pyspice_runner.units import engineering
 
 _ZOOM_POINTS = 1201  # over the zoom below: 100 points a bandwidth, so that a parabola finds an extremum to 1e-6
+_SAME = 0.01  # of a bandwidth, within which two modes cannot be told apart
 _ZOOM_BANDWIDTHS = 6.0  # on each side of a resonance
 _LOWEST_SHARE, _LARGEST_LOGARITHM = 1e-3, 50.0  # of a frequency to its start, and of a quality factor
 _TAILS = 1.0  # of the zoom: modes nearer than that have an arm of their own; the tails of others are a cubic
@@ -203,10 +205,11 @@ def _drives(connection: Connection, mode: Mode) -> bool:
 
 def _operating_force(motor: Motor, bench: Bench, timeout: float | None) -> float:
     """Return the normal force at ngspice's operating point, checked to be the preload."""
-    node = "v(xmotor1.normal)"
+    node = f"v(xmotor1.normal{ALL if motor.contacts else ''})"
     found = run_bench(bench, [node], timeout, "operating_point", {}).last()[node]
     preload = motor.contact.preload_n
-    if abs(found - preload) > 1e-6 * preload:
+    stands = any(one.height_m for one in motor.touching)  # where heights differ, the force at a fixed distance does
+    if abs(found - preload) > 1e-6 * preload and not (stands and motor.mount is None):
         raise SimulationError(
             f"ngspice's operating point has a normal force of {found:.6g} N instead of the preload of {preload:.6g} N; "
             "the contact cannot be linearised there."
@@ -231,11 +234,15 @@ def _expected(motor: Motor, preloaded: bool) -> Sequence[Mode]:
         return modes
     # the rotor and the carrier on the contact's springs have resonances too, which are not modes of the stator
     frequencies = motor.pressed_stator.resonances()
-    normal = contact_law.normal_stiffness_at_preload(motor.contact)
-    tangential = contact_law.tangential_stiffness_at_preload(motor.contact)
+    springs = [
+        stiffness(one.contact)
+        for one in motor.touching
+        for stiffness in (contact_law.tangential_stiffness_at_preload, contact_law.normal_stiffness_at_preload)
+    ]
+    moved = motor.on_carrier().stator.contact
     alone = [  # under preload, without the other modes
-        sqrt((mode.stiffness_n_per_m + normal * mode.tip_y**2 + tangential * mode.tip_x**2) / mode.mass_kg) / (2.0 * pi)
-        for mode in modes
+        sqrt((mode.stiffness_n_per_m + float(springs @ along**2)) / mode.mass_kg) / (2.0 * pi)
+        for mode, along in zip(modes, moved.T, strict=True)
     ]
     places = linear_sum_assignment(np.abs(np.subtract.outer(alone, frequencies)))[1]
     return [
@@ -257,7 +264,7 @@ def _resonances(
     A mode that its neighbours mask, so that it has no maximum of its own or no arm of positive resistance fits, is left
     out.
     """
-    found = []
+    found, near = [], _distinct(near)
     for item, (frequency, matrix) in near:
         y = connect(matrix, connection)
         fs = _local_peak(frequency, y.real, item.frequency_hz)
@@ -294,6 +301,21 @@ def _resonances(
                 )
             )
     return tuple(resonances)
+
+
+def _distinct(near: Sequence[tuple[Mode, Swept]]) -> list[tuple[Mode, Swept]]:
+    """Return the modes with one in place of those at the same frequency, such as the two of a ring: they have one peak.
+
+    Its name is those of all.
+    """
+    found: list[tuple[Mode, Swept]] = []
+    for mode, swept in near:
+        if found and abs(found[-1][0].frequency_hz - mode.frequency_hz) < _SAME * _bandwidth(mode):
+            before = found[-1][0]
+            found[-1] = before.model_copy(update={"name": f"{before.name} and {mode.name}"}), found[-1][1]
+        else:
+            found.append((mode, swept))
+    return found
 
 
 def _zoom(sweep: _Sweep, centre: float, mode: Mode) -> Swept:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
-from math import hypot, pi, radians, sin, sqrt
+from math import pi, radians, sin, sqrt
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -199,17 +199,17 @@ def default_drive(motor: Motor) -> TwoPhaseDrive | TwoToneDrive:
 
 
 def free_tip(motor: Motor, drive: Drive) -> tuple[float, float]:
-    """Return upper bounds of the velocity (m/s) and amplitude (m) of a free tip in steady state."""
-    velocity = swing = 0.0
+    """Return upper bounds of the velocity (m/s) and amplitude (m) of the free tip that moves most, when steady."""
     stator = motor.stator
+    velocity = swing = np.zeros(len(stator.contact) // 2)
     for tones in zip(*drive.tones, strict=True):
         omega = 2.0 * pi * tones[0].frequency
         forces = stator.coupling @ [tone.amplitude * exp(1j * tone.phase) for tone in tones]
         moved = forces / (stator.stiffness - stator.mass * omega**2 + 1j * omega * stator.damping)
-        along, towards = np.abs(stator.contact * moved).sum(axis=1).tolist()
-        swing += hypot(along, towards)
-        velocity += omega * hypot(along, towards)
-    return velocity, swing
+        along, towards = np.abs(stator.contact * moved).sum(axis=1).reshape(-1, 2).T
+        swing = swing + np.hypot(along, towards)
+        velocity = velocity + omega * np.hypot(along, towards)
+    return float(velocity.max()), float(swing.max())
 
 
 @derived

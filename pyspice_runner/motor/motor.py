@@ -557,7 +557,15 @@ class Motor(Shown, Parameters):
             mode.model_copy(update=dict(zip(MODE_COLUMNS, map(float, row), strict=True)))
             for mode, row in zip(self.modes, stator.mode_rows, strict=True)
         )
-        return self.model_copy(update={"modes": modes})
+        names, rows = [mode.name for mode in modes], stator.contact.reshape(-1, 2, len(modes))
+        contacts = tuple(
+            place.model_copy(update={
+                "tip_x": dict(zip(names, (place.direction * x).tolist(), strict=True)),
+                "tip_y": dict(zip(names, y.tolist(), strict=True)),
+            })
+            for place, (x, y) in zip(self.contacts, rows if self.contacts else (), strict=True)
+        )  # fmt: skip
+        return self.model_copy(update={"modes": modes, "contacts": contacts})
 
     @property
     def moved(self) -> str:
@@ -590,7 +598,7 @@ class Motor(Shown, Parameters):
             of_theory = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
         elif self.ring is not None:
             of_theory = ring_cautions(self.ring)
-        return (*unknown_recoil(self.modes, self.mount), *of_theory, *self.left_out)
+        return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""

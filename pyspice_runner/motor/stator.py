@@ -317,19 +317,20 @@ def carriers(mount: Mount | None) -> tuple[Mount, ...]:
     return tuple(along for along in (mount, mount and mount.tangential) if along)
 
 
-def unknown_recoil(modes: Sequence[Mode], mount: Mount | None) -> tuple[str, ...]:
+def unknown_recoil(modes: Sequence[Mode], mount: Mount | None, motion: Array) -> tuple[str, ...]:
     """Return one sentence for each mode whose recoil is not known and may shift it by half a bandwidth or more.
 
-    Its estimate is that of a mode whose mass moves with the tip.
+    Its estimate is that of a mode whose mass moves with the tip, by ``motion`` P; of several tips as their mean.
     """
     found = []
-    for mode in modes:
-        along = (("recoil_kg", mode.tip_y), ("recoil_x_kg", mode.tip_x))
-        for carrier, (name, moves) in zip(carriers(mount), along, strict=False):
-            motion = mode.tip_x**2 + mode.tip_y**2
-            if getattr(mode, name) is not None or mode.mass_kg >= MAX_TIP_MASS_KG * motion:
+    tips = motion.reshape(-1, 2, len(modes))
+    for mode, (x, y), square_motion in zip(
+        modes, tips.mean(axis=0).T, np.sum(tips**2, axis=1).mean(axis=0), strict=True
+    ):
+        for carrier, (name, moves) in zip(carriers(mount), (("recoil_kg", y), ("recoil_x_kg", x)), strict=False):
+            if getattr(mode, name) is not None or mode.mass_kg >= MAX_TIP_MASS_KG * square_motion:
                 continue
-            estimate = mode.mass_kg * moves / motion
+            estimate = mode.mass_kg * moves / square_motion
             shift = 0.5 * estimate**2 / (mode.mass_kg * carrier.mass_kg)
             if 2.0 * shift * mode.quality_factor > 1.0:
                 found.append(

@@ -18,10 +18,11 @@ from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, Source
 from pyspice_runner.circuit.state import Discretisation, recorded_states, state_vectors
 from pyspice_runner.motor.contact import elastic_energy, penetration
+from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.drive import too_fast
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.strength import exceeded, of_contact, peak_of_motion, slip_velocity, temperature_rise
-from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance
+from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance, column_of_contact
 from pyspice_runner.run.window import Array, Window
 
 # The wattmeters integrate over the simulator's own steps: settled points balance to 1e-4. The change of the energy
@@ -50,7 +51,11 @@ def audit_run(
             f"{100 * ENERGY_BOUND:g} %. The step of {step:.3g} s {_TOO_COARSE}"
         )
     if contact:
-        findings += audit_contact(motor.contact.friction, waves["normal_force_n"], waves["friction_force_n"])
+        for one in motor.touching:
+            names = ("normal_force_n", "friction_force_n")
+            if motor.contacts:
+                names = (column_of_contact("normal", one.name), column_of_contact("friction", one.name))
+            findings += audit_contact(one.contact.friction, *(waves[name] for name in names))
         findings += _step_finding(motor, float(np.abs(waves["normal_force_n"]).max()), "maximum", step)
     return tuple(findings)
 
@@ -85,8 +90,8 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     normal = point["normal_force_n"]
     if normal < -SLACK * motor.contact.preload_n:
         findings.append(f"On average the contact pulls with {-normal:.3g} N, {_OUT_OF_RANGE}")
-    limit = motor.contact.friction * max(normal, 0.0) * motor.rotor.radius_m
-    preloaded = motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
+    greatest = max(one.contact.friction * one.radius_m for one in motor.touching)
+    limit, preloaded = greatest * max(normal, 0.0), greatest * motor.contact.preload_n
     if abs(point["torque_n_m"]) > limit + SLACK * max(limit, preloaded):
         findings.append(
             f"The mean torque of {point['torque_n_m']:.3g} N.m exceeds the limit of {limit:.3g} N.m at the mean "
@@ -113,10 +118,12 @@ def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[st
 
 def pressed_j(motor: Motor, force_n: float) -> float:
     """Return the energy in J that a normal force stores in the contact and in the bending of the stator."""
-    bending = force_n * float(motor.stator.flexibility[1, 1])
-    depth = np.array([penetration(motor.contact, force_n)])
-    bending += motor.contact.series_compliance_m_per_n * force_n
-    return float(0.5 * force_n * bending + elastic_energy(motor.contact, depth)[0])
+    shares = motor.preload_shares
+    found = 0.5 * force_n**2 * float(shares @ motor.stator.flexibility[1::2, 1::2] @ shares)
+    for one in motor.touching:
+        own, depth = one.share * force_n, np.array([penetration(one.contact, one.share * force_n)])
+        found += 0.5 * one.contact.series_compliance_m_per_n * own**2 + elastic_energy(one.contact, depth)[0]
+    return float(found)
 
 
 def _step_finding(motor: Motor, force: float, which: str, step: float) -> tuple[str, ...]:
@@ -177,21 +184,30 @@ def ceramic(
     if motor.is_transducer:
         found = {**peak_of_motion(motor, displacement), "temperature_rise_k": temperature_rise(motor, heat)}
         return stated(motor, found, np.zeros(1))
-    for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=True):
+    for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=False):
         if moved.any() and f"v(xmotor.{name})" in samples:  # power that the groups pass to the contact
             heat += window.mean(moved * np.gradient(samples[f"v(xmotor.{name})"], samples["time"]))
-    normal, slider, depth = map(samples.get, ("v(xmotor.normal)", "v(xmotor.slider)", "v(xmotor.xcontact.delta)"))
-    greatest = nan if normal is None else float(normal[window.points].max())
-    rubbing = nan
-    if law and "averaged" in law.forms and normal is not None and slider is not None and depth is not None:
-        velocity = slip_velocity(motor.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
-        rubbing = window.mean(normal * velocity)
+    loads = [_contact_load(one, law, discretisation, samples, window) for one in motor.touching]
     found = {
         **peak_of_motion(motor, displacement),
         "temperature_rise_k": temperature_rise(motor, heat),
-        **of_contact(motor.contact, greatest, rubbing),
+        **{name: max(load[name] for load in loads) for name in loads[0]},  # at the contact that bears most
     }
     return stated(motor, found, samples["v(shaft)"])
+
+
+def _contact_load(
+    one: Touching, law: Law | None, discretisation: Discretisation, samples: Mapping[str, Array], window: Window
+) -> dict[str, float]:
+    """Return pressure, tension and wear of a contact, at each of its points."""
+    nodes = (f"{node}{one.suffix}" for node in ("normal", "slider", "xcontact"))
+    normal, slider, depth = (samples.get(f"v(xmotor.{node}{'.delta' * (node[0] == 'x')})") for node in nodes)
+    greatest = nan if normal is None else float(normal[window.points].max())
+    rubbing = nan
+    if law and "averaged" in law.forms and normal is not None and slider is not None and depth is not None:
+        velocity = slip_velocity(one.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
+        rubbing = window.mean(normal * velocity)
+    return of_contact(one.point, greatest / one.multiplicity, rubbing / one.multiplicity)
 
 
 def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict[str, Any]:

@@ -202,7 +202,8 @@ class Dynamometer:
         """Return the vectors of the integrals of the instruments."""
         integrals: dict[str, tuple[str, ...]] = {"xbrake": ("normal", "friction", "taken")}
         if meters:
-            integrals["xcontactmeter"] = ("work", "press", "given", "square", "contact", "slip")
+            for one in self.setup.motor.touching:
+                integrals[f"xcontactmeter{one.suffix}"] = ("work", "press", "given", "square", "contact", "slip")
             for group in "ab":
                 integrals[groups.named("xmeter", group)] = ("energy", "square_i", "square_v", "peak")
             for heat in (*self.dampers, *self.dielectrics):
@@ -279,6 +280,11 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
     """Return the quantities of :data:`UNITS` over successive blocks, all of them metered."""
     bench = blocks[0].bench
     mean = {name: sum(block.means[name] for block in blocks) / len(blocks) for name in blocks[0].means}
+    touching = bench.setup.motor.touching
+    contact = {  # sums of powers, and means of shares; only one contact has the square of its force as that of all
+        name: sum(mean[f"xcontactmeter{one.suffix}.v_{name}"] * (one.share if weighted else 1.0) for one in touching)
+        for name, weighted in (("contact", 1), ("slip", 1), ("work", 0), ("press", 0), ("given", 0))
+    }
     omega = 2.0 * pi * min(bench.setup.source.frequencies)
     amplitudes = [  # a bound: the static bending and, by the heat of the damping, the vibration
         abs(mode.tip_y * blocks[-1].normal_force / mode.stiffness_n_per_m)
@@ -290,9 +296,9 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
         "normal": mean["xbrake.v_normal"],
         "load_torque": mean["xbrake.v_taken"],
         "speed": bench.speed,
-        "friction_square": mean["xcontactmeter.v_square"],
-        "touching": mean["xcontactmeter.v_contact"],
-        **{name: mean[f"xcontactmeter.v_{name}"] for name in ("slip", "work", "press", "given")},
+        "friction_square": mean["xcontactmeter.v_square"] if len(touching) == 1 else nan,
+        "touching": contact.pop("contact"),
+        **contact,
         "dielectric_loss": sum(mean[f"xheat_{group}.v_heat"] for group in bench.dielectrics),
         "damping_loss": sum(mean[f"xheat_{damper}.v_heat"] for damper in bench.dampers),
         "stored": (bench.stored(blocks[-1].end) - bench.stored(blocks[0].start)) / (len(blocks) * bench.duration),

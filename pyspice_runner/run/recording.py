@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
-from pyspice_runner.circuit.motor import dielectric_branches
+from pyspice_runner.circuit.motor import ALL, dielectric_branches
 from pyspice_runner.circuit.state import (
     FEEDBACK,
     Discretisation,
@@ -17,17 +18,26 @@ from pyspice_runner.circuit.state import (
     pushes,
     recorded_states,
     state_vectors,
-    static_sway,
+    static_places,
     stems,
-    written_stator,
 )
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.groups import GROUPS, column
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import square
 from pyspice_runner.run.audit import NEWTON, pressed_j
 from pyspice_runner.run.point import Point
-from pyspice_runner.run.waveforms import COLUMNS, HEATED, OF_TRANSDUCER, SENSED, Array, EnergyBalance
+from pyspice_runner.run.waveforms import (
+    COLUMNS,
+    HEATED,
+    OF_SEVERAL,
+    OF_TRANSDUCER,
+    SENSED,
+    Array,
+    EnergyBalance,
+    column_of_contact,
+)
 from pyspice_runner.run.window import plate_voltage
 
 VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents, which the source knows
@@ -44,6 +54,7 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
     "temperature_k": ("v(temperature)",),
     "feedback_v": (f"v(xmotor.{FEEDBACK})",),
 }
+_TOTALS = {"normal_force_n": f"v(xmotor.normal{ALL})", "friction_force_n": f"v(xmotor.friction{ALL})"}  # of several
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
 _CURRENTS = {column("current", group, "a"): group for group in GROUPS}
 
@@ -73,8 +84,10 @@ class Recording:
             if name in OF_TRANSDUCER:
                 names += self._velocities
             else:
-                names += self.point.source.current(_CURRENTS[name])[:1] if name in _CURRENTS else VECTORS[name]
+                names += self.point.source.current(_CURRENTS[name])[:1] if name in _CURRENTS else self._known[name]
         if signals is None:
+            names += [f"v(xmotor.{node}{one.suffix})" for one in self._several for node in ("x", "y")]
+            names += [_depth(one) for one in self._several]
             names += state_vectors(self.point.motor, self.point.law, kinds=("mode", "mount", "feedback", "bearing"))
         return [name for name in dict.fromkeys(names) if self.point.law or name[2:-1] not in _OF_CONTACT]
 
@@ -84,7 +97,20 @@ class Recording:
         if self.point.motor.is_transducer:
             return columns_of_transducer(self.point.motor)
         sensed = SENSED if self.point.motor.feedback else ()
-        return [*COLUMNS, *sensed, *(HEATED if self.point.thermal else ())]
+        return [*COLUMNS, *sensed, *(HEATED if self.point.thermal else ()), *contact_columns(self._several)]
+
+    @property
+    def _several(self) -> tuple[Touching, ...]:
+        """The contacts of a motor with several, unless its tips are free."""
+        return self.point.motor.touching if self.point.motor.contacts and self.point.law else ()
+
+    @cached_property
+    def _known(self) -> dict[str, tuple[str, ...]]:
+        """The vectors of the columns, of which the first has the values."""
+        if not self._several:
+            return VECTORS
+        totals = {name: (vector,) for name, vector in _TOTALS.items()}
+        return VECTORS | totals | {name: (vector,) for name, vector in contact_columns(self._several).items()}
 
     @property
     def _velocities(self) -> list[str]:
@@ -94,12 +120,13 @@ class Recording:
     def columns(self, samples: Mapping[str, Array], names: Iterable[str]) -> dict[str, Array]:
         """Return time and columns in SI units; each is the one copy that is made of the raw file's vector."""
         begun = dict(zip(_VOLTAGES, self.point.source.initial_voltages(), strict=False))
-        deflection = self._preload * float(written_stator(self.point.motor, self.discretisation).flexibility[1, 1])
+        pressed = self._pressed
         first = {
             **begun,
-            "tip_x_m": self.sway,
-            "tip_y_m": -deflection,
-            "normal_force_n": self._preload,
+            **dict(zip(("tip_x_m", "tip_y_m"), self.places[0].tolist(), strict=True)),
+            "normal_force_n": sum(pressed) if self._several else self._preload,
+            **dict(zip(contact_columns(self._several, ("normal",)), pressed, strict=True)),
+            **dict.fromkeys(contact_columns(self._several, ("state",)), 1.0),
             "contact_state": 1.0 if self.point.law else 0.0,
             "rotor_speed_rad_s": self.point.load.speed or 0.0,
             "temperature_k": self.point.thermal.ambient_k if self.point.thermal else 0.0,
@@ -114,7 +141,7 @@ class Recording:
                 flows = zip(self.point.motor.stator.coupling[:, place], self._velocities, strict=True)
                 columns[name] = self._after(0.0, sum(force * samples[vector] for force, vector in flows))
                 continue
-            vector_name = VECTORS[name][0] if name in VECTORS else ""
+            vector_name = self._known[name][0] if name in self._known else ""
             if name in _CURRENTS:
                 vector_name, scale[name] = self.point.source.current(_CURRENTS[name])
             vector = samples.get(vector_name)
@@ -125,8 +152,9 @@ class Recording:
             columns[name] = self._after(start, vector, scale.get(name, 1.0))
             if name == "contact_displacement_m" and self.point.law and "averaged" in self.point.law.forms:
                 # while it slips, the slider's node stands above its limit by the slip velocity times half a step
-                normal = self._after(self._preload, samples["v(xmotor.normal)"])
-                limit = contact_law.stick_limit(self.point.motor.contact, self._penetration(samples), normal)
+                normal = self._after(pressed[0] if self._several else self._preload, samples["v(xmotor.normal)"])
+                one = self.point.motor.touching[0]
+                limit = contact_law.stick_limit(one.contact, self._penetration(samples, one), normal)
                 np.clip(columns[name], -limit, limit, out=columns[name])
         return columns
 
@@ -135,9 +163,16 @@ class Recording:
         return _Terms(self, waves, samples).balance()
 
     @property
-    def sway(self) -> float:
-        """Sideways displacement in m of the tip under the preload, where the rotor's crown stands."""
-        return static_sway(self.point.motor, self.point.law, self.discretisation)
+    def places(self) -> Array:
+        """Displacements x and y in m of the tips under the preload, shape (contacts, 2); the crown stands at x."""
+        return static_places(self.point.motor, self.point.law, self.discretisation)
+
+    @property
+    def _pressed(self) -> list[float]:
+        """Normal force in N of each of several contacts at the start of a run from rest."""
+        depths = [contact_law.static_penetration(one.contact) + one.height_m for one in self._several]
+        pairs = zip(self._several, depths, strict=True)
+        return [float(contact_law.elastic_force(one.contact, np.array(depth))) for one, depth in pairs]
 
     @property
     def _preload(self) -> float:
@@ -150,12 +185,12 @@ class Recording:
         np.multiply(values, scale, out=column[int(self.started) :])
         return column
 
-    def _penetration(self, samples: Mapping[str, Array]) -> Array:
-        """Return the penetration in m, 0 where the contact is open."""
+    def _penetration(self, samples: Mapping[str, Array], one: Touching) -> Array:
+        """Return the penetration of a contact in m, 0 where it is open."""
         if not self.point.law:
             return np.zeros(len(samples["time"]) + self.started)
-        start = contact_law.static_penetration(self.point.motor.contact)
-        depth = self._after(start, samples["v(xmotor.xcontact.delta)"], 1e-6)
+        start = contact_law.static_penetration(one.contact) + one.height_m
+        depth = self._after(start, samples[_depth(one)], 1e-6)
         return np.maximum(depth, 0.0, out=depth)
 
     def _courses(self, samples: Mapping[str, Array], kind: Kind) -> Array:
@@ -175,7 +210,9 @@ class _Terms:
         self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
         self.share = recording._courses(samples, "bearing")
         self.charged = recording._courses(samples, "feedback")
-        self.penetration = recording._penetration(samples)
+        self.contacts = (
+            [] if motor.is_transducer else [_Contact(recording, waves, samples, one) for one in motor.touching]
+        )
         self.stator = motor.stator
         thermal = recording.point.thermal
         if not motor.is_transducer:
@@ -214,17 +251,15 @@ class _Terms:
             rest = dict.fromkeys((item.name for item in fields(EnergyBalance)), 0.0)
             largest = float(np.abs(passed).max())
             return EnergyBalance(**rest | of_modes | {"load": self.tool(), "passed": largest})
-        hertz = contact_law.elastic_force(motor.contact, self.penetration)
-        pressed = contact_law.elastic_energy(motor.contact, self.penetration)
         normal, rotor_speed = waves["normal_force_n"], waves["rotor_speed_rad_s"]
         grip = motor.rotor.radius_m * waves["friction_force_n"] - self.bearing  # torque on what holds the shaft
         to_load = self.work((load.torque if load.speed is None else grip) * rotor_speed)
         mount, mount_damping = self.mount()
         return EnergyBalance(
             **of_modes,
-            contact_elastic=_change(pressed) + self.in_series("stem", normal)[0],
-            contact_damping=float(np.trapezoid(normal - hertz, self.penetration)),
-            friction=self.friction(),
+            contact_elastic=sum(self.elastic(one) for one in self.contacts),
+            contact_damping=sum(self.pressing(one) for one in self.contacts),
+            friction=sum(self.friction(place, one) for place, one in enumerate(self.contacts)),
             mount=mount,
             mount_damping=mount_damping,
             # a held speed changes by the rounding of its digits only
@@ -266,7 +301,7 @@ class _Terms:
             if self.motor.is_transducer:
                 return energy
             normal, friction = self.waves["normal_force_n"], self.waves["friction_force_n"]
-            return energy - self.in_series("stem", normal)[1] - self.in_series("stem_x", friction)[1]
+            return energy - self.in_series("stem", normal)[1] - self.in_series("stem_x", friction)[1]  # 0 of several
         law, u = self.recording.point.law, self.waves[_VOLTAGES[0]]
         v = self.waves.get(_VOLTAGES[1], np.zeros_like(u))  # of one group nothing
         piezo = held_piezo(self.motor, law)
@@ -311,21 +346,78 @@ class _Terms:
             loss += self.work(damping[at, at] * rise**2)
         return change, loss
 
-    def friction(self) -> float:
-        """Return the work of the friction force on the motion of the tip against the rotor."""
-        vx, vy = self.stator.contact @ self.velocity
-        x = self.waves["tip_x_m"] - self.recording.sway
+    def elastic(self, one: _Contact) -> float:
+        """Return the change of the elastic energy of a contact and of what is in series with it."""
+        stored = contact_law.elastic_energy(one.of.contact, one.penetration)
+        return _change(stored) + self.in_series(f"stem{one.of.suffix}", one.normal)[0]
+
+    def pressing(self, one: _Contact) -> float:
+        """Return the loss along the normal of a contact."""
+        elastic = contact_law.elastic_force(one.of.contact, one.penetration)
+        return float(np.trapezoid(one.normal - elastic, one.penetration))
+
+    def friction(self, place: int, one: _Contact) -> float:
+        """Return the work of the friction force of a contact on the motion of the tip against the rotor."""
+        vx, vy = self.stator.contact[2 * place : 2 * place + 2] @ self.velocity
+        x = one.x - self.recording.places[place, 0]
         if len(self.carrier):
             vy = vy + self.carrier[1]
         if len(self.carrier) > 2:
-            x, vx = x + self.carrier[2], vx + self.carrier[3]
-        radius = self.motor.rotor.radius_m
-        sine = x / (radius - self.penetration)
+            forward = self.stator.forward[place]
+            x, vx = x + forward * self.carrier[2], vx + forward * self.carrier[3]
+        radius = one.of.radius_m
+        sine = x / (radius - one.penetration)
         cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
         tangential = vx * cosine + vy * sine
-        friction = self.waves["friction_force_n"]
-        work = self.work(friction * (tangential - radius * self.waves["rotor_speed_rad_s"]))
-        return work + self.in_series("stem_x", friction)[1]
+        work = self.work(one.friction * (tangential - radius * self.waves["rotor_speed_rad_s"]))
+        return work + self.in_series(f"stem_x{one.of.suffix}", one.friction)[1]
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """The course of a contact in a run; forces in N, lengths in m."""
+
+    recording: Recording
+    waves: Mapping[str, Array]
+    samples: Mapping[str, Array]
+    of: Touching
+
+    @cached_property
+    def penetration(self) -> Array:
+        """Penetration, 0 where it is open."""
+        return self.recording._penetration(self.samples, self.of)
+
+    @cached_property
+    def normal(self) -> Array:
+        """Normal force."""
+        several = [*contact_columns([self.of], ("normal",))] if self.recording._several else ["normal_force_n"]
+        return self.waves[several[0]]
+
+    @cached_property
+    def friction(self) -> Array:
+        """Friction force, positive where it drives the rotor forward."""
+        several = [*contact_columns([self.of], ("friction",))] if self.recording._several else ["friction_force_n"]
+        return self.waves[several[0]]
+
+    @cached_property
+    def x(self) -> Array:
+        """Tangential displacement of the tip."""
+        if not self.of.suffix:
+            return self.waves["tip_x_m"]
+        place = [one.name for one in self.recording.point.motor.touching].index(self.of.name)
+        return self.recording._after(
+            self.recording.places[place, 0], self.samples[f"v(xmotor.x{self.of.suffix})"], 1e-6
+        )
+
+
+def contact_columns(several: Sequence[Touching], nodes: Sequence[str] = tuple(OF_SEVERAL)) -> dict[str, str]:
+    """Return the columns of each of several contacts, with their vectors: all, or those of some nodes."""
+    return {column_of_contact(node, one.name): f"v(xmotor.{node}{one.suffix})" for node in nodes for one in several}
+
+
+def _depth(one: Touching) -> str:
+    """Return the vector of the penetration of a contact."""
+    return f"v(xmotor.xcontact{one.suffix}.delta)"
 
 
 def _change(stored: Array) -> float:

@@ -201,6 +201,7 @@ def _run(
         arrays: dict[str, Any] = {name: waves.get(name) for name in Waveforms.units}
         found = Waveforms(
             **arrays,
+            of_contacts={name: values for name, values in waves.items() if name not in Waveforms.units},
             energy=energy,  # type: ignore[arg-type]
             drive_period_s=window.period,
             rotor_radius_m=nan if motor.is_transducer else motor.rotor.radius_m,

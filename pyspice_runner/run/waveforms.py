@@ -47,8 +47,19 @@ OF_TRANSDUCER = {  # beside time, voltages, currents, and of a known face tip_y_
     "motional_current_a_a": ("A", "motional current of group A, that of its modes"),
     "motional_current_b_a": ("A", "motional current of group B"),
 }
+OF_SEVERAL = {  # of each of several contacts, by its nodes: name of the column, unit and meaning
+    "normal": ("normal_force", "N", "normal force of the contact"),
+    "friction": ("friction_force", "N", "friction force of the contact"),
+    "state": ("contact_state", "", "0 separated, 1 stick, 2 slip of the contact"),
+}
 SENSED = {"feedback_v": ("V", "voltage of the feedback electrode")}
 HEATED = {"temperature_k": ("K", "temperature of a heated motor, above that at which its parameters hold")}
+
+
+def column_of_contact(node: str, name: str) -> str:
+    """Return the name of the column of one of several contacts, such as ``normal_force_left_n``."""
+    quantity, unit, _ = OF_SEVERAL[node]
+    return "_".join(filter(None, (quantity, name, unit.lower())))
 
 
 @dataclass(frozen=True)
@@ -106,6 +117,9 @@ class Waveforms(Result):
 
     Attributes:
         energy: the energy balance from the first recorded point; it requires all signals at every step.
+        of_contacts: of a motor with several contacts the forces and the state of each, by column. The normal force is
+            then that of all, the friction force at the radius of the rotor, and ``tip_x_m``, ``tip_y_m``,
+            ``contact_displacement_m`` and ``contact_state`` are those of the first.
         drive_period_s: period of the drive, over which means are taken.
         rotor_radius_m: radius at the contact, which turns friction force into torque.
         decay_s: time in which the slowest free mode, or the carrier on its mount, decays by e.
@@ -156,6 +170,7 @@ class Waveforms(Result):
     motional_current_b_a: Array = field(default_factory=_absent)
 
     feedback_v: Array = field(default_factory=_absent)
+    of_contacts: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
     units = COLUMNS | SENSED | HEATED | OF_TRANSDUCER
 
@@ -202,11 +217,17 @@ class Waveforms(Result):
     def state_fractions(self) -> dict[str, float]:
         """Fractions of time separated, stick and slip over the last whole drive periods; they add up to 1.
 
-        A brush counts as slip where more than half of its width slips.
+        Of several contacts they are the mean. A brush counts as slip where more than half of its width slips.
         """
+        several = [states for name, states in self.of_contacts.items() if name.startswith("contact_state")]
+        each = [self._fractions(states) for states in several or [self.contact_state]]
+        return {name: sum(one[name] for one in each) / len(each) for name in each[0]}
+
+    def _fractions(self, contact_state: Array) -> dict[str, float]:
+        """Return the fractions of one contact."""
         points = self.window()
         steps = np.diff(self.time_s[points])
-        states = np.rint(self.contact_state[points])
+        states = np.rint(contact_state[points])
         before, after = states[:-1], states[1:]
         # A change happens in mid-step on average. The end of a slip, though, shows half a step late: the slider's
         # excess over its limit, by which slip is detected, follows the relative velocity in the middle of the step.
@@ -315,7 +336,7 @@ class Waveforms(Result):
 
     def columns(self) -> dict[str, Array]:
         """Return the recorded signals by name, the time first."""
-        return self._localised({name: getattr(self, name) for name in self.recorded})
+        return self._localised({**{name: getattr(self, name) for name in self.recorded}, **self.of_contacts})
 
     @property
     def audit(self) -> Audit:  # type: ignore[override]

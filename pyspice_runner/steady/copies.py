@@ -403,7 +403,7 @@ class Plant:
         if meters:
             add_meters(circuit, self.motor, self.law, {"lag": discretisation.slider_time})
             circuit.V("set", "set", circuit.gnd, f"DC {float(self.load.speed or 0.0)!r}")
-            connect_brake(circuit, self.load.torque, grips=self.load.speed is not None)
+            connect_brake(circuit, self.motor, self.load.torque, grips=self.load.speed is not None)
             return
         for group, line in zip(GROUPS, METERED, strict=True):
             circuit.V(line, line, group, "DC 0")

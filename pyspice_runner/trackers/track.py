@@ -20,6 +20,7 @@ from pyspice_runner.averaged.library import check_averaged
 from pyspice_runner.averaged.run import ErrorEstimate, Estimated
 from pyspice_runner.averaged.simulate import averaged_ceramic
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
+from pyspice_runner.circuit.motor import force_vectors
 from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import ParameterError, SimulationError, require
@@ -615,7 +616,7 @@ def _track_full(run: TrackedRun) -> Tracking:
     """Track the full motor."""
     setup, source, mode = run.setup, run.source, run.source.mode
     motor = setup.motor
-    forces = ["v(xmotor.normal)", "v(xmotor.friction)"] if setup.law else []
+    forces = force_vectors(motor) if setup.law else ()
     currents = [source.current(group)[0] for group in GROUPS]
     shaft = [] if motor.is_transducer else ["v(shaft)"]
     of_mode = ["v(force)", "v(tuned)", *shaft, f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
@@ -627,7 +628,7 @@ def _track_full(run: TrackedRun) -> Tracking:
     if setup.solver.audit:
         audit.withhold("run")
     settings = {"duration_s": run.duration, **setup.to_dict(), "mode": mode, "deck_sha256": outcome.deck_sha256}
-    cautions = _inseparable(motor, mode)
+    cautions = _inseparable(motor, mode, source.tracker.sense)
     found = judged(run, _periods(vectors, motor, mode), outcome, settings, audit=audit, model_cautions=cautions)
     window = Window(vectors["time"], 1.0 / found.end_frequency_hz)
     stressed = ceramic(motor, setup.law, setup.discretisation, vectors, source, window)
@@ -636,18 +637,22 @@ def _track_full(run: TrackedRun) -> Tracking:
     found = replace(found, ceramic=stressed, sensing=_sensing(run, pins, drawn, found.end_frequency_hz))
     if not (run.margin and found.locked):
         return found
+    if source.tracker.sense == "feedback":
+        words = "The loop gain is that of sensed currents; no loop gain is computed with a feedback electrode."
+        return replace(found, no_loop=words)
     force = np.array([_phasor(vectors, "v(force)", order) for order in range(1, HARMONICS_OF_FORCE + 1)])
     return _with_loop(run, found, pins, force)
 
 
-def _inseparable(motor: Motor, mode: int) -> tuple[str, ...]:
-    """Return a caution where the groups sense another mode more than the one to track."""
-    sensed = np.abs(sensed_modes(motor, mode))
+def _inseparable(motor: Motor, mode: int, sense: str = "current") -> tuple[str, ...]:
+    """Return a caution where the tracker senses another mode more than the one to track."""
+    sensed = np.abs(sensed_modes(motor, mode, sense))
     other, names = int(np.argmax(sensed)), [one.name for one in motor.modes]
     if motor.is_transducer or sensed[other] <= sensed[mode] * (1.0 + SAME):  # its modes are far from each other
         return ()
+    by = "feedback electrode" if sense == "feedback" else "two groups"
     said = (
-        f"The two groups of {motor.name} cannot separate {names[mode]} from {names[other]}, whose current at the same "
+        f"The {by} of {motor.name} cannot separate {names[mode]} from {names[other]}, whose current at the same "
         f"velocity is {sensed[other] / sensed[mode]:.3g} times as large. Track {names[other]}."
     )
     return (said,)
@@ -725,10 +730,11 @@ def _settled(tracker: Tracker, disturb: str) -> float:
 def _stall_torque(setup: Point, source: TrackedSource) -> float:
     """Return the mean torque of the contact on a held shaft, with the tracker at its resonance."""
     still = replace(source, tracker=source.tracker.model_copy(update={"offset": 0.0}))
-    vectors = replace(setup, source=still, load=Load(0.0)).run(STALL_TIME_S, ["v(xmotor.friction)"]).vectors()
+    name = force_vectors(setup.motor)[1]
+    vectors = replace(setup, source=still, load=Load(0.0)).run(STALL_TIME_S, [name]).vectors()
     time = vectors["time"]
     late = time > 0.5 * STALL_TIME_S
-    friction = np.trapezoid(vectors["v(xmotor.friction)"][late], time[late]) / (time[late][-1] - time[late][0])
+    friction = np.trapezoid(vectors[name][late], time[late]) / (time[late][-1] - time[late][0])
     return float(setup.motor.rotor.radius_m * friction)
 
 
@@ -774,7 +780,7 @@ def _sensing(run: TrackedRun, pins: Complex, currents: Complex, frequency: float
     ``None`` for a tracker that is no phase-locked loop.
     """
     motor, tracker = run.setup.motor, run.source.tracker
-    if tracker.kind != "pll":
+    if tracker.kind != "pll" or tracker.sense == "feedback":
         return None
     disturbances = run.source.disturbances
     thermal = next((one.thermal for one in disturbances.events if one.thermal), Thermal.of(motor))

@@ -36,6 +36,7 @@ from pyspice_runner.averaged.library import schedule_text
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import dielectric_matrix, instantiate
 from pyspice_runner.circuit.source import GROUPS, Excitation, Pins, Source
+from pyspice_runner.circuit.state import FEEDBACK
 from pyspice_runner.drivers.driver import SWITCHED_OPTIONS, Driver, add_driver, control_amplitude
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor import contact as contact_law
@@ -105,15 +106,20 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         return StatorLag(omega / (2.0 * pi), mass * omega / damping, force_n / damping / omega)
     if not contact:
         return StatorLag(own.frequency_hz, own.quality_factor, highest)
-    normal = contact_law.normal_stiffness_at_preload(motor.contact) * own.tip_y**2
+    tips = list(zip(motor.touching, motor.stator.contact[:, mode].reshape(-1, 2).tolist(), strict=True))
+    normal = sum(contact_law.normal_stiffness_at_preload(one.contact) * y**2 for one, (_, y) in tips)
 
     def state(amplitude: float) -> tuple[float, float]:
         """Angular frequency of resonance, and the loss per amplitude in N/m."""
-        stiffness, loss = slider_cycle(motor.contact, abs(own.tip_x) * amplitude) if own.tip_x else (0.0, 0.0)
-        omega = sqrt((own.stiffness_n_per_m + normal + own.tip_x**2 * stiffness) / own.mass_kg)
-        return omega, omega * own.damping_n_s_per_m + own.tip_x**2 * loss
+        stiffness = loss = 0.0
+        for one, (x, _) in tips:
+            if x:
+                along = np.multiply(x**2, slider_cycle(one.contact, abs(x) * amplitude))
+                stiffness, loss = stiffness + float(along[0]), loss + float(along[1])
+        omega = sqrt((own.stiffness_n_per_m + normal + stiffness) / own.mass_kg)
+        return omega, omega * own.damping_n_s_per_m + loss
 
-    if own.tip_x:
+    if any(x for _, (x, _) in tips):
         amplitude = root(lambda r: state(r)[1] * r - force_n, 1e-9 * highest, highest, 1e-9 * highest)
     else:  # no rubbing: the loss does not depend on the amplitude
         amplitude = force_n / state(highest)[1]
@@ -199,6 +205,9 @@ class Tracker(Stated, Excitation):
     copies: bool = Field(
         default=True, description="whether copies of the clamped capacitances are subtracted from the sensed currents"
     )
+    sense: Literal["current", "feedback"] = Field(
+        default="current", description="what is sensed: the currents of the groups, or the feedback electrode"
+    )
     sense_ohm: float = quantity(
         "resistor in each line that senses its current, or burden of a current transformer, referred to the line; 0: "
         "an ideal ammeter", "Ω", default=0.0, ge=0.0, le=1e4,
@@ -219,6 +228,8 @@ class Tracker(Stated, Excitation):
                 f"Tracker: offset = {self.offset:g} is not valid; the oscillator reaches {self.span:g} either way, so "
                 "widen its span."
             )
+        if self.sense == "feedback" and self.sense_ohm:
+            raise ParameterError("Tracker: sense_ohm is for sense = 'current'; leave it out with sense = 'feedback'.")
 
     @property
     def sense_corner_hz(self) -> float:
@@ -460,8 +471,10 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
     }
 
 
-def sensed_modes(motor: Motor, mode: int) -> NDArray[np.float64]:
+def sensed_modes(motor: Motor, mode: int, sense: str = "current") -> NDArray[np.float64]:
     """Return the current in A that a tracker of a mode senses of each mode, per m/s."""
+    if sense == "feedback" and motor.feedback:
+        return np.asarray(motor.stator.sensed * np.sign(motor.stator.sensed[mode]))
     weighted = weights(motor, mode)
     return np.asarray(motor.stator.coupling @ [weighted[groups.named("current", group)] for group in motor.groups])
 
@@ -538,6 +551,11 @@ class TrackedSource(Source):
     def check(self, motor: Motor) -> None:
         """Raise a ParameterError if no group drives the mode, or the driver has no control input."""
         weights(motor, self.mode)
+        if self.tracker.sense == "feedback" and not (motor.feedback and motor.stator.sensed[self.mode]):
+            raise ParameterError(
+                f"sense = 'feedback' needs a feedback electrode on the mode {motor.modes[self.mode].name}, and "
+                f"{motor.name} has none: add [feedback] with this mode, or sense the current."
+            )
         if self.driver and not self.driver.controlled:
             raise ParameterError(
                 f"The driver {self.driver.name} has no pin in, so no tracker can set its frequency. Add the pin."
@@ -582,7 +600,8 @@ class TrackedSource(Source):
         instantiate(
             circuit, "sense", "tracker_sense",
             (
-                *self._sensed(circuit, lines, pins), circuit.gnd, "motional", "force", "ahead", "power",
+                *self._sensed(circuit, lines, pins), circuit.gnd, self._add_electrode(circuit, motor), "force", "ahead",
+                "power",
                 "temperature" if disturbances.of("temperature") else circuit.gnd,
             ),
             frequency=tracker.frequency, drift=tracker.copies_drift_per_k, **sensing(motor, tracker, self.mode),
@@ -608,6 +627,27 @@ class TrackedSource(Source):
             found += [line, pin]
         return found
 
+    def _add_electrode(self, circuit: Circuit, motor: Motor) -> str:
+        """Add what senses the feedback electrode, if it does; return the node of the current that the lines carry.
+
+        The voltage of the electrode less its shares of those of the groups follows the displacement; through a copy of
+        its capacitance it drives the current of the electrode on a short circuit, in phase with the velocity.
+        """
+        electrode = motor.feedback
+        if self.tracker.sense == "current" or electrode is None:
+            return "motional"
+        sign = -float(np.sign(motor.stator.sensed[self.mode]))
+        shares = [share * (1.0 + self.tracker.capacitance_error) * self.tracker.copies for share in electrode.shares]
+        circuit.raw_spice += f"""\
+Esensed sensed_f 0 xmotor.{FEEDBACK} 0 1
+Eshare_a less_a sensed_f a 0 {-shares[0]!r}
+Eshare_b less_b less_a b 0 {-shares[1]!r}
+Celectrode less_b summed_f {electrode.capacitance_f!r}
+Velectrode summed_f 0 DC 0
+Helectrode motional 0 Velectrode {sign!r}
+"""
+        return "of_lines"
+
     def _add_control(self, circuit: Circuit, motor: Motor) -> None:
         """Add what sets the control voltage: a constant, detector and filter, or an observer."""
         tracker = self.tracker
@@ -632,7 +672,7 @@ class TrackedSource(Source):
         elif tracker.kind == "observe-speed":
             expression = f"abs(V(shaft))*{motor.rotor.radius_m / (abs(motor.modes[self.mode].tip_x) * velocity):.10g}"
         else:
-            sensed = sensed_modes(motor, self.mode)[self.mode]
+            sensed = sensed_modes(motor, self.mode, tracker.sense)[self.mode]
             expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
         circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
         instantiate(
@@ -703,7 +743,7 @@ def restart_values(
     force = mode_force(motor, tracker, mode) / max(map(abs, motor.modes[mode].couplings))  # V, as sensed
     sweep = RAIL * (loop_filter.capacitance_f + loop_filter.ripple_f) / (tracker.pump_current_a * LOST_DEG / 360.0)
     return {
-        "conductance": float(tracker.lost_share * sensed_modes(motor, mode)[mode] * velocity / force),
+        "conductance": float(tracker.lost_share * sensed_modes(motor, mode, tracker.sense)[mode] * velocity / force),
         "wait": tracker.restart_after_s or 2.0 * sweep, "hold": HELD_LAGS * lag.time_constant_s,
         "home": tracker.start_v,
     }  # fmt: skip

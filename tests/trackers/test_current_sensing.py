@@ -87,3 +87,20 @@ def test_a_pin_current_is_measured_in_front_of_the_transformer() -> None:
     assert chosen.sensed_share(40.7e3) == pytest.approx(1.0 / (1.0 - 1j * CORNER_HZ / 40.7e3))
     assert source.current("a") == ("i(vdrawn_a)", 1.0)
     assert source.tracker.sense_corner_hz == pytest.approx(CORNER_HZ)
+
+
+def test_a_feedback_electrode_senses_the_velocity_of_its_mode() -> None:
+    """Its current on a short circuit is θ_F times the velocity, for any shares of the voltages; 1 % still rings."""
+    electrode = {"capacitance_f": 3e-10, "couplings_n_per_v": {"mode-4": 0.02}, "share_a": 0.1, "share_b": 0.12}
+    motor = pr.load_motor("bimodal40").updated({"feedback": electrode})
+    found = pr.track(motor, tracker(kind="none", sense="feedback"), 2.5e-3, margin=False)
+    names = ["v(motional)", "i(v.xmotor.xmode4.vvelocity)"]
+    deck = re.sub(r"^\.save .*$", f".save time {' '.join(names)}", found.deck, flags=re.M)
+    vectors = run_deck(deck, vectors=names, stop_time=2.5e-3).raw.vectors
+    sensed, velocity = (phasor(vectors["time"].real, vectors[name].real, 40.7e3) for name in names)
+    assert sensed / velocity == pytest.approx(0.02, rel=0.01)
+
+
+def test_a_motor_without_electrode_is_refused_with_the_remedy() -> None:
+    with pytest.raises(pr.ParameterError, match=r"sense = 'feedback' needs a feedback electrode on the mode mode-4"):
+        pr.track(pr.load_motor("bimodal40"), tracker(sense="feedback"), margin=False)

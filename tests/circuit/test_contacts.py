@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motors with several contacts in ngspice."""
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+from tests.rings import loaded, plain, ring, with_contacts
+
+MOTORS = ("bimodal40", "examples/plate40.toml")
+DURATION = 4e-4
+
+
+def tail(motor, **settings):
+    """Return a run from rest, without its estimate."""
+    return pr.simulate(motor, pr.default_drive(motor), DURATION, **settings)
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_one_entry_is_the_motor_itself(name, tmp_path):
+    motor = pr.load_motor(name)
+    document = plain(motor)
+    same = with_contacts(motor, {})
+    assert same.model_dump() == document
+    text = same.to_toml()
+    assert loaded(tmp_path, text).model_dump() == document
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_two_equal_contacts_are_one_with_twice_the_points(name):
+    motor = pr.load_motor(name)
+    both, twice = with_contacts(motor, {}, {}), with_contacts(motor, {"multiplicity": 2})
+    runs = [tail(one, load_torque=1e-3) for one in (both, twice)]
+    for column in ("rotor_speed_rad_s", "normal_force_n", "friction_force_n", "current_a_a", "tip_x_m"):
+        one, other = (np.asarray(getattr(run, column)) for run in runs)
+        assert np.abs(one - other).max() < 1e-5 * np.abs(other).max()  # the iteration closes to 1e-6
+    halves = [runs[0].of_contacts[f"normal_force_contact{number}_n"] for number in (1, 2)]
+    assert halves[0] == pytest.approx(halves[1], abs=1e-9)
+    assert sum(halves) == pytest.approx(runs[0].normal_force_n, abs=1e-9)
+
+
+def test_a_ring_mirrors_with_its_phase_and_turns_with_its_electrodes(tmp_path):
+    motor = ring(tmp_path)
+    drive = pr.default_drive(motor)
+    ahead = pr.simulate(motor, drive, 1.5e-3)
+    behind = pr.simulate(motor, drive.updated({"phase_deg": -90.0}), 1.5e-3)
+    turned = pr.simulate(ring(tmp_path, turn=0.25 * np.pi), drive, 1.5e-3)
+    speed = ahead.rotor_speed_rad_s
+    assert speed[-1] > 0.5
+    assert np.abs(speed + behind.rotor_speed_rad_s).max() < 2e-5 * speed.max()
+    assert np.abs(speed - turned.rotor_speed_rad_s).max() < 2e-5 * speed.max()  # by one point of eight
+
+
+@pytest.mark.parametrize("held", [False, True], ids=["on a carrier", "at a distance"])
+def test_the_energy_of_unequal_contacts_balances(held):
+    motor = pr.load_motor("bimodal40").updated({"contact.tangential_series_compliance_m_per_n": 2e-9})
+    motor = motor.updated({"mount": None}) if held else motor
+    back = {mode.name: -0.8 * mode.tip_x for mode in motor.modes}
+    places = (
+        {"name": "front", "share": 0.6},
+        {"name": "back", "share": 0.4, "radius_m": 0.012, "direction": -1, "tip_x": back, "height_m": -5e-8,
+         "contact": {"friction": 0.2, "restitution": 0.8}},
+    )  # fmt: skip
+    run = tail(with_contacts(motor, *places))
+    assert run.energy_residual < 2e-3
+    assert run.audit.passed
+    forces = [run.of_contacts[f"normal_force_{name}_n"] for name in ("front", "back")]
+    assert forces[1][0] < 0.4 * motor.contact.preload_n  # it stands back
+    assert sum(run.state_fractions.values()) == pytest.approx(1.0)
+    torque = run.of_contacts["friction_force_front_n"] + 0.8 * run.of_contacts["friction_force_back_n"]
+    assert torque == pytest.approx(run.friction_force_n, abs=1e-6)
+
+
+def test_a_motor_with_several_contacts_rests_under_its_shares():
+    motor = pr.load_motor("examples/plate40.toml")
+    shares = {"left": 0.3, "right": 0.7}
+    motor = with_contacts(motor, *({"name": name, "share": share} for name, share in shares.items()))
+    run = pr.simulate(motor, pr.TwoPhaseDrive(0.0, 40e3, 90.0), 1e-4)
+    for name, share in shares.items():
+        force = run.of_contacts[f"normal_force_{name}_n"]
+        assert force == pytest.approx(np.full(len(force), share * motor.contact.preload_n), rel=1e-6)
+
+
+def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
+    motor = ring(tmp_path).updated({"contact.restitution": 1.0, "piezo.loss_tangent": 0.0})
+    found = pr.admittance(motor, start=35e3, stop=45e3, points=201, state="preloaded")
+    expected = motor.pressed_stator.admittance(2.0 * np.pi * found.frequency_hz)
+    assert np.abs(found.matrix_s[:, 0, 0] - expected[:, 0, 0]).max() < 1e-3 * np.abs(expected[:, 0, 0]).max()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"contacts.p2.share": 0.3}, "sum to 0.3"),
+        ({"contacts.p2.contact.preload_n": 1.0}, "specify share"),
+        ({"contacts.p2.contact.friction": -1.0}, "contacts.p2.contact.friction = -1"),
+        ({"modes.0.tip_x": 1.0}, "follows from contacts.0"),
+        ({"contacts.p9.height_m": 0.0}, "no parameter 'contacts.p9.height_m'"),
+    ],
+)
+def test_a_mistake_in_a_contact_is_named(changes, words, tmp_path):
+    with pytest.raises(pr.ParameterError, match=words):
+        ring(tmp_path).updated(changes)
