@@ -71,6 +71,7 @@ from pyspice_runner.motor.refusal import as_table, build, check_keys, checked, l
 from pyspice_runner.motor.ring import Ring, capacitance_f, ring_contacts, ring_modes
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
 from pyspice_runner.motor.solid.stator import stator_of
+from pyspice_runner.motor.solid.wave import wave_of
 
 SETS = Path(__file__).parent / "sets"
 
@@ -404,10 +405,11 @@ def _from_ring(plain: dict[str, Any], where: str) -> tuple[Ring, list[dict[str, 
             "Specify [contact] and that rotor."
         )
     try:
-        modes, couplings = ring_modes(ring)
+        wave = wave_of(ring)
     except ParameterError as error:
         raise ParameterError(f"{where}: {error}") from error
-    plain["contacts"] = ring_contacts(ring)
+    modes, couplings = ring_modes(ring, wave)
+    plain["contacts"] = ring_contacts(ring, wave)
     covered = ring.waves_a, ring.waves_b, ring.waves_feedback
     capacitance = np.diag([capacitance_f(ring, waves) for waves in covered])
     if ring.waves_feedback:

@@ -88,32 +88,26 @@ class Ring(Parameters):
     """A ring of metal and ceramic with teeth, which carries a travelling wave."""
 
     theory: Literal["plate", "solid"] = Field(
-        default="plate", description="plate: laminated plate of sectors; solid: finite elements of one wave"
+        default="plate", description="laminated plate, or finite elements of one wave"
     )
-    waves: int = Field(description="number of waves n around the ring", ge=2, le=50)
-    outer_radius_m: float = quantity("outer radius of metal, ceramic and teeth", "m", gt=1e-4, le=1.0)
-    inner_radius_m: float = quantity("inner radius of metal, ceramic and teeth", "m", gt=1e-5, le=1.0)
-    thickness_m: float = quantity("thickness of the metal below the teeth", "m", gt=1e-5, le=0.1)
-    material: str = _material("metal: a material of the library")
-    ceramic: str = _material("ceramic of the library, poled along its thickness")
-    ceramic_thickness_m: float = quantity("thickness of the ceramic", "m", gt=1e-6, le=0.05)
-    teeth: int = Field(default=0, description="number of teeth around the ring", ge=0, le=2000)
-    tooth_height_m: float = quantity("height of the teeth", "m", ge=0.0, le=0.1, default=0.0)
-    tooth_share: float = quantity("part of the circumference that the teeth fill", "1", gt=0.0, le=1.0, default=0.8)
-    contact_radius_m: float = quantity("radius of the circle on which it touches the rotor", "m", gt=1e-5, le=1.0)
-    waves_a: float = quantity("waves that the electrodes of group A cover, in halves", "1", ge=0.5, le=50.0)
-    waves_b: float = quantity("waves that the electrodes of group B cover, in halves", "1", ge=0.5, le=50.0)
-    waves_feedback: float = quantity(
-        "part of a wave that the feedback electrode covers; 0: there is none", "1", ge=0.0, le=0.5, default=0.0
-    )
-    points: int = Field(default=8, description="points of contact on one wave", ge=3, le=64)
-    splitting: float = quantity(
-        "difference of the modes' frequencies over their mean", "1", ge=0.0, le=0.05, default=0.0
-    )
-    splitting_axis_deg: float = quantity(
-        "phase of the lower mode's crest from that of group A", "°", ge=-180.0, le=180.0, default=0.0
-    )
-    quality_factor: float = quantity("quality factor of both modes", "1", gt=0.5, le=1e6)
+    waves: int = Field(description="number of waves", ge=2, le=50)
+    outer_radius_m: float = quantity("outer radius", "m", gt=1e-4, le=1.0)
+    inner_radius_m: float = quantity("inner radius", "m", gt=1e-5, le=1.0)
+    thickness_m: float = quantity("metal below the teeth", "m", gt=1e-5, le=0.1)
+    material: str = _material("material of the library")
+    ceramic: str = _material("ceramic of the library")
+    ceramic_thickness_m: float = quantity("its thickness", "m", gt=1e-6, le=0.05)
+    teeth: int = Field(default=0, description="number of teeth", ge=0, le=2000)
+    tooth_height_m: float = quantity("their height", "m", ge=0.0, le=0.1, default=0.0)
+    tooth_share: float = quantity("circumference that they fill", "1", gt=0.0, le=1.0, default=0.8)
+    contact_radius_m: float = quantity("circle of contact", "m", gt=1e-5, le=1.0)
+    waves_a: float = quantity("waves under group A", "1", ge=0.5, le=50.0)
+    waves_b: float = quantity("the same, B", "1", ge=0.5, le=50.0)
+    waves_feedback: float = quantity("the same, feedback electrode", "1", ge=0.0, le=0.5, default=0.0)
+    points: int = Field(default=8, description="contacts on a wave", ge=3, le=64)
+    splitting: float = quantity("relative difference of both frequencies", "1", ge=0.0, le=0.05, default=0.0)
+    splitting_axis_deg: float = quantity("phase of the lower mode", "°", ge=-180.0, le=180.0, default=0.0)
+    quality_factor: float = quantity("quality factor", "1", gt=0.5, le=1e6)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -374,15 +368,6 @@ def _bending(ring: Ring) -> tuple[Plate, int, float]:
     return plate, bends, float(w[0, bends]) - sunk
 
 
-def wave_of(ring: Ring) -> Wave:
-    """Return the mode of a ring by its own theory. Raise ParameterError if finite elements cannot have it."""
-    if ring.theory == "plate":
-        return wave_of_plate(ring)
-    from pyspice_runner.motor.solid.wave import wave_of_solid  # scikit-fem takes long to load
-
-    return wave_of_solid(ring)
-
-
 def capacitance_f(ring: Ring, waves: float) -> float:
     """Return the capacitance of electrodes on a number of waves, the plate clamped and its thickness free."""
     permittivity = -plate_matrix(materials()[ring.ceramic].matrix(), shorted=True)[3, 3]
@@ -390,12 +375,9 @@ def capacitance_f(ring: Ring, waves: float) -> float:
     return float(permittivity * area / ring.ceramic_thickness_m)
 
 
-def ring_modes(ring: Ring) -> tuple[list[dict[str, Any]], list[float]]:
-    """Return the two modes as tables ``[[modes]]``, without their tip, and force per volt of the feedback electrode.
-
-    Raise ParameterError as :func:`wave_of`.
-    """
-    wave, axis = wave_of(ring), radians(ring.splitting_axis_deg)
+def ring_modes(ring: Ring, wave: Wave) -> tuple[list[dict[str, Any]], list[float]]:
+    """Return the two modes as tables ``[[modes]]``, without their tip, and force per volt of the feedback electrode."""
+    axis = radians(ring.splitting_axis_deg)
     sensed, half = ring.feedback_phase, pi * ring.waves_feedback
     modes, feedback = [], []
     for name, turned, side in zip(MODES, (axis, axis + 0.5 * pi), (-1.0, 1.0), strict=True):
@@ -412,16 +394,16 @@ def ring_modes(ring: Ring) -> tuple[list[dict[str, Any]], list[float]]:
     return modes, feedback
 
 
-def ring_contacts(ring: Ring) -> list[dict[str, Any]]:
+def ring_contacts(ring: Ring, wave: Wave) -> list[dict[str, Any]]:
     """Return the points of contact as tables ``[[contacts]]``, each for as many equal points as there are waves."""
-    lever, axis = wave_of(ring).lever, radians(ring.splitting_axis_deg)
+    axis = radians(ring.splitting_axis_deg)
     found = []
     for point in range(ring.points):
         phase = 2.0 * pi * point / ring.points - axis
         along, across = _clean(cos(phase)), _clean(sin(phase))
         found.append({
             "name": f"point{point + 1}", "multiplicity": ring.waves,
-            "tip_x": {MODES[0]: lever * across, MODES[1]: -lever * along},
+            "tip_x": {MODES[0]: wave.lever * across, MODES[1]: -wave.lever * along},
             "tip_y": {MODES[0]: along, MODES[1]: across},
         })  # fmt: skip
     return found

@@ -95,7 +95,7 @@ def test_a_ring_of_another_size_follows_the_laws_of_similarity(scale: float) -> 
 @pytest.mark.parametrize(("waves_a", "waves_b", "axis"), [(4.0, 4.0, 0.0), (2.5, 3.0, 40.0)])
 def test_force_factors_follow_from_the_electrodes_around_the_ring(waves_a: float, waves_b: float, axis: float) -> None:
     one = ring(waves_a=waves_a, waves_b=waves_b, waves_feedback=0.3, splitting_axis_deg=axis)
-    modes, feedback = ring_modes(one)
+    modes, feedback = ring_modes(one, wave_of_plate(one))
     phase = (np.arange(1_800_000) + 0.5) * 2e-5 * pi  # of nine waves twice: each place once
     phase = phase[phase < 2 * pi * one.waves] - 0.5 * pi
     start_b = 2 * pi * waves_a  # a quarter of a wave after the end of A
@@ -119,8 +119,8 @@ def test_equal_modes_may_be_turned(axis: float) -> None:
     found = []
     for turned in (0.0, axis):
         one = ring(splitting=0.0, splitting_axis_deg=turned)
-        modes, feedback = ring_modes(one)
-        places = ring_contacts(one)
+        modes, feedback = ring_modes(one, wave_of_plate(one))
+        places = ring_contacts(one, wave_of_plate(one))
         moved = [[place[axis][mode["name"]] for mode in modes] for place in places for axis in ("tip_x", "tip_y")]
         forces = [[mode["coupling_a_n_per_v"], mode["coupling_b_n_per_v"]] for mode in modes]
         found.append(np.array(moved) @ np.column_stack([forces, feedback]))

@@ -30,6 +30,11 @@ _GRADING = 2.5  # power by which these cells shrink towards the roots of the tee
 _NEAR = 1e-7  # of the outer radius: places that are meant to coincide
 
 
+def wave_of(ring: Ring) -> Wave:
+    """Return the mode of a ring by its own theory. Raise ParameterError as :func:`wave_of_solid`."""
+    return wave_of_plate(ring) if ring.theory == "plate" else wave_of_solid(ring)
+
+
 @cache
 @one_thread_of_scipy()  # the modes enter decks and the addresses of stored points
 def wave_of_solid(ring: Ring) -> Wave:
