@@ -148,7 +148,8 @@ def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def _meaning(kind: type[Any], name: str) -> str:
     """Return the description of a field, with its default if it has one."""
     field = kind.model_fields[name]
-    known = "" if field.is_required() or field.default is None else f"; default {_number(field.default)}"
+    plain = field.is_required() or field.default is None or field.default_factory is not None
+    known = "" if plain else f"; default {_number(field.default)}"
     return f"{field.description or ''}{known}"
 
 
@@ -163,11 +164,11 @@ def _allowed(kind: type[Any], name: str) -> str:
     made_of = schema.get("made_of")
     schema = next(iter(schema.get("anyOf", [schema])))  # of an optional entry
     if "enum" in schema:
-        return ", ".join(schema["enum"])
+        return ", ".join(map(str, schema["enum"]))
     if "$ref" in schema:
         return "path"
     if schema.get("type") == "object":
-        return "by mode"
+        return "by name" if name == "contact" else "by mode"
     if schema.get("type") == "array":
         return "three coordinates"
     if made_of or schema.get("type") == "string":
