@@ -12,7 +12,7 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.motor.load import SETS, Arm
-from pyspice_runner.motor.motor import Materials
+from pyspice_runner.motor.motor import Lining, Materials
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
@@ -83,6 +83,7 @@ def parameters_page() -> str:
         ("Contact", Contact, "contact", vars(motor.contact), _own(Contact)),
         ("Materials", Materials, "contact.materials", materials, _own(Materials)),
         ("Contacts", ContactPlace, "contacts.N", {}, _own(ContactPlace)),
+        ("Lining", Lining, "contact.lining", {}, _own(Lining)),
         ("Rotor", Rotor, "rotor", vars(motor.rotor), _own(Rotor)),
         ("Slider", Slider, "slider", {}, _own(Slider)),
         ("Mount", Mount, "mount", vars(motor.mount), _own(Mount)),
@@ -106,6 +107,7 @@ _REMARKS = {
     "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
     "Contacts": "`[[contacts]]`: several contacts of one stator; those of a `[ring]` follow from it.",
+    "Lining": "[Explanation](contact.md#a-lining-or-rough-surfaces)",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",
     "Limits": "Results warn beyond those that are known.",

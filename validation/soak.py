@@ -30,7 +30,7 @@ from pyspice_runner.circuit.source import UNIFORM_POINTS, DriveSource, Source
 from pyspice_runner.drivers.driver import DriverKind, NetworkKind
 from pyspice_runner.motor.drive import FASTEST_SHAFT, FASTEST_SURFACE, Drive, check_together, free_tip
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor
+from pyspice_runner.motor.parameters import STIFFEST_HERTZ, Contact, Mode, Parameters, Piezo, Rotor
 from pyspice_runner.run.dynamometer import Dynamometer, off_beat
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.ngspice import ngspice_version
@@ -133,7 +133,10 @@ def _values(rng: np.random.Generator, kind: type[Parameters]) -> dict[str, float
 
 @cache
 def _schema(kind: type[Parameters]) -> dict[str, Any]:
-    return dict(kind.model_json_schema()["properties"])
+    found = dict(kind.model_json_schema()["properties"])
+    if found.pop("exponent", None):  # Hertz's contact: what its constants can be depends on the exponent
+        found["normal_stiffness_n_per_m15"]["maximum"] = STIFFEST_HERTZ
+    return found
 
 
 def random_motor(rng: np.random.Generator) -> Motor:
@@ -225,7 +228,7 @@ def _scaled(rng: np.random.Generator, part: Parameters, spread: float) -> dict[s
     return {name: x * float(10.0 ** rng.uniform(-spread, spread)) for name, x in numbers.items()}
 
 
-_OF_MATERIALS = ("contact.effective_radius_m", "contact.poisson")  # cannot be changed on their own
+_OF_MATERIALS = ("contact.effective_radius_m", "contact.poisson", "contact.exponent")  # cannot be changed on their own
 
 
 def _near(rng: np.random.Generator) -> Motor:

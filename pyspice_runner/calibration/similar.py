@@ -12,8 +12,8 @@ stiffness                                             F/x
 damping                                               F/v
 force per volt θ                                      F/U
 capacitance                                           F x/U²
-normal stiffness K_N                                  F/x^(3/2)
-tangential compliance K_t                             x/F^(2/3)
+normal stiffness K_N, of Hertz p = 3/2                 F/x^p
+tangential compliance K_t                             x/F^(1/p)
 ====================================================  ==============================
 
 So the curve of speed over load keeps its shape, currents grow by F v/U, and friction, quality factors and efficiency
@@ -29,6 +29,7 @@ from typing import Any
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.motor import Motor, assemble
+from pyspice_runner.motor.parameters import HERTZ
 
 _MASS, _STIFFNESS, _DAMPING = (1.0, -1.0, -2.0, 0.0), (1.0, -1.0, 0.0, 0.0), (1.0, -1.0, -1.0, 0.0)
 _FORCE, _LENGTH, _SPEED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 1.0, 1.0, 0.0)
@@ -46,10 +47,8 @@ _EXPONENTS = {  # field of a motor → exponents of force, displacement, frequen
     **dict.fromkeys(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), (-1.0, 1.0, 0.0, 0.0)),
     **dict.fromkeys(tuple(f"motion_{axis}_{group}_m_per_v" for axis in "xy" for group in "ab"), (0.0, 1.0, 0.0, -1.0)),
     **dict.fromkeys(("softening_per_m2", "damping_growth_per_m2"), (0.0, -2.0, 0.0, 0.0)),
-    "normal_stiffness_n_per_m15": (1.0, -1.5, 0.0, 0.0),
-    "tangential_compliance_tip_m_per_n23": (-2.0 / 3.0, 1.0, 0.0, 0.0),
-    "tangential_compliance_rotor_m_per_n23": (-2.0 / 3.0, 1.0, 0.0, 0.0),
     **dict.fromkeys(("loss_tangent", "friction", "restitution", "sliding_ratio", "tip_x", "tip_y"), _NUMBER),
+    "exponent": _NUMBER,
     "radius_m": _NUMBER,  # of the rotor
 }
 _TRAVELS = ("bearing_presliding_rad", "guide_presliding_m")
@@ -67,14 +66,19 @@ class Factors:
     frequency: float
     voltage: float
 
-    def of(self, key: str) -> float:
+    def of(self, key: str, power: float = HERTZ) -> float:
         """Return the factor of a field of a motor; 1 for one without a dimension, and for the radius of a rotor.
 
-        Raise ParameterError for a field whose dimension is not known.
+        ``power`` is the exponent of the contact. Raise ParameterError for a field whose dimension is not known.
         """
-        if key not in _EXPONENTS:
+        compliance = (-1.0 / power, 1.0, 0.0, 0.0)
+        known = _EXPONENTS | {
+            "normal_stiffness_n_per_m15": (1.0, -power, 0.0, 0.0),
+            "tangential_compliance_tip_m_per_n23": compliance, "tangential_compliance_rotor_m_per_n23": compliance,
+        }  # fmt: skip
+        if key not in known:
             raise ParameterError(f"A similar motor cannot be made: it is not known how {key} scales.")
-        force, length, frequency, voltage = _EXPONENTS[key]
+        force, length, frequency, voltage = known[key]
         displacement = self.speed / self.frequency
         return float(self.force**force * displacement**length * self.frequency**frequency * self.voltage**voltage)
 
@@ -96,7 +100,8 @@ def scaled(motor: Motor, factors: Factors, name: str) -> Motor:
 
 
 def _grown(table: Mapping[str, Any], factors: Factors) -> dict[str, Any]:
-    found = {key: factors.of(key) * value if value and not isinstance(value, str) else value
+    power = table.get("exponent", HERTZ)
+    found = {key: factors.of(key, power) * value if value and not isinstance(value, str) else value
              for key, value in table.items()}  # fmt: skip
     return found | {key: max(found[key], LEAST_TRAVEL) for key in _TRAVELS if key in found}
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from math import ceil, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.document import read_bytes
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.parameters import Contact
+from pyspice_runner.motor.parameters import HERTZ, Contact
 from pyspice_runner.spice.library import LAW, PREFIX, Library, LibraryParameter, parse_library, read_library
 from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
 
@@ -209,6 +210,7 @@ def motor_library_of(law: Law, motor: Motor) -> Library:
     contacts = [one.contact for one in motor.touching]
     needs = {
         "worn_flat_radius_m": max(contact.worn_flat_radius_m for contact in contacts),
+        "exponent": next((contact.exponent for contact in contacts if contact.exponent != HERTZ), HERTZ),
         "sliding_ratio": min(contact.sliding_ratio for contact in contacts),
     }
     return contact_library(law, motor.contact.model_copy(update=needs))
@@ -242,11 +244,18 @@ def contact_library(law: Law, contact: Contact | None = None) -> Library:
     Raise ParameterError for a user's own law that is not valid.
     """
     library = law._library
-    if contact is not None and contact.worn_flat_radius_m:
-        return worn(contact_library(law, contact.model_copy(update={"worn_flat_radius_m": 0.0})))
     if contact is None or contact.sliding_ratio == 1.0:
         library = _constant_friction(library)
-    return _row(library, law.sliders) if law.sliders != len(library.sliders) else library
+    return on_contact(_row(library, law.sliders) if law.sliders != len(library.sliders) else library, contact)
+
+
+def on_contact(library: Library, contact: Contact | None) -> Library:
+    """Return a law on the normal contact that it has: of a worn tip, of a lining, or Hertz's."""
+    if contact is not None and contact.exponent != HERTZ:
+        if contact.worn_flat_radius_m:
+            raise ParameterError("A worn tip beside a lining has no library: set contact.worn_flat_radius_m to 0.")
+        return lined(library)
+    return worn(library) if contact is not None and contact.worn_flat_radius_m else library
 
 
 @cache
@@ -290,17 +299,45 @@ def _constant_friction(library: Library) -> Library:
 @cache
 def worn(library: Library) -> Library:
     """Return a law on the normal contact of a worn tip; its name ends in ``_worn``."""
-    name, lines = f"{library.name}_worn", _statements(library.subcircuit)
+    lines = _statements(library.subcircuit)
     _spring_of_worn(lines)
     _row_of_worn(lines)
-    lines[".subckt"] = lines[".subckt"].replace(f" {library.name} ", f" {name} ", 1) + " flat=1"
-    lines[".ends"] = f".ends {name}"
+    return _on_other(library, lines, "worn", "flat")
+
+
+@cache
+def lined(library: Library) -> Library:
+    """Return a law on the normal contact of a lining, F_N = K δ^exponent; its name ends in ``_lining``.
+
+    The friction of the spring-slider is that of :func:`_spring_of_worn`, in which f^(1 − p) is left of κ^−p.
+    """
+    lines = _statements(library.subcircuit.replace("^(3/2)", "^exponent"))
+    if "limit_ratio" in lines.get("Bgrip", ""):
+        ratio = next(key for key in lines if key.startswith(".param limit_ratio="))
+        lines[ratio] = ratio.replace("**(2/3)", "**(1/exponent)")
+        ahead, behind = (f"uramp(V(limit)-uramp({held}))**{{exponent}}" for held in ("-V(held)", "V(held)"))
+        lines["Bgrip"] = f"Bgrip grip 0 V={{mu*normal_stiffness/(1e6*limit_ratio)**exponent}}*({ahead}-{behind})"
+        factor = "max(max(V(factor),1m)**({exponent-1}),31.6m)"  # not below that of Hertz's contact, √1m
+        lines["Bfriction"] = lines["Bfriction"].replace("sqrt(max(V(factor),1m))", factor)
+    library = _on_other(library, lines, "lining", "exponent")
+    wide: dict[str, dict[str, Any]] = {
+        "normal_stiffness": {"unit": "N/m^exponent", "greatest": 1e25},
+        "compliance": {"unit": "m/N^(1/exponent)", "least": 1e-14},  # SOFTNESS over the stiffest lining, 1e13 N/m
+    }
+    return replace(library, parameters=tuple(replace(one, **wide.get(one.name, {})) for one in library.parameters))
+
+
+def _on_other(library: Library, lines: dict[str, str], ending: str, parameter: str) -> Library:
+    """Return a law on the normal contact of another library with one more parameter; its name has the same ending."""
+    name, other = f"{library.name}_{ending}", read_library(f"piezomotor_{ending}")
+    item = next(item for item in other.parameters if item.name == parameter)
+    own = lines[".subckt"].replace(f" {library.name} ", f" {name} ", 1)
+    lines |= {".subckt": f"{own} {parameter}={item.default:g}", ".ends": f".ends {name}"}
     for key, line in lines.items():
         if key.startswith("X") and " piezomotor_normal " in line:
-            lines[key] = line.replace(" piezomotor_normal ", " piezomotor_worn ") + " flat={flat}"
-    flat = next(item for item in read_library("piezomotor_worn").parameters if item.name == "flat")
-    parameters = (*library.parameters, flat)
-    return replace(library, name=name, subcircuit=_joined(lines), parameters=parameters, needs=("piezomotor_worn",))
+            lines[key] = line.replace(" piezomotor_normal ", f" {other.name} ") + f" {parameter}={{{parameter}}}"
+    parameters = (*library.parameters, item)
+    return replace(library, name=name, subcircuit=_joined(lines), parameters=parameters, needs=(other.name,))
 
 
 def _spring_of_worn(lines: dict[str, str]) -> None:
@@ -343,6 +380,21 @@ def _row_of_worn(lines: dict[str, str]) -> None:
     )
 
 
+def _of_profile(law: Law, contact: Contact) -> dict[str, float]:
+    """Return the parameter that a worn tip or a lining adds to a law. Raise ParameterError for one that has neither."""
+    lining, worn_flat, row = contact.exponent != HERTZ, contact.worn_flat_radius_m, law.row
+    if not (lining or worn_flat):
+        return {}
+    if (is_own(law.name) and law.spring) or (lining and row):
+        given = f"exponent = {contact.exponent:g}" if lining else f"worn_flat_radius_m = {worn_flat:g} m"
+        taken = " or ".join(name for name in LAWS if not (lining and Law(name).row))
+        raise ParameterError(
+            f"contact.{given} is not valid with the contact {law.name}, whose spring is that of a new tip by Hertz: it "
+            f"must be {taken}, or a law without a spring. Choose one of these, or set it to {1.5 if lining else 0}."
+        )
+    return {"exponent": contact.exponent} if lining else {"flat": 1e6 * contact_law.flat_length(contact)}
+
+
 def contact_values(
     law: Law,
     contact: Contact,
@@ -383,14 +435,7 @@ def contact_values(
                 f"has one coefficient of friction. Set it to 1, or choose the contact {falling}."
             )
         values |= {"sliding": contact.sliding_ratio, "stribeck": contact.stribeck_velocity_m_s}
-    if contact.worn_flat_radius_m:
-        if is_own(law.name) and law.spring:
-            raise ParameterError(
-                f"contact.worn_flat_radius_m = {contact.worn_flat_radius_m:g} m is not valid with the contact "
-                f"{law.name}, whose spring is that of a new tip: it must be {' or '.join(LAWS)}, or a law without a "
-                "spring. Choose one of these, or set it to 0."
-            )
-        values["flat"] = 1e6 * contact_law.flat_length(contact)
+    values |= _of_profile(law, contact)
     if "compliance" in declared:
         values["compliance"] = contact_law.total_compliance(contact)
     if "slider_time" in declared and slider_time is not None:

@@ -538,8 +538,10 @@ def _touching_values(
         slider_time=discretisation.slider_time if discretisation else None,
     )  # fmt: skip
     for item in library.parameters if library else ():
-        if item.name == "flat" and "flat" not in values:  # new, beside worn ones
-            values["flat"] = item.least
+        if (
+            item.name in ("flat", "exponent") and item.name not in values
+        ):  # new, beside worn ones; Hertz's, beside linings
+            values[item.name] = item.least if item.name == "flat" else one.contact.exponent
     return values
 
 

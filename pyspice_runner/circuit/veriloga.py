@@ -17,8 +17,8 @@ from pyspice_runner.circuit.law import (
     Law,
     contact_library,
     contact_values,
+    on_contact,
     touching_law,
-    worn,
 )
 from pyspice_runner.circuit.motor import (
     SLIDER_TIME,
@@ -35,6 +35,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.parameters import Contact
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.spice.expressions import HELPERS, equations, translated
@@ -77,7 +78,7 @@ def motor_module(
             "Export a .lib for a law of your own."
         )
     require_no_feedback(motor, "A .va file")
-    text = module_source(len(motor.modes), law, flat=motor.contact.worn_flat_radius_m > 0.0)
+    text = module_source(len(motor.modes), law, motor.contact)
     for parameter, value in module_values(motor, law, thermal=thermal).items():
         text, count = re.subn(
             rf"(?m)^(.*parameter (?:real|integer) {parameter} = )\S+( from .*)$", rf"\g<1>{value!r}\g<2>", text
@@ -100,23 +101,22 @@ def motor_module(
     )
 
 
-def module_source(modes: int, law: Law, *, flat: bool = False) -> str:
-    """Return the module with some number of modes and a law of the contact, of a new tip or one worn to a flat.
+def module_source(modes: int, law: Law, contact: Contact | None = None) -> str:
+    """Return the module with some number of modes and a law of the contact, Hertz's, of a worn tip or of a lining.
 
     The defaults are those of ``behavioral/piezomotor.va`` and of the library of the law.
     """
     text = (data_path("behavioral") / "piezomotor.va").read_text(encoding="utf-8")
     for block in _BLOCKS:
         text = _repeated(text, block, modes)
-    for name, lines in _contact(law, flat).items():
+    for name, lines in _contact(law, contact).items():
         text = text.replace(f"// {name}\n", "\n".join((f"// {name}", *lines, "")), 1)
     return text
 
 
-def _contact(law: Law, flat: bool) -> dict[str, list[str]]:
+def _contact(law: Law, contact: Contact | None) -> dict[str, list[str]]:
     """Return the lines of the contact, by the comments of ``behavioral/piezomotor.va`` after which they stand."""
-    library = contact_library(law) if law.row else read_library(LAWS[law.name])
-    library = worn(library) if flat else library
+    library = on_contact(contact_library(law) if law.row else read_library(LAWS[law.name]), contact)
     found = equations(library)
     parameters = {item.name: _OF_CONTACT.get(item.name, item.name) for item in library.parameters}
     parameters |= dict.fromkeys(_OF_RUN, "0.0")

@@ -18,6 +18,9 @@ A cap of effective radius R* that is worn to a flat of radius b has, with β = b
 by the method of dimensionality reduction. β = 0 is Hertz's contact; a small penetration gives F_N = 2 E* b δ. The
 second law holds for any axisymmetric profile (Ciavarella; Jäger) and is the paper's spring for β = 0.
 
+Another exponent p than 3/2 gives F_N = K_N δ^p and the same F_T, with κ = μ K_t K_N^(1/p). p = 1 is a lining, which is
+linear along the tangent, too; p = 2 to 3.5 are rough surfaces (Back, Burdekin, Cowley, 1973).
+
 Sources: Andersen, Helbo and Blanke (2002), eqs. (4), (13)–(18), corrected as ``docs/physics.md`` shows;
 K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2; V. L. Popov, M. Heß, E. Willert, *Handbook of Contact
 Mechanics*, Springer 2019, §2.5 and §4.3.
@@ -32,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pyspice_runner.motor.numerics import root
-from pyspice_runner.motor.parameters import Contact, Mode
+from pyspice_runner.motor.parameters import HERTZ, Contact, Mode
 
 Array = NDArray[np.float64]
 
@@ -65,13 +68,15 @@ def tangential_compliance(
 
 
 def total_compliance(contact: Contact) -> float:
-    """Tangential compliance K_t of tip and rotor together, in m/N^(2/3)."""
+    """Tangential compliance K_t of tip and rotor together, in m/N^(2/3), or m/N^(1/p)."""
     return contact.tangential_compliance_tip_m_per_n23 + contact.tangential_compliance_rotor_m_per_n23
 
 
 def limit_ratio(contact: Contact) -> float:
-    """Limit of stick over penetration, κ = u_lim/δ = μ K_t K_N^(2/3), which is μ E*/G*."""
-    return contact.friction * total_compliance(contact) * cbrt(contact.normal_stiffness_n_per_m15**2)
+    """Limit of stick over penetration, κ = u_lim/δ = μ K_t K_N^(2/3), which is μ E*/G*; in general μ K_t K_N^(1/p)."""
+    stiffness = contact.normal_stiffness_n_per_m15
+    power = cbrt(stiffness**2) if contact.exponent == HERTZ else stiffness ** (1.0 / contact.exponent)
+    return contact.friction * total_compliance(contact) * power
 
 
 def stick_limit(contact: Contact, penetration_m: ArrayLike, normal_n: ArrayLike) -> NDArray[np.float64]:
@@ -83,7 +88,7 @@ def stick_limit(contact: Contact, penetration_m: ArrayLike, normal_n: ArrayLike)
 
 
 def normal_damping(contact: Contact) -> float:
-    """Hunt and Crossley's constant a of F_N = K_N δ^(3/2) (1 + a δ̇), in s/m; 0 without loss."""
+    """Hunt and Crossley's constant a of F_N = K_N δ^p (1 + a δ̇), in s/m; 0 without loss."""
     return hunt_crossley_damping(contact.restitution, contact.restitution_velocity_m_s)
 
 
@@ -91,7 +96,7 @@ def normal_damping(contact: Contact) -> float:
 def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     r"""Constant a, in s/m, that gives a coefficient of restitution e at an approach velocity v.
 
-    The equation of motion m v̇ = −K_N δ^(3/2) (1 + a v) is separable, and for any mass and stiffness
+    The equation of motion m v̇ = −K_N δ^p (1 + a v) is separable, and for any mass, stiffness and exponent
 
     .. math::
         a v\,(1 + e) = \ln\frac{1 + a v}{1 - a e v}.
@@ -109,6 +114,15 @@ def hunt_crossley_damping(restitution: float, velocity_m_s: float) -> float:
     return root(mismatch, lowest, (1.0 - 1e-15) / restitution) / velocity_m_s
 
 
+def restitution(loss: float) -> float:
+    """Return the coefficient of restitution e for which :func:`hunt_crossley_damping` has a v = ``loss``, above 0."""
+
+    def mismatch(e: float) -> float:
+        return loss * (1.0 + e) - log1p(loss) + log1p(-e * loss)
+
+    return root(mismatch, 0.0, min(1.0, (1.0 - 1e-15) / loss))
+
+
 def flat_length(contact: Contact) -> float:
     """Length β = b²/R* in m of a tip that is worn to a flat of radius b; 0 for a new one."""
     if contact.effective_radius_m is None:
@@ -118,13 +132,17 @@ def flat_length(contact: Contact) -> float:
 
 def elastic_force(contact: Contact, penetration_m: Array) -> Array:
     """Normal force in N without damping."""
+    if contact.exponent != HERTZ:
+        return np.asarray(contact.normal_stiffness_n_per_m15 * np.maximum(penetration_m, 0.0) ** contact.exponent)
     flat, depth = flat_length(contact), np.maximum(penetration_m, 0.0)
     q = _square(depth, flat)
     return np.asarray(contact.normal_stiffness_n_per_m15 * np.sqrt(q) * (q + 1.5 * flat))
 
 
 def elastic_energy(contact: Contact, penetration_m: Array) -> Array:
-    """Elastic energy in J of the normal contact, ∫ F_N dδ; 2/5 F_N δ for a new tip."""
+    """Elastic energy in J of the normal contact, ∫ F_N dδ; F_N δ/(1 + p) for a new tip."""
+    if contact.exponent != HERTZ:
+        return np.asarray(elastic_force(contact, penetration_m) * penetration_m / (1.0 + contact.exponent))
     flat = flat_length(contact)
     m = _square(np.maximum(penetration_m, 0.0), flat) + flat
     energy = 0.8 * m**2.5 - flat**2 * np.sqrt(m) + 0.2 * flat**2.5
@@ -147,7 +165,9 @@ def _root(contact: Contact, force_n: float) -> float:
 
 
 def penetration(contact: Contact, force_n: float) -> float:
-    """Penetration δ in m under a normal force; (F_N/K_N)^(2/3) for a new tip."""
+    """Penetration δ in m under a normal force; (F_N/K_N)^(1/p) for a new tip."""
+    if contact.exponent != HERTZ:
+        return float((max(force_n, 0.0) / contact.normal_stiffness_n_per_m15) ** (1.0 / contact.exponent))
     root = _root(contact, force_n)
     return root * sqrt(root**2 + flat_length(contact))
 
@@ -167,10 +187,13 @@ def static_penetration(contact: Contact) -> float:
 def stiffnesses_at_preload(contact: Contact) -> tuple[float, float]:
     """Tangential stiffness in stick and normal stiffness at the operating point without compliances in series, N/m.
 
-    dF_T/du = 2 G* a and dF_N/dδ = 2 E* a = 3/2 K_N √(q + β); for a new tip 3F₀/(2δ₀).
+    dF_T/du = 2 G* a and dF_N/dδ = 2 E* a = 3/2 K_N √(q + β); for a new tip p F₀/δ₀, and the first by u_lim/(μ δ) less.
     """
-    radius = sqrt(_root(contact, contact.preload_n) ** 2 + flat_length(contact))
-    normal = 1.5 * contact.normal_stiffness_n_per_m15 * radius
+    if contact.exponent == HERTZ:
+        power = sqrt(_root(contact, contact.preload_n) ** 2 + flat_length(contact))
+    else:
+        power = static_penetration(contact) ** (contact.exponent - 1.0)
+    normal = contact.exponent * contact.normal_stiffness_n_per_m15 * power
     return normal * contact.friction / limit_ratio(contact), normal
 
 

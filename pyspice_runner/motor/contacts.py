@@ -21,7 +21,6 @@ from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode
 from pyspice_runner.motor.refusal import build
 
 Array = NDArray[np.float64]
-HERTZ = 1.5  # exponent of the normal force
 _SHARES = 1e-6  # by which given shares may miss 1
 
 
@@ -48,7 +47,7 @@ def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:
     changed["normal_stiffness_n_per_m15"] = multiplicity * contact.normal_stiffness_n_per_m15
     for side in ("tip", "rotor"):
         name = f"tangential_compliance_{side}_m_per_n23"
-        changed[name] = getattr(contact, name) / multiplicity ** (1.0 / HERTZ)
+        changed[name] = getattr(contact, name) / multiplicity ** (1.0 / contact.exponent)
     for name in ("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"):
         changed[name] = getattr(contact, name) / multiplicity
     return contact.model_copy(update=changed)

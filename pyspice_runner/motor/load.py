@@ -19,8 +19,9 @@ A transducer has neither contact nor rotor or slider; ``[load]`` is its load. Of
 and modes without coupling of group B. Without mass and motion of the face, arms are known electrically only. The file
 that ``piezomotor fit --output`` writes is one.
 
-The contact is given by its constants, or by the materials of tip and rotor or slider (:class:`Materials`). Each number
-is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which records its origin.
+The contact is given by its constants, by the materials of tip and rotor or slider (:class:`Materials`), or by a lining
+(:class:`Lining`). Each number is written plainly, or as ``{ value = …, given | derived | assumed = "why" }``, which
+records its origin.
 """
 
 from __future__ import annotations
@@ -47,9 +48,10 @@ from pyspice_runner.motor.motor import (
     MOVED,
     OF_FILES,
     SECTIONS,
-    Materials,
+    SOURCES,
     Motor,
     Provenance,
+    Source,
     Structure,
     assemble,
     with_constants,
@@ -484,15 +486,19 @@ def _complete_mode(entry: dict[str, Any], damping: Damping | None, path: str, wh
     return entry
 
 
-def _resolve_contact(entry: Any, rotor_radius_m: float, where: str) -> tuple[dict[str, Any], Materials | None]:
-    contact, materials = dict(as_table(entry, "contact", where)), None
-    if "materials" in contact:
-        materials = build(Materials, contact.pop("materials"), "contact.materials", where)
-        constants = materials.constants(rotor_radius_m)
+def _resolve_contact(entry: Any, rotor_radius_m: float, where: str) -> tuple[dict[str, Any], Source | None]:
+    contact = dict(as_table(entry, "contact", where))
+    source: Source | None = None
+    for kind in SOURCES:
+        if kind.TABLE not in contact:
+            continue
+        place = f"contact.{kind.TABLE}"
+        source = build(kind, contact.pop(kind.TABLE), place, where)
+        constants = source.constants(rotor_radius_m)
         if both := [key for key in constants if key in contact]:
-            raise ParameterError(f"{where}: contact.{both[0]} follows from [contact.materials]; leave out one of them.")
+            raise ParameterError(f"{where}: contact.{both[0]} follows from [{place}]; leave out one of them.")
         contact.update(constants)
-    return contact, materials
+    return contact, source
 
 
 def _check_drive(entry: Any, where: str) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from math import inf, pi, sqrt
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 from weakref import ref
 
 import numpy as np
@@ -31,6 +31,7 @@ from pyspice_runner.motor.beam_limits import beam_cautions
 from pyspice_runner.motor.contacts import Touching, check_places, motion_rows, resolved, touching_of
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.parameters import (
+    HERTZ,
     MIN_CAPACITANCE,
     MOST_CONTACTS,
     Beam,
@@ -100,6 +101,9 @@ CLOSEST_COUPLING = 0.9  # k², of the best single crystals (k₃₃ = 0.95)
 STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: the tip has 1e-4 of the stator's mass
 
 
+OTHER_PRESSURE = (
+    "The contact has the exponent {:g}, not Hertz's: pressure and tension, which have limits, are not known."
+)
 DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
 
 
@@ -142,6 +146,9 @@ class Ringing(Parameters):
 class Materials(Parameters):
     """Materials of tip and rotor, or slider, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
 
+    TABLE: ClassVar[str] = "materials"
+    # constants of the contact that cannot be changed alone, and what to change
+    ONLY: ClassVar[dict[str, str]] = {"effective_radius_m": "tip_radius_m", "poisson": "tip_poisson"}
     tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
     tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
     tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
@@ -167,16 +174,74 @@ class Materials(Parameters):
         }
 
 
-OF_FILES = (
-    "beam.",
-    "ceramic.",
-    "patches.",
-    "tip.",
-    "damping.",
-    "arms.",
-    "solid.",
-    "ring.",
-)  # paths that are read on loading
+class Lining(Parameters):
+    """A lining, or rough surfaces: F_N = K δ^p, from which the contact's constants follow.
+
+    K is that in all, per area, or of a layer of thickness h: E A/h of one that bulges freely, or with Poisson's ratio
+    that of a wide one that is bonded, E (1 − ν)/((1 + ν)(1 − 2ν)) A/h, and E/(2 + 2ν) A/h along the tangent.
+    The loss factor η is that of small vibrations under the preload at the frequency f where 2π f δ₀ is
+    ``contact.restitution_velocity_m_s``, with the static penetration δ₀; it grows in proportion to f.
+    """
+
+    TABLE: ClassVar[str] = "lining"
+    ONLY: ClassVar[dict[str, str]] = {"exponent": "exponent"}
+    exponent: float = quantity("exponent p", "1", ge=1.0, le=3.5, default=1.0)
+    stiffness_n_per_m: float | None = quantity("K, N/m^p", "N/m", ge=1e3, le=1e25, default=None)
+    stiffness_n_per_m3: float | None = quantity("K/A, N/m^(p+2)", "N/m³", ge=1e6, le=1e36, default=None)
+    youngs_modulus_pa: float | None = quantity("E of a layer", "Pa", ge=1e4, le=2e12, default=None)
+    thickness_m: float | None = quantity("its thickness h", "m", ge=1e-8, le=0.1, default=None)
+    poisson: float | None = quantity("its ν, if bonded", "1", ge=0.0, le=0.49, default=None)
+    area_m2: float | None = quantity("area A", "m²", ge=1e-14, le=1.0, default=None)
+    tangential_stiffness_n_per_m: float | None = quantity("along the tangent", "N/m", ge=1.0, le=1e13, default=None)
+    stiffness_ratio: float | None = quantity("normal over tangential", "1", ge=0.1, le=100.0, default=None)
+    loss_factor: float | None = quantity("loss factor η", "1", ge=1e-3, le=1.0, default=None)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        ways = (
+            ("stiffness_n_per_m", "stiffness_n_per_m3", "youngs_modulus_pa"),
+            ("stiffness_ratio", "tangential_stiffness_n_per_m", "poisson"),
+        )
+        given = {name for names in ways for name in names if getattr(self, name) is not None}
+        for names in ways:
+            if len(found := sorted(given.intersection(names))) != 1:
+                raise ValueError(
+                    f"specify one of {', '.join(names)}; there are {' and '.join(found) or 'none of them'}"
+                )
+        layer, per_area = {"youngs_modulus_pa"}, {"stiffness_n_per_m3", "youngs_modulus_pa"}
+        for name, users in (("area_m2", per_area), ("thickness_m", layer), ("poisson", layer)):
+            stated = getattr(self, name) is not None
+            if stated != bool(given & users) and (stated or name != "poisson"):
+                raise ValueError(f"{name} belongs to {' or '.join(sorted(users))}: specify both, or leave out both")
+        if self.exponent != 1.0 and given & {"youngs_modulus_pa", "tangential_stiffness_n_per_m"}:
+            raise ValueError(f"exponent = {self.exponent:g} must be 1 with {' and '.join(sorted(given))}")
+        return self
+
+    def constants(self, _: float) -> dict[str, float]:
+        """Return exponent, K_N, K_t and, of one with a loss factor, the restitution, as :class:`Contact` names them."""
+        area, ratio = self.area_m2 or 0.0, self.stiffness_ratio or 0.0
+        normal = self.stiffness_n_per_m or (self.stiffness_n_per_m3 or 0.0) * area
+        if self.youngs_modulus_pa is not None and self.thickness_m is not None:
+            normal = self.youngs_modulus_pa * area / self.thickness_m
+            if (poisson := self.poisson) is not None:
+                normal *= (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+                ratio = 2.0 * (1.0 - poisson) / (1.0 - 2.0 * poisson)
+        if self.tangential_stiffness_n_per_m:
+            ratio = normal / self.tangential_stiffness_n_per_m
+        found = {
+            "exponent": self.exponent, "normal_stiffness_n_per_m15": normal,
+            "tangential_compliance_tip_m_per_n23": ratio / normal ** (1.0 / self.exponent),
+            "tangential_compliance_rotor_m_per_n23": 0.0,
+        }  # fmt: skip
+        # a small vibration has the loss factor a ω δ₀/p, so that a v = p η
+        loss = {"restitution": contact_law.restitution(self.exponent * self.loss_factor)} if self.loss_factor else {}
+        return found | loss
+
+
+Source = Materials | Lining  # of the contact's constants
+SOURCES: tuple[type[Source], ...] = (Materials, Lining)
+
+OF_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.", "ring.")  # read on loading
 OF_GROUP_B = ("coupling_b_n_per_v", "capacitance_b_f", "motion_x_b_m_per_v", "motion_y_b_m_per_v")  # of one group: 0
 _OF_MOTOR = ("contact", "rotor")  # what a transducer has not
 KINDS = ("given", "derived", "assumed")  # of the origin of a value in a file
@@ -218,8 +283,8 @@ class Motor(Shown, Parameters):
     (:attr:`.Slider.as_rotor`). Its speeds in rad/s and torques in N·m are m/s and N.
 
     ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid``, ``ring``
-    and ``provenance`` state the origin of the values; ``materials`` are those of the contact, whose constants follow
-    from them and from the radius of the rotor.
+    and ``provenance`` state the origin of the values; ``materials`` are those of the contact or its lining, from which,
+    and from the radius of the rotor, its constants follow.
     """
 
     name: str = Field(
@@ -248,7 +313,7 @@ class Motor(Shown, Parameters):
         description="several contacts of the stator; none: one, as the modes move it",
         max_length=MOST_CONTACTS,
     )
-    materials: Materials | None = Field(default=None, exclude=True)
+    materials: Source | None = Field(default=None, exclude=True)
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     solid: Solid | None = Field(default=None, exclude=True)
@@ -358,7 +423,7 @@ class Motor(Shown, Parameters):
         names = [mode.name for mode in self.modes]
         if len(set(names)) != len(names):
             raise ValueError(f"two modes share a name in {names}; give each its own")
-        if self.slider and self.materials and self.materials.on_face:
+        if self.slider and isinstance(self.materials, Materials) and self.materials.on_face:
             raise ValueError("contact.materials.on_face is for a rotor, and a slider is flat anyway: leave it out")
         for mode in self.modes:
             _check_mode(mode)
@@ -598,6 +663,9 @@ class Motor(Shown, Parameters):
             of_theory = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
         elif self.ring is not None:
             of_theory = ring_cautions(self.ring)
+        limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
+        if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
+            of_theory = (*of_theory, OTHER_PRESSURE.format(self.contact.exponent))
         return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
 
     def summary(self) -> dict[str, str]:
@@ -635,7 +703,7 @@ class Motor(Shown, Parameters):
             constants = self.materials.constants(inf if self.slider else self.rotor.radius_m)
             if all(getattr(self.contact, name) == value for name, value in constants.items()):
                 document["contact"] = {k: v for k, v in document["contact"].items() if k not in constants}
-                document["contact.materials"] = self.materials.model_dump()
+                document[f"contact.{self.materials.TABLE}"] = self.materials.model_dump()
         return _toml(document, self.provenance, heading)
 
     def to_dict(self) -> dict[str, Any]:
@@ -673,7 +741,8 @@ class Motor(Shown, Parameters):
                 new ``quality_factor`` changes the damping.
                 ``mount`` is ``None`` for a stator held at a fixed distance, or a table of all its values. The constants
                 of a contact that ``contact.materials`` specifies follow these and ``rotor.radius_m``, except those
-                that have been given values of their own. ``load.*`` are those of a transducer.
+                that have been given values of their own; so do those of ``contact.lining``, of which a table of all
+                its values replaces others. ``load.*`` are those of a transducer.
 
         Raises:
             ParameterError: for a path that does not exist, an invalid value, or a value that follows from others.
@@ -681,7 +750,7 @@ class Motor(Shown, Parameters):
         document = self.model_dump()
         document["modes"] = [mode.model_dump() for mode in self.modes]
         if self.materials is not None:
-            document["contact"]["materials"] = self.materials.model_dump()
+            document["contact"][self.materials.TABLE] = self.materials.model_dump()
         where = f"motor {self.name}"
         provenance = dict(self.provenance)
         changed: set[str] = set()
@@ -699,8 +768,9 @@ class Motor(Shown, Parameters):
                         f"{where}: modes.{index}.{alias} and the {other} are both changed; give one of them."
                     )
             document["modes"][index] = with_constants(mode, f"modes.{index}", where)
-        if self.materials is not None:
-            self._follow_materials(document, changed, where)
+        for kind in SOURCES:
+            if kind.TABLE in (document.get("contact") or {}):
+                self._follow_materials(kind, document, changed, where)
         changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
         document["drive"] = self.drive
         document["left_out"] = self.left_out
@@ -708,24 +778,25 @@ class Motor(Shown, Parameters):
             document, None if changed_modes else self.structure or self.solid or self.ring, provenance, where=where
         )
 
-    def _follow_materials(self, document: dict[str, Any], changed: set[str], where: str) -> None:
-        """Put the constants that follow from changed materials or a changed radius of the rotor into a document."""
-        assert self.materials is not None
-        for name, source in (("effective_radius_m", "tip_radius_m"), ("poisson", "tip_poisson")):
+    def _follow_materials(self, kind: type[Source], document: dict[str, Any], changed: set[str], where: str) -> None:
+        """Put the constants that follow from changed materials, lining or radius of the rotor into a document."""
+        place = f"contact.{kind.TABLE}"
+        for name, source in kind.ONLY.items():
             if f"contact.{name}" in changed:
                 raise ParameterError(
-                    f"{where}: contact.{name} follows from [contact.materials]. Change contact.materials.{source}"
+                    f"{where}: contact.{name} follows from [{place}]. Change {place}.{source}"
                     f"{' or rotor.radius_m' if name == 'effective_radius_m' and not self.slider else ''} instead."
                 )
-        document["materials"] = materials = build(
-            Materials, document["contact"].pop("materials"), "contact.materials", where
-        )
+        document["materials"] = materials = build(kind, document["contact"].pop(kind.TABLE), place, where)
         radius = (
             inf if self.slider else limited(Rotor, "radius_m", document["rotor"]["radius_m"], "rotor.radius_m", where)
         )
-        before = self.materials.constants(inf if self.slider else self.rotor.radius_m)
+        before: dict[str, float] = {}
+        if isinstance(self.materials, kind):
+            before = self.materials.constants(inf if self.slider else self.rotor.radius_m)
         for name, value in materials.constants(radius).items():
-            if f"contact.{name}" not in changed and getattr(self.contact, name) == before[name]:
+            own = getattr(self.contact, name)
+            if f"contact.{name}" not in changed and own == before.get(name, own):
                 document["contact"][name] = value
 
 
@@ -850,9 +921,8 @@ def _places(document: dict[str, Any]) -> dict[str, tuple[str, ...]]:
         for table, keys in inside.items():
             entry.setdefault(table, {})
             places[f"contacts.{index}.{table}"] = keys
-    if materials := document.get("contact", {}).get("materials"):
-        places["contact.materials"] = tuple(materials)
-    return places
+    stated = document.get("contact") or {}
+    return places | {f"contact.{kind.TABLE}": tuple(kind.model_fields) for kind in SOURCES if kind.TABLE in stated}
 
 
 def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
@@ -871,6 +941,10 @@ def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
         return path
     if section == "law" and re.fullmatch(r"[a-z]\w*", rest):
         document["law"] = {**document.get("law", {}), rest: value}
+        return path
+    if path == f"contact.{Lining.TABLE}" and isinstance(value, Mapping) and "contact" in document:
+        document["contact"] = {k: v for k, v in document["contact"].items() if k != Materials.TABLE}
+        document["contact"] |= {Lining.TABLE: dict(value), **dict.fromkeys(Materials.ONLY)}
         return path
     places = _places(document)
     known = ["name", *(f"{place}.{key}" for place, keys in places.items() for key in keys)]

@@ -311,27 +311,31 @@ class Feedback(Parameters):
 
 
 SOFTEST_SIDES = 0.01  # m/N^(2/3), the maximum of the contact's library
-# K_t K_N^(2/3) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes
+# K_t K_N^(1/p) = E*/G*, of elastic bodies with Poisson's ratios from 0 to 0.5: 1 to 1.5. A layer that only shears makes
 # it larger, a value identified from a run may be smaller; a factor of ten each way, and ten more for soft layers.
 SOFTNESS = (0.1, 100.0)
 
 
 FLATTEST_TIP = 0.3  # worn flat over effective radius: the cap is taken for a paraboloid
+HERTZ = 1.5  # exponent of Hertz's contact
+STIFFEST_HERTZ = 1e13  # N/m^1.5; with another exponent, what gives the same force at a micrometre
 
 
 class Contact(Parameters):
-    """Hertz normal contact with a spring–slider along the tangent (paper eqs. 13–18, corrected)."""
+    """Normal contact by a power law, Hertz's by default, with a spring–slider along the tangent (paper eqs. 13–18)."""
 
     # 4/3 E* √R* of rubber (1e6 Pa) round to a micrometre: 1e3; of diamond (1e12 Pa) on a flat slide (R* = 10 m): 4e12
-    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^(3/2)", "N/m^1.5", ge=1e3, le=1e13)
+    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^p, N/m^p", "N/m^1.5", ge=1e3, le=1e25)
     tangential_compliance_tip_m_per_n23: float = quantity(
-        "K_t1 of u₁ = μ K_t1 F_N^(2/3) at the limit of stick, tip side", "m/N^(2/3)", ge=0.0, le=1e-2
+        "K_t1 of u₁ = μ K_t1 F_N^(1/p) at the limit of stick, tip side", "m/N^(2/3)", ge=0.0, le=1e-2
     )
     tangential_compliance_rotor_m_per_n23: float = quantity(
         "K_t2, the same on the rotor's side", "m/N^(2/3)", ge=0.0, le=1e-2
     )
     # graphite at its most slippery has 1e-4 and more, clean rubber up to 4
     friction: float = quantity("coefficient of friction μ", "1", ge=1e-4, le=5.0)
+    # a lining has 1, machined surfaces about 2, fine rough ones up to 3.5
+    exponent: float = quantity("exponent p: Hertz 1.5, lining 1", "1", ge=1.0, le=3.5, default=HERTZ)
     # micronewtons press a MEMS rotor, kilonewtons the largest ring motors
     preload_n: float = quantity("static normal force F₀", "N", ge=1e-6, le=1e5)
     restitution: float = quantity(
@@ -397,15 +401,27 @@ class Contact(Parameters):
                 f"worn_flat_radius_m = {self.worn_flat_radius_m:g} m must be at most {FLATTEST_TIP:g} of "
                 f"effective_radius_m = {self.effective_radius_m:g} m; lower it"
             )
+        power = "2/3" if self.exponent == HERTZ else f"1/{self.exponent:g}"
+        stiffest = STIFFEST_HERTZ * 1e6 ** (self.exponent - HERTZ)
+        if self.normal_stiffness_n_per_m15 > stiffest:
+            raise ValueError(
+                f"normal_stiffness_n_per_m15 = {self.normal_stiffness_n_per_m15:g} must be at most {stiffest:.3g} "
+                f"N/m^{self.exponent:g} with exponent = {self.exponent:g}; lower it"
+            )
+        if self.exponent != HERTZ and self.effective_radius_m is not None:
+            raise ValueError(
+                f"exponent = {self.exponent:g} is not that of effective_radius_m or [contact.materials], which is "
+                "1.5: specify [contact.lining] in their place"
+            )
         if total > SOFTEST_SIDES:
             raise ValueError(
                 f"tangential_compliance_tip_m_per_n23 and tangential_compliance_rotor_m_per_n23 sum to {total:g} "
-                f"m/N^(2/3); the sum must be ≤ {SOFTEST_SIDES:g} m/N^(2/3)"
+                f"m/N^({power}); the sum must be ≤ {SOFTEST_SIDES:g} m/N^({power})"
             )
-        softness = total * self.normal_stiffness_n_per_m15 ** (2.0 / 3.0)
+        softness = total * self.normal_stiffness_n_per_m15 ** (1.0 / self.exponent)
         if not SOFTNESS[0] <= softness <= SOFTNESS[1]:
             raise ValueError(
-                "normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^(2/3) = "
+                f"normal_stiffness_n_per_m15 and the tangential compliances do not go together: K_t K_N^({power}) = "
                 f"{softness:.3g}; of two elastic bodies it is 1 to 1.5, and it must be {SOFTNESS[0]:g} to "
                 f"{SOFTNESS[1]:g}, so specify [contact.materials] or correct the one that is off"
             )

@@ -180,10 +180,10 @@ def starts_of(orbit: Orbit) -> dict[str, float]:
 def _quick_damping(motor: Motor) -> float:
     """Return a damping of the carrier in N·s/m with which it settles on the contact within some periods.
 
-    0.7 of the critical damping of its mass on the contact's stiffness, 3/2 F₀/δ₀. It changes no mean value.
+    0.7 of the critical damping of its mass on the contact's stiffness, p F₀/δ₀. It changes no mean value.
     """
     assert motor.mount is not None
-    stiffness = 1.5 * motor.contact.preload_n / contact_law.static_penetration(motor.contact)
+    stiffness = motor.contact.exponent * motor.contact.preload_n / contact_law.static_penetration(motor.contact)
     return max(motor.mount.damping_n_s_per_m, 1.4 * sqrt(stiffness * motor.mount.mass_kg))
 
 

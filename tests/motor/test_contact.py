@@ -234,3 +234,21 @@ def test_a_worn_tip_needs_its_effective_radius() -> None:
         subject.updated({"contact.worn_flat_radius_m": 5e-5})
     with pytest.raises(ParameterError, match=r"must be at most 0.3 of effective_radius_m = 0.0001 m; lower it"):
         subject.updated({"contact.worn_flat_radius_m": 5e-5, "contact.effective_radius_m": 1e-4})
+
+
+@pytest.mark.parametrize("power", [1.0, 1.7, 3.3])
+def test_a_power_law_has_its_energy_stiffnesses_and_limit_of_stick(power: float) -> None:
+    stiffness, softness = 20.0 / 2e-6**power, 1.3
+    pressed = Contact(
+        normal_stiffness_n_per_m15=stiffness, tangential_compliance_tip_m_per_n23=softness / stiffness ** (1.0 / power),
+        tangential_compliance_rotor_m_per_n23=0.0, friction=0.2, preload_n=30.0, exponent=power,
+    )  # fmt: skip
+    depth = law.static_penetration(pressed)
+    assert depth == pytest.approx(2e-6 * 1.5 ** (1.0 / power))
+    before, at, after = law.elastic_force(pressed, depth * np.array([0.9999, 1.0, 1.0001]))
+    slope = (after - before) / (2e-4 * depth)
+    assert at == pytest.approx(30.0)
+    energy, _ = quad(lambda delta: law.elastic_force(pressed, np.array([delta]))[0], 0.0, depth)
+    assert law.elastic_energy(pressed, np.array([-1e-6, depth])) == pytest.approx([0.0, energy], rel=1e-7, abs=1e-30)
+    assert law.stiffnesses_at_preload(pressed) == pytest.approx((slope / softness, slope), rel=1e-6)
+    assert law.limit_ratio(pressed) == pytest.approx(0.2 * softness)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+import tomllib
 from collections.abc import Callable, Iterator
 from math import pi, sqrt
 from pathlib import Path
@@ -223,6 +224,43 @@ def test_contact_by_materials_has_hertz_and_mindlins_constants(load: Callable[[D
     assert subject.contact.tangential_compliance_rotor_m_per_n23 == pytest.approx(rotor)
 
 
+LAYER = {"youngs_modulus_pa": 3e9, "thickness_m": 3e-4, "area_m2": 2e-6}
+SOFT, BULK = {"stiffness_n_per_m": 1e7}, {"stiffness_ratio": 1.2, "stiffness_n_per_m3": 1e12}
+ROUGH = LAYER | {"exponent": 2.0, "poisson": 0.3}
+LININGS = [  # lining, exponent, K_N, normal over tangential stiffness
+    ({"stiffness_n_per_m": 1e7, "tangential_stiffness_n_per_m": 8e6}, (1.0, 1e7, 1.25)),
+    ({"exponent": 2.0, "stiffness_n_per_m3": 2e18, "area_m2": 2e-6, "stiffness_ratio": 1.2}, (2.0, 4e12, 1.2)),
+    (LAYER | {"stiffness_ratio": 2.0}, (1.0, 2e7, 2.0)),
+    (LAYER | {"poisson": 1 / 3}, (1.0, 3e7, 4.0)),  # E (1 − ν)/((1 + ν)(1 − 2ν)) is 3/2 E, and G 3/8 E
+]
+
+
+@pytest.mark.parametrize(("lining", "constants"), LININGS)
+def test_contact_by_a_lining_has_its_stiffnesses(
+    lining: Document, constants: tuple[float, float, float], load: Callable[[Document], Motor]
+) -> None:
+    """The loss factor is ω c/k where ω times the static penetration is the velocity of the restitution."""
+    given = {
+        "friction": 0.2,
+        "preload_n": 3.0,
+        "restitution_velocity_m_s": 0.2,
+        "lining": {"loss_factor": 0.08} | lining,
+    }
+    subject = load(MODES | {"contact": given})
+    found = subject.contact
+    along, towards = law.stiffnesses_at_preload(found)
+    assert (found.exponent, found.normal_stiffness_n_per_m15, towards / along) == pytest.approx(constants)
+    lost = 0.2 / law.static_penetration(found) * law.normal_damping(found) * 3.0 / towards
+    assert lost == pytest.approx(0.08, rel=1e-9)
+    again = load(tomllib.loads(subject.to_toml()))
+    assert again.contact == found
+    assert again.updated({"contact.lining.loss_factor": 0.04}).contact.restitution > found.restitution
+    with pytest.raises(
+        ParameterError, match=r"follows from \[contact.lining\]. Change contact.lining.exponent instead"
+    ):
+        again.updated({"contact.exponent": 1.5})
+
+
 # --- provenance ----------------------------------------------------------------------------------------------
 
 
@@ -377,6 +415,12 @@ MISTAKES: list[tuple[Document, str]] = [
         changed(MODES, "contact", LEFT_OUT | {"materials": MATERIALS | {"tip_poisson": 0.5}}),
         "contact.materials.tip_poisson = 0.5 is not valid",
     ),
+    (changed(MODES, "contact", LEFT_OUT | {"lining": SOFT}), "specify one of stiffness_ratio"),
+    (changed(MODES, "contact", LEFT_OUT | {"lining": BULK}), "area_m2 belongs to stiffness_n_per_m3 or"),
+    (changed(MODES, "contact", LEFT_OUT | {"lining": ROUGH}), "exponent = 2 must be 1 with poisson"),
+    (changed(MODES, "contact.normal_stiffness_n_per_m15", 2e13), "must be at most 1e+13 N/m^1.5 with exponent"),
+    (changed(MODES, "contact.exponent", 4.0), "contact.exponent = 4 is not valid: it must be a number ≥ 1 and"),
+    (changed(MODES, "contact", LEFT_OUT | {"materials": MATERIALS, "exponent": 2.0}), "exponent = 2 is not that"),
     (changed(ARMS, "arms.0.inductance_h", 1e-12), "the mode of arms.0.damping_n_s_per_m = 2.25e+12 N·s/m is not valid"),
     (changed(BEAM, "modes", [MODE]), f"exactly one of the tables {STATED}; it has beam and modes."),
     *((changed(MODES, key, ...), f"has no entry '{key}'") for key in ("name", "piezo", "contact")),

@@ -91,7 +91,7 @@ _BISECTION_S = 1e-16
 _EVENTS_A_STEP = 40
 _DONE, _CHATTER, _NOT_FINITE = 0, 1, 2
 
-_CONTACT, _FLAT, _ROUND = range(physics.SCALARS, physics.SCALARS + 3)  # scalars beside those of the physics
+_CONTACT, _FLAT, _ROUND, _POWER = range(physics.SCALARS, physics.SCALARS + 4)  # scalars beside those of the physics
 
 
 @njit(nogil=True, cache=True)
@@ -99,6 +99,8 @@ def _pressed(delta, p):
     """Normal force at a penetration."""
     if delta <= 0.0:
         return 0.0
+    if p[_POWER] != 1.5:
+        return p[HERTZ] * delta ** p[_POWER]
     if p[_FLAT] == 0.0:
         return p[HERTZ] * delta * np.sqrt(delta)
     flat, curved = p[_FLAT] ** 2, p[_ROUND]
@@ -372,11 +374,12 @@ def integrate(
     if not (duration > 0.0 and output_step > 0.0 and step > 0.0 and 0.0 <= statistics_from < duration):
         raise ValueError("duration, output_step and step must be > 0, and 0 <= statistics_from < duration")
     a, b = (np.array(tones, dtype=np.float64).reshape(-1, 3) for tones in (tones_a, tones_b))
-    modes, scalars = physics.read(motor, speed=speed, load_torque=load_torque, own=3)
+    modes, scalars = physics.read(motor, speed=speed, load_torque=load_torque, own=4)
     law, n = motor["contact"], modes.shape[1]
     preload = float(scalars[physics.PRELOAD])
     scalars[[_CONTACT, _FLAT, _ROUND]] = contact, law.get("worn_flat_radius_m", 0.0), law.get("effective_radius_m", 1.0)
-    new = (preload / scalars[HERTZ]) ** (2.0 / 3.0)
+    scalars[_POWER] = power = law.get("exponent", 1.5)
+    new = (preload / scalars[HERTZ]) ** (1.0 / power)
     scalars[physics.SEAT] += _seat(new, preload, scalars) - new
     mounted = bool(motor.get("mount")) and (contact or bool(np.any(modes[physics.RECOIL :])))
     if not mounted:

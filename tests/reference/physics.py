@@ -48,14 +48,15 @@ def read(
     law, rotor, mount = motor["contact"], motor["rotor"], motor.get("mount") or {}
     friction, preload = float(law["friction"]), float(law["preload_n"])
     hertz, radius = float(law["normal_stiffness_n_per_m15"]), float(rotor["radius_m"])
+    power = 1.0 / law.get("exponent", 1.5)  # of the force in the penetration
     compliance = float(law["tangential_compliance_tip_m_per_n23"]) + float(law["tangential_compliance_rotor_m_per_n23"])
     if not (friction > 0.0 and preload >= 0.0 and hertz > 0.0 and compliance > 0.0 and radius > 0.0):
         raise ValueError("friction, stiffness, compliance and radius must be > 0, the preload >= 0")
     p = np.zeros(SCALARS + own)
     bending = preload * float(np.sum(modes[Y] ** 2 / modes[K]))
-    p[[R, SEAT, PRELOAD]] = radius, (preload / hertz) ** (2.0 / 3.0) + bending, preload
+    p[[R, SEAT, PRELOAD]] = radius, (preload / hertz) ** power + bending, preload
     p[SWAY] = preload * float(np.sum(modes[X] * modes[Y] / modes[K]))
-    p[[HERTZ, KAPPA, MU]] = hertz, friction * compliance * hertz ** (2.0 / 3.0), friction
+    p[[HERTZ, KAPPA, MU]] = hertz, friction * compliance * hertz**power, friction
     p[[DROP, VS]] = 1.0 - law.get("sliding_ratio", 1.0), law.get("stribeck_velocity_m_s", 1.0)
     p[[J, CR, TAU]] = rotor["inertia_kg_m2"], rotor["bearing_damping_n_m_s"], load_torque
     p[FREE_SHAFT] = speed is None

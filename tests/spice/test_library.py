@@ -51,7 +51,7 @@ def test_header_says_what_a_reader_needs(name: str) -> None:
     # the unit of a node or parameter in the netlist: SI, or um where the conventions say so; 1 for a pure number
     allowed = (
         "V A W J K ohm um m/s m/s2 N N.m rad/s 1 kg N.s/m N/m N/V F Hz N/m^1.5 "
-        "m/N^(2/3) m/N m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2 S"
+        "N/m^exponent m/N^(2/3) m/N m s s/m kg.m2 N.m.s J/K K/W H V/s deg rad 1/K 1/m2 S"
     )
     assert set(units) <= set(allowed.split())
     for parameter in library.parameters:
@@ -108,7 +108,7 @@ SAME = {  # library parameter: the model's field; both refuse the same values
     ("piezomotor_tip", "tip_x"): (Mode, "tip_x"),
     ("piezomotor_tip", "tip_y"): (Mode, "tip_y"),
     ("piezomotor_group", "capacitance"): (Piezo, "capacitance_a_f"),
-    ("piezomotor_contact", "normal_stiffness"): (Contact, "normal_stiffness_n_per_m15"),
+    ("piezomotor_lining", "exponent"): (Contact, "exponent"),
     ("piezomotor_contact", "mu"): (Contact, "friction"),
     ("piezomotor_contact", "preload"): (Contact, "preload_n"),
     ("piezomotor_contact", "radius"): (Rotor, "radius_m"),
@@ -204,6 +204,8 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "penetration_um": (1.0 + 1e6 * (4.0 / 7e9) ** (2 / 3), 1e-6),
         "normal_n": (7e9 * (1e-6 + (4.0 / 7e9) ** (2 / 3)) ** 1.5, 1e-6),
     },
+    # 4 N press it in by 4/2e7, and it is 1 um closer
+    "piezomotor_lining": {"penetration_um": (1.2, 1e-6), "normal_n": (2e7 * 1.2e-6, 1e-6)},
     # 4 N compress 10 nm/N; a rate that is constant is exact two lags of 50 ns after its start
     "piezomotor_stem": {"position_um": (-0.04, 1e-6), "velocity_m_s": (-0.01, 1e-6)},
     "piezomotor_worn": {"penetration_um": (1.0 + WORN_SEAT_UM, 1e-6), "normal_n": (_worn(1.0 + WORN_SEAT_UM), 1e-6)},

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,11 +50,12 @@ def test_a_motor_starts_near_its_steady_state_however_it_lifts_off(name: str, la
     "changes",
     [
         {"contact.worn_flat_radius_m": 5e-5},
+        {"contact.lining": {"exponent": 3.0, "stiffness_n_per_m": 2e17, "stiffness_ratio": 1.2}},
         {"contact.sliding_ratio": 0.7, "contact.tangential_series_compliance_m_per_n": 0.0},
         {"contact.tangential_series_compliance_m_per_n": 2e-8},
     ],
 )
-def test_a_changed_contact_starts_near_its_steady_state(changes: dict[str, float]) -> None:
+def test_a_changed_contact_starts_near_its_steady_state(changes: dict[str, Any]) -> None:
     motor = pr.load_motor("bimodal40").updated(changes)
     plants = [Plant(motor, pr.default_drive(motor), Load(speed), Law()) for speed in (0.0, 20.0)]
     for plant, balance in zip(plants, balanced(plants), strict=True):

@@ -35,6 +35,7 @@ SHAKEN = pr.load_motor(BEAM40).updated({
 SENSED = FLAGSHIP.updated({
     "feedback": {"capacitance_f": 3e-10, "resistance_ohm": 2e4, "couplings_n_per_v": {"mode-3": 0.01, "mode-4": 0.003}}
 })  # fmt: skip
+LINED = FLAGSHIP.updated({"contact.lining": {"stiffness_n_per_m": 1.2e7, "stiffness_ratio": 1.2, "loss_factor": 0.05}})
 CASES = {
     "free shaft, mount": (PAPER, PAPERS_DRIVE, None, Law()),
     "feedback electrode": (SENSED, pr.default_drive(FLAGSHIP), None, Law()),
@@ -47,6 +48,7 @@ CASES = {
     "compliance along the rotor": (
         PAPER.updated({"contact.tangential_series_compliance_m_per_n": 4e-8}), PAPERS_DRIVE, 2.0, Law()
     ),
+    "lining": (LINED, pr.default_drive(FLAGSHIP), 10.0, Law()),
     "worn tip": (PAPER.updated({"contact.worn_flat_radius_m": 5e-5}), PAPERS_DRIVE, 1.0, Law()),
     "falling friction": (PAPER.updated({"contact.sliding_ratio": 0.7}), PAPERS_DRIVE, 1.0, Law()),
     "modes that soften": (

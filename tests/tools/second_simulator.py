@@ -45,7 +45,7 @@ def ported(motor: pr.Motor, law: Law) -> tuple[str, list[str]]:
 
     A simulator sets initial voltages of ports only.
     """
-    text = module_source(len(motor.modes), law, flat=motor.contact.worn_flat_radius_m > 0.0)
+    text = module_source(len(motor.modes), law, motor.contact)
     ports = ", ".join(re.findall(r"(?m)^    electrical ([^;]+);$", text))
     head = f"module piezomotor({ports});\n    inout {ports};\n"
     return re.sub(r"module piezomotor\([^)]*\);\n +inout [^;]*;\n", head, text, count=1), ports.split(", ")

@@ -15,12 +15,18 @@ from tests.motors import BEAM40
 from tests.tools import second_simulator
 
 MOTOR = pr.load_motor(BEAM40)
+LINED, ROUGH = (
+    MOTOR.updated({"contact.lining": {"exponent": power, "stiffness_n_per_m": stiffness, "stiffness_ratio": 1.2}})
+    for power, stiffness in ((1.0, 1e7), (2.5, 2e15))
+)
 CASES: dict[str, tuple[pr.Motor, dict[str, Any], Law]] = {
     "free shaft": (MOTOR, {}, Law()),
     "held shaft": (MOTOR, {"speed": 5.0}, Law()),
     "load": (MOTOR, {"load_torque": 3e-3}, Law()),
     "three modes": (pr.load_motor("andersen2002-unintended-mode"), {}, Law()),
     "fixed distance": (pr.load_motor("andersen2002").updated({"mount": None}), {}, Law()),
+    "lining": (LINED, {}, Law()),
+    "rough surfaces": (ROUGH, {}, Law()),
     "Coulomb friction": (MOTOR, {}, Law("coulomb")),
     "brush": (MOTOR, {}, Law("brush", 3)),  # of four sliders the compiler makes wrong code
 }
