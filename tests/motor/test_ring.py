@@ -161,6 +161,13 @@ def test_stress_is_that_of_a_bent_strip() -> None:
     assert stress / strain == pytest.approx(1 / 12.3e-12, rel=0.1)  # 1/s11, across it the strain of brass
 
 
+def test_the_constants_of_an_open_program_are_a_motor() -> None:
+    motor = pr.load_motor(Path(__file__).parents[2] / "validation" / "prototype60.toml")
+    assert motor.modes[0].frequency_hz == pytest.approx(39.4e3, rel=1e-3)
+    stiff = sum(one.contact.normal_stiffness_n_per_m15 for one in motor.touching)
+    assert (stiff, sum(one.multiplicity for one in motor.touching)) == (pytest.approx(4e7), 72)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
