@@ -164,9 +164,8 @@ class Ring(Parameters):
             Layer.of(ceramic, 0.0, self.ceramic_thickness_m), Layer.of(metal, self.ceramic_thickness_m, self.face_m),
         ]  # fmt: skip
         if self.teeth:
-            hinge = self.face_m + min(
-                (ROOT + ROOT_BY_LENGTH * self.tooth_m / self.face_m) * self.tooth_m, self.tooth_height_m
-            )
+            root = (ROOT + ROOT_BY_LENGTH * self.tooth_m / self.face_m) * self.tooth_m
+            hinge = self.face_m + min(root, 0.5 * self.tooth_height_m)
             young, shear = 1.0 / float(np.linalg.inv(metal.stiffness_pa)[0, 0]), float(metal.stiffness_pa[3, 3])
             # force of a rib that the face strains: 1 − tanh X/X of a long one's, as in beam_limits
             reach = 0.5 * sqrt(3.0 * shear / young) * (self.outer_radius_m - self.inner_radius_m) / self.tooth_height_m
