@@ -14,8 +14,8 @@ from typing import Any
 
 put = run_path(str(Path(__file__).with_name("tables.py")))["put"]
 RECORDS = Path(__file__).resolve().parents[1] / "validation" / "records"
-CAMPAIGNS = "| what is drawn at random | checked against | cases | result | record |"
-POINTS_HEAD = "| operating point | trajectory, % | states | speed, % | energy |"
+CAMPAIGNS = "|what is drawn at random|checked against|cases|result|record|"
+POINTS_HEAD = "|operating point|trajectory, %|states|speed, %|energy|"
 SHOWN = (
     "stick only", "mostly slip", "opens, contact resonance", "hammers, hardly pressed", "60 kHz", "two tones, octave",
     "another motor", "sprung, opens far",
@@ -67,12 +67,12 @@ def campaigns() -> list[str]:
         *((f"averaged torque, {name}", "full motor", len(errors), f"within {max(errors):.2g} μF₀R", "averaged")
           for name, errors in (("trusted", trusted), ("not trusted", others)) if errors),
     )  # fmt: skip
-    return [f"| {' | '.join(map(str, row[:4]))} | `{row[4]}` |" for row in rows]
+    return [f"|{'|'.join(map(str, row[:4]))}|`{row[4]}`|" for row in rows]
 
 
 def row(name: str, errors: tuple[float, ...]) -> str:
     """Return a line of the table of points."""
-    return f"| {name} | {errors[0]:.3f} | {errors[1]:.2f} | {errors[2]:.3f} | {errors[3]:.0e} |"
+    return f"|{name}|{errors[0]:.3f}|{errors[1]:.2f}|{errors[2]:.3f}|{errors[3]:.0e}|"
 
 
 def measure() -> None:

@@ -38,8 +38,8 @@ TRANSIENTS = {  # what changes at STEP
     "load step": {"load_torque": LOAD},
 }
 MOVING = (("bimodal40", 100.0, 40.7e3, 90.0),)  # set, V, Hz, degrees
-STATES_HEAD = "| motor | drive | rad/s | full, mN·m | averaged, mN·m | error, % of μF₀R | open, % | trusted |"
-TRANSIENTS_HEAD = "| motor | event | speed before, after, rad/s | error, RMS, % of the maximum speed |"
+STATES_HEAD = "|motor|drive|rad/s|full, mN·m|averaged, mN·m|error, % of μF₀R|open, %|trusted|"
+TRANSIENTS_HEAD = "|motor|event|speed before, after, rad/s|error, RMS, % of the maximum speed|"
 
 
 @dataclass(frozen=True)
@@ -157,14 +157,13 @@ def _loaded(
 def main() -> None:
     """Measure and write the tables."""
     states = (
-        f"| {row.name} | {row.drive.label} | {row.speed:g} | {1e3 * row.full:.4g} | {1e3 * row.averaged:.4g} "
-        f"| {100.0 * row.error:.2f} | {100.0 * row.opened:.1f} | {row.verdict} |"
+        f"|{row.name}|{row.drive.label}|{row.speed:g}|{1e3 * row.full:.4g}|{1e3 * row.averaged:.4g}"
+        f"|{100.0 * row.error:.2f}|{100.0 * row.opened:.1f}|{row.verdict}|"
         for row in rows()
     )
     put(STATES_HEAD, states)
     moving = (
-        f"| {row.name} | {row.event} | {row.before:.3g}, {row.after:.3g} | {100.0 * row.error:.2f} |"
-        for row in transients()
+        f"|{row.name}|{row.event}|{row.before:.3g}, {row.after:.3g}|{100.0 * row.error:.2f}|" for row in transients()
     )
     put(TRANSIENTS_HEAD, moving)
 

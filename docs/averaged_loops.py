@@ -214,15 +214,15 @@ def read() -> dict[str, dict[str, dict[str, Any]]]:
 
 def _samples_row(name: str, row: Row) -> str:
     errors = (f"{100.0 * row[quantity]:.2g} %" for quantity in COMPARED)
-    return f"| {name} | {' | '.join(errors)} | {'yes' if row['trusted'] else 'no'} |"
+    return f"|{name}|{'|'.join(errors)}|{'yes' if row['trusted'] else 'no'}|"
 
 
 def _margins_row(name: str, row: Row) -> str:
     wanted = DESIGNS[name]
     load = f" under {1e3 * wanted['load_torque']:g} mN·m" if "load_torque" in wanted else ""
     return (
-        f"| {wanted['quantity']}{load}, sampled at {1e-3 / wanted['sample_time']:g} kHz | {wanted['crossover']:g} Hz, "
-        f"{wanted['margin']:g}° | {row['crossover_hz']:.4g} Hz, {row['margin_deg']:.1f}° |"
+        f"|{wanted['quantity']}{load}, sampled at {1e-3 / wanted['sample_time']:g} kHz|{wanted['crossover']:g} Hz, "
+        f"{wanted['margin']:g}°|{row['crossover_hz']:.4g} Hz, {row['margin_deg']:.1f}°|"
     )
 
 
@@ -230,8 +230,8 @@ def tables() -> dict[str, str]:
     """Return the tables of the page, of what was measured."""
     known = read()
     heads = {
-        "samples": "| loop | error, RMS of the range: speed | position | amplitude | trusted |\n|---|---|---|---|---|",
-        "margins": "| loop | designed | measured in the full motor |\n|---|---|---|",
+        "samples": "|loop|error, RMS of the range: speed|position|amplitude|trusted|\n|---|---|---|---|---|",
+        "margins": "|loop|designed|measured in the full motor|\n|---|---|---|",
     }
     rows = {"samples": _samples_row, "margins": _margins_row}
     found = {}

@@ -55,16 +55,16 @@ def curve(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> dict[str, Any]:
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """Return the rows as the table of docs/motors.md."""
     lines = [
-        "| modes up to | modes | drive, kHz | 0 | 300 | 450 | 600 mm/s | efficiency at 450 mm/s |",
+        "|modes up to|modes|drive, kHz|0|300|450|600 mm/s|efficiency at 450 mm/s|",
         "|" + "---|" * 8,
     ]
     for row in (one for one in rows if one["highest_hz"] in SHOWN_HZ):
         for name in ("as_it_is", "tuned"):
             one = row[name]
-            forces = " | ".join(f"{force:.2f}" for force in one["force_n"])
+            forces = "|".join(f"{force:.2f}" for force in one["force_n"])
             lines.append(
-                f"| {row['highest_hz'] / 1e3:g} kHz | {row['modes']} | {one['frequency_hz'] / 1e3:.2f} | {forces} | "
-                f"{100.0 * one['efficiency'][2]:.1f} % |"
+                f"|{row['highest_hz'] / 1e3:g} kHz|{row['modes']}|{one['frequency_hz'] / 1e3:.2f}|{forces}|"
+                f"{100.0 * one['efficiency'][2]:.1f} %|"
             )
     return "\n".join(lines).replace("-", "−").replace("|" + "−−−|" * 8, "|" + "---|" * 8)
 

@@ -55,7 +55,7 @@ def table() -> str:
     drive = pr.default_drive(motor)
     assert isinstance(drive, pr.TwoPhaseDrive)
     lines = [
-        f"| effect | stall, mN·m | {SPEEDS[SHOWN]:g} rad/s, mN·m | no load, rad/s | maximum efficiency |",
+        f"|effect|stall, mN·m|{SPEEDS[SHOWN]:g} rad/s, mN·m|no load, rad/s|maximum efficiency|",
         "|:--|:--|:--|:--|:--|",
     ]
     cases = {name: (changes, pr.Law()) for name, changes in effects(motor).items()}
@@ -63,8 +63,8 @@ def table() -> str:
     for name, (changes, law) in cases.items():
         stall, moving, free, best = row(motor.updated(changes) if changes else motor, drive, law)
         speed = f"above {SPEEDS[-1]:g}" if np.isnan(free) else f"{free:.0f}"
-        lines.append(f"| {name} | {1e3 * stall:.1f} | {1e3 * moving:.1f} | {speed} | {100 * best:.2g} % |")
-    return "\n".join(lines).replace("| -", "| \N{MINUS SIGN}")
+        lines.append(f"|{name}|{1e3 * stall:.1f}|{1e3 * moving:.1f}|{speed}|{100 * best:.2g} %|")
+    return "\n".join(lines).replace("|-", "|\N{MINUS SIGN}")
 
 
 def square_wave_loss(motor: pr.Motor, amplitude_v: float, frequency_hz: float) -> dict[str, tuple[float, float]]:

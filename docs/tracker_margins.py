@@ -136,7 +136,7 @@ def measured(case: Case) -> Margins:
 def row(name: str, found: Margins) -> str:
     """Return a line of the table."""
     shown = [f"{margin:.1f}° at {crossover:.0f} Hz" for crossover, margin in (found.printed, found.measured)]
-    return f"| {name} | {' | '.join(shown)} |"
+    return f"|{name}|{'|'.join(shown)}|"
 
 
 def main() -> None:

@@ -218,7 +218,7 @@ def at_temperature(motor: pr.Motor, celsius: float) -> pr.Motor:
         raise pr.ParameterError(
             f"--temperature {celsius:g} °C is out of range: it must be from {LEAST_C:g} to {most:g} °C."
         )
-    if motor.structure is not None or motor.solid is not None:
+    if motor.structure or motor.solid or motor.ring:
         common.complain("piezomotor: The stress of the ceramic is not computed at --temperature.", style="yellow")
     return pr.Thermal.of(motor).warmed(motor, celsius - ambient)
 

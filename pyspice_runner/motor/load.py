@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Read a motor from a TOML file.
 
-The file states the modes in one of four ways:
+The file states the modes in one of five ways:
 
 * ``[beam]``, ``[[patches]]``, ``[tip]``, ``[damping]``: computed by Rayleigh–Ritz (:mod:`.beam`);
 * ``[solid]``: computed by finite elements (:mod:`.solid.stator`);
+* ``[ring]``: those of a travelling-wave ring (:mod:`.ring`), with its contacts;
 * ``[[modes]]``: as :class:`~.parameters.Mode`, where ``frequency_hz`` may stand for ``stiffness_n_per_m`` and
   ``quality_factor`` for ``damping_n_s_per_m``;
 * ``[[arms]]``: Butterworth–Van Dyke values seen at group A with group B shorted (:class:`Arm`).
@@ -69,8 +70,10 @@ from pyspice_runner.motor.parameters import (
     quantity,
 )
 from pyspice_runner.motor.refusal import as_table, build, check_keys, checked, limited, quoted
+from pyspice_runner.motor.ring import Ring, capacitance_f, ring_contacts, ring_modes
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
 from pyspice_runner.motor.solid.stator import stator_of
+from pyspice_runner.motor.solid.wave import wave_of
 
 SETS = Path(__file__).parent / "sets"
 
@@ -228,8 +231,8 @@ def _read(source: str | Path) -> tuple[dict[str, Any], Path]:
 _NO_MOTION = 1e-5  # of the largest: a motion per volt that symmetry forbids
 _OF_CIRCUIT = tuple(item.name for item in fields(EquivalentCircuit) if item.name != "arms")
 _TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", "contacts", *SECTIONS)
-_WAYS = ("beam", "solid", "modes", "arms")
-_FROM = {"beam": "[[patches]]", "solid": "[solid]"}
+_WAYS = ("beam", "solid", "ring", "modes", "arms")
+_FROM = {"beam": "[[patches]]", "solid": "[solid]", "ring": "[ring]"}
 
 
 def _from_document(document: dict[str, Any], file: Path) -> Motor:
@@ -313,16 +316,18 @@ def _only(document: Mapping[str, Any], tables: tuple[str, ...], what: str, where
 
 def _resolve_modes(
     plain: dict[str, Any], way: str, file: Path
-) -> tuple[Structure | Solid | None, list[dict[str, Any]], dict[str, float] | None]:
+) -> tuple[Structure | Solid | Ring | None, list[dict[str, Any]], dict[str, float] | None]:
     where = file.name
     if way == "beam":
         return _from_beam(plain, where)
-    stated = "[solid]" if way == "solid" else f"[[{way}]]"
-    for key in ("ceramic", "patches", "tip", *(["damping"] if way == "solid" else [])):
+    stated = _FROM.get(way, f"[[{way}]]")
+    for key in ("ceramic", "patches", "tip", *(["damping"] if way in _FROM else [])):
         if key in plain:
             raise ParameterError(f"{where}: [{key}] belongs to a [beam]; with {stated} leave it out.")
     if way == "solid":
         return _from_solid(plain, where, file.parent)
+    if way == "ring":
+        return _from_ring(plain, where)
     entries = plain[way]
     if not isinstance(entries, list) or not entries:
         raise ParameterError(f"{where}: {way} must be one or more tables [[{way}]].")
@@ -391,22 +396,46 @@ def _from_solid(
     return solid, modes, piezo
 
 
+def _from_ring(plain: dict[str, Any], where: str) -> tuple[Ring, list[dict[str, Any]], dict[str, float]]:
+    """Return a ring, its modes and its capacitances, and put its contacts into the file."""
+    ring, rotor = build(Ring, plain["ring"], "ring", where), plain.get("rotor", {})
+    if "contacts" in plain:
+        raise ParameterError(f"{where}: the contacts of a [ring] follow from ring.points; leave out [[contacts]].")
+    if "contact" not in plain or rotor.get("radius_m") != ring.contact_radius_m:
+        raise ParameterError(
+            f"{where}: a [ring] turns a [rotor] whose radius_m is ring.contact_radius_m = {ring.contact_radius_m:g} m. "
+            "Specify [contact] and that rotor."
+        )
+    try:
+        wave = wave_of(ring)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
+    modes, couplings = ring_modes(ring, wave)
+    plain["contacts"] = ring_contacts(ring, wave)
+    covered = ring.waves_a, ring.waves_b, ring.waves_feedback
+    capacitance = np.diag([capacitance_f(ring, waves) for waves in covered])
+    if ring.waves_feedback:
+        capacitance = _with_feedback(plain, capacitance, modes, couplings, where, "[ring]")
+    return ring, modes, {"capacitance_a_f": float(capacitance[0, 0]), "capacitance_b_f": float(capacitance[1, 1])}
+
+
 def _with_feedback(
-    plain: dict[str, Any], capacitance: Any, modes: list[dict[str, Any]], couplings: Sequence[float], where: str
-) -> Any:
-    """Complete ``[feedback]``, which has the capacitance of cable and amplifier only, by the electrode of a solid.
+    plain: dict[str, Any], capacitance: Any, modes: list[dict[str, Any]], couplings: Sequence[float], where: str,
+    source: str = "[solid]",
+) -> Any:  # fmt: skip
+    """Complete ``[feedback]``, which has the capacitance of cable and amplifier only, by the electrode of a stator.
 
     The modes get the force factors of groups A and B with the electrode open; return the capacitances with it open.
     """
     table = dict(as_table(plain.get("feedback", {}), "feedback", where))
     if given := [name for name in ("couplings_n_per_v", "share_a", "share_b") if name in table]:
-        raise ParameterError(f"{where}: feedback.{given[0]} follows from [solid]; leave it out.")
+        raise ParameterError(f"{where}: feedback.{given[0]} follows from {source}; leave it out.")
     if "capacitance_f" not in table:
         words = "Specify the capacitance of cable and amplifier, in F."
         raise ParameterError(f"{where}: feedback.capacitance_f is missing. {words}")
     total = float(capacitance[2, 2])
     total += limited(Feedback, "capacitance_f", table.get("capacitance_f"), "feedback.capacitance_f", where)
-    shares = -capacitance[:2, 2] / total
+    shares = 0.0 - capacitance[:2, 2] / total
     table |= {"capacitance_f": total, "share_a": float(shares[0]), "share_b": float(shares[1])}
     for mode, force in zip(modes, couplings, strict=True):
         table.setdefault("couplings_n_per_v", {})[mode["name"]] = force
@@ -417,12 +446,15 @@ def _with_feedback(
 
 
 def _softening(
-    contact: Mapping[str, Any], structure: Structure | Solid | None, provenance: dict[str, Provenance], where: str
+    contact: Mapping[str, Any],
+    structure: Structure | Solid | Ring | None,
+    provenance: dict[str, Provenance],
+    where: str,
 ) -> dict[str, float]:
     """Return the compliances in series with the contact to which left-out modes of a solid, or of a stem, add."""
     if isinstance(structure, Solid):
         left_out = np.diag(stator_of(structure).residual_m_per_n)
-    elif structure is not None:
+    elif isinstance(structure, Structure):
         left_out = beam_model.residual_compliances(structure.beam, structure.patches, structure.tip)
     else:
         return {}

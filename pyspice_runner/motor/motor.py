@@ -52,6 +52,7 @@ from pyspice_runner.motor.parameters import (
     quantity,
 )
 from pyspice_runner.motor.refusal import build, checked, limited, quoted, refusal
+from pyspice_runner.motor.ring import Ring, ring_cautions
 from pyspice_runner.motor.solid.parameters import Solid
 from pyspice_runner.motor.stator import MODE_COLUMNS, Stator, carriers, unknown_recoil
 from pyspice_runner.units import engineering
@@ -240,7 +241,7 @@ class Lining(Parameters):
 Source = Materials | Lining  # of the contact's constants
 SOURCES: tuple[type[Source], ...] = (Materials, Lining)
 
-OF_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.")  # paths that are read on loading
+OF_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.", "ring.")  # read on loading
 OF_GROUP_B = ("coupling_b_n_per_v", "capacitance_b_f", "motion_x_b_m_per_v", "motion_y_b_m_per_v")  # of one group: 0
 _OF_MOTOR = ("contact", "rotor")  # what a transducer has not
 KINDS = ("given", "derived", "assumed")  # of the origin of a value in a file
@@ -281,9 +282,9 @@ class Motor(Shown, Parameters):
     A motor with a ``slider`` has a ``rotor`` as well, that of radius 1 m which moves in the same way
     (:attr:`.Slider.as_rotor`). Its speeds in rad/s and torques in N·m are m/s and N.
 
-    ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid`` and
-    ``provenance`` state the origin of the values; ``materials`` are those of the contact or its lining, from which, and
-    from the radius of the rotor, its constants follow.
+    ``drive`` is the table of the recommended drive, for ``default_drive``. ``structure`` (a beam), ``solid``, ``ring``
+    and ``provenance`` state the origin of the values; ``materials`` are those of the contact or its lining, from which,
+    and from the radius of the rotor, its constants follow.
     """
 
     name: str = Field(
@@ -316,6 +317,7 @@ class Motor(Shown, Parameters):
     drive: dict[str, Any] | None = Field(default=None, exclude=True)
     structure: Structure | None = Field(default=None, exclude=True)
     solid: Solid | None = Field(default=None, exclude=True)
+    ring: Ring | None = Field(default=None, exclude=True)
     provenance: dict[str, Provenance] = Field(default_factory=dict, exclude=True)
     left_out: tuple[str, ...] = Field(default=(), exclude=True)  # of a fitted circuit, one sentence each
 
@@ -541,7 +543,7 @@ class Motor(Shown, Parameters):
 
     @property
     def preload_shares(self) -> Array:
-        """Share of the preload that each contact bears at rest."""
+        """Share of the preload on each contact at rest."""
         return np.array([one.share for one in self.touching])
 
     @property
@@ -655,14 +657,16 @@ class Motor(Shown, Parameters):
     @property
     @derived
     def cautions(self) -> tuple[str, ...]:
-        """What is not known of the motor, and where the theory of its beam ends; every result repeats it."""
-        of_beam: tuple[str, ...] = ()
+        """What is not known of the motor, and where the theory of its beam or ring ends; every result repeats it."""
+        of_theory: tuple[str, ...] = ()
         if (structure := self.structure) is not None:
-            of_beam = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
+            of_theory = beam_cautions(structure.beam, structure.patches, structure.tip, len(self.modes))
+        elif self.ring is not None:
+            of_theory = ring_cautions(self.ring)
         limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
         if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
-            of_beam = (*of_beam, OTHER_PRESSURE.format(self.contact.exponent))
-        return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_beam, *self.left_out)
+            of_theory = (*of_theory, OTHER_PRESSURE.format(self.contact.exponent))
+        return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
 
     def summary(self) -> dict[str, str]:
         """Return name, modes, contact, mount, and rotor or slider, ready to print."""
@@ -770,7 +774,9 @@ class Motor(Shown, Parameters):
         changed_modes = any(re.match(r"modes\.(?!\d+\.recoil_)", path) for path in changed)
         document["drive"] = self.drive
         document["left_out"] = self.left_out
-        return assemble(document, None if changed_modes else self.structure or self.solid, provenance, where=where)
+        return assemble(
+            document, None if changed_modes else self.structure or self.solid or self.ring, provenance, where=where
+        )
 
     def _follow_materials(self, kind: type[Source], document: dict[str, Any], changed: set[str], where: str) -> None:
         """Put the constants that follow from changed materials, lining or radius of the rotor into a document."""
@@ -839,7 +845,7 @@ def _check_mode(mode: Mode) -> None:
 
 
 def assemble(
-    parts: Mapping[str, Any], stator: Structure | Solid | None, provenance: dict[str, Provenance], *, where: str
+    parts: Mapping[str, Any], stator: Structure | Solid | Ring | None, provenance: dict[str, Provenance], *, where: str
 ) -> Motor:
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
     parts = resolved(parts, where)
@@ -862,6 +868,7 @@ def assemble(
             drive=parts.get("drive"),
             structure=stator if isinstance(stator, Structure) else None,
             solid=stator if isinstance(stator, Solid) else None,
+            ring=stator if isinstance(stator, Ring) else None,
             provenance={
                 "".join(moved.get(part, part) for part in re.split(r"(?<=^modes\.)(\d+)(?=\.)", path)): origin
                 for path, origin in provenance.items()

@@ -37,6 +37,7 @@ from pyspice_runner.motor.beam import solve_resonator
 from pyspice_runner.motor.contact import contact_radius, stick_limit
 from pyspice_runner.motor.motor import Motor, Structure
 from pyspice_runner.motor.parameters import Contact
+from pyspice_runner.motor.ring import ring_stress
 from pyspice_runner.motor.solid.parameters import Electrode
 from pyspice_runner.motor.solid.stator import stator_of
 from pyspice_runner.units import engineering
@@ -95,13 +96,15 @@ def of_modes(motor: Motor) -> tuple[Array, Array]:
     if motor.structure is not None:
         strain, stress = _of_beam(motor.structure)
         return strain[:, : len(motor.modes)], stress[:, : len(motor.modes)]
+    if motor.ring is not None:
+        return ring_stress(motor.ring)
     return np.empty((0, 0)), np.empty((0, 0))
 
 
 def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
     """Return the largest strain and stress over modal displacements in m, shape (modes, points).
 
-    They are NaN without a known beam or solid.
+    They are NaN without a known beam, solid or ring.
     """
     return _peak(motor, lambda shape: float(np.abs(shape @ displacement_m).max()))
 
@@ -126,6 +129,8 @@ def electrode_distance(motor: Motor, group: str) -> float | None:
     if motor.structure is not None:
         patches = (patch for patch in motor.structure.patches if patch.group.lower() == group)
         found = [patch.thickness_m / patch.layers for patch in patches]
+    elif motor.ring is not None:
+        found = [motor.ring.ceramic_thickness_m]
     elif motor.solid is not None:
         faces = [face for face in motor.solid.electrodes if face.region is None]
         for one in (face for face in faces if face.group.lower() == group):

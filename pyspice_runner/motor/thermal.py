@@ -49,6 +49,8 @@ class Thermal(Stated):
             own["heat_capacity_j_per_k"] = heat_capacity(motor.structure)
         elif motor.solid is not None and all(box.region is None for box in motor.solid.boxes):
             own["heat_capacity_j_per_k"] = heat_capacity_of_boxes(motor.solid)
+        elif motor.ring is not None:
+            own["heat_capacity_j_per_k"] = motor.ring.heat_capacity_j_per_k
         return cls(**own)
 
     @property

@@ -35,7 +35,7 @@ def law_document(name: object) -> dict[str, Any]:
 
 def motor_document(motor: Motor) -> dict[str, Any]:
     """Return a motor with the structure or solid of its stator, on which stress and strain depend."""
-    stator = [part and part.model_dump(mode="json") for part in (motor.structure, motor.solid)]
+    stator = [part and part.model_dump(mode="json") for part in (motor.structure, motor.solid, motor.ring)]
     return {"motor": motor.to_dict(), "stator": stator}
 
 

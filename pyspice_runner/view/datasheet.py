@@ -457,6 +457,7 @@ def parameter_rows(motor: Motor) -> Iterator[Row]:
     tables |= {name: getattr(motor, name) for name in stated if getattr(motor, name) is not None}
     if motor.solid is not None:
         tables = {"solid": motor.solid} | {f"solid.{name}": getattr(motor.solid, name) for name in _OF_SOLID} | tables
+    tables = ({"ring": motor.ring} if motor.ring else {}) | tables
     for section, table in tables.items():
         many = isinstance(table, tuple)
         for number, entry in enumerate(table if many else (table,)):

@@ -54,7 +54,8 @@ def live_page(motor: Motor, others: Sequence[Motor] | None = None) -> str:
     Raise ParameterError for motors together with transducers, SimulationError if the engine is not installed.
     """
     if others is None:
-        others = [] if motor.is_transducer else [load_motor(name) for name in available_motors()]
+        bundled = () if motor.is_transducer else map(load_motor, available_motors())
+        others = [other for other in bundled if not other.contacts]
     motors = [motor, *(other for other in others if other.name != motor.name)]
     if any(other.is_transducer != motor.is_transducer for other in motors):
         raise ParameterError("A page has motors or transducers, not both: write one page for each kind.")

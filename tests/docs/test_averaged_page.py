@@ -17,7 +17,7 @@ LINES = (DOCS / "accuracy.md").read_text(encoding="utf-8").splitlines()
 @pytest.mark.parametrize("case", [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_a_row_of_the_page_is_what_is_measured(case: int) -> None:
     for row in SCRIPT["rows"]((case,)):
-        start = f"| {row.name} | {row.drive.label} | {row.speed:g} |"
+        start = f"|{row.name}|{row.drive.label}|{row.speed:g}|"
         (line,) = (line for line in LINES if line.startswith(start))
         full, averaged, error, _, verdict = (cell.strip() for cell in line.removeprefix(start).split("|")[:5])
         assert verdict == row.verdict
@@ -39,7 +39,7 @@ EVENTS = [(name, event) for name, *_ in SCRIPT["MOVING"] for event in SCRIPT["TR
 @pytest.mark.parametrize("case", EVENTS)
 def test_a_transient_of_the_page_is_what_is_measured(case: tuple[str, str]) -> None:
     (row,) = SCRIPT["transients"]((case,))
-    (line,) = (line for line in LINES if line.startswith(f"| {row.name} | {row.event} |"))
+    (line,) = (line for line in LINES if line.startswith(f"|{row.name}|{row.event}|"))
     assert float(line.split("|")[4]) == pytest.approx(100.0 * row.error, abs=0.1)
     assert row.error <= SCRIPT["ALLOWED_TRANSIENT"]
 

@@ -21,7 +21,7 @@ MOTOR = pr.load_motor("bimodal40")
 
 @pytest.mark.parametrize("effect", ["as in the set", "sliding friction 0.8 of static, above 50 mm/s"])
 def test_a_stall_torque_of_the_page_is_what_the_motor_gives(effect: str) -> None:
-    (torque,) = re.findall(rf"^\| {effect} \| ([\d.]+) \|", TEXT, re.M)
+    (torque,) = re.findall(rf"^\|{effect}\|([\d.]+)\|", TEXT, re.M)
     changes = SCRIPT["effects"](MOTOR)[effect]
     point = held_point(MOTOR.updated(changes) if changes else MOTOR, pr.default_drive(MOTOR), speed=0.0)
     assert 1e3 * point["torque_n_m"] == pytest.approx(float(torque), abs=0.2)  # 0.2 % of the friction torque

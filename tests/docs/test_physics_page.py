@@ -56,7 +56,7 @@ def test_uniform_beams_against_the_theory_of_elasticity(ratio: float) -> None:
     exact = unit * rayleigh_lamb(ratio, poisson, found[1] / unit)
     euler, timoshenko = (100 * (frequency / exact - 1) for frequency in found)
     digits = 2 if ratio == 0.05 else 1
-    says(f"| {ratio:g} | {euler:+.{digits}f} | {timoshenko:+.2f} |".replace("-", "−"))
+    says(f"|{ratio:g}|{euler:+.{digits}f}|{timoshenko:+.2f}|".replace("-", "−"))
     assert abs(timoshenko) < 0.9
 
 
@@ -80,9 +80,9 @@ def test_patched_beams_against_finite_elements(beam: PatchedBeam, element: float
     estimates = estimated_errors(*parts, 2)
     timoshenko, ours = beam.beam()
     says(
-        f"| {1e3 * beam.length:g} × {1e3 * beam.height:g}, {1e3 * beam.plate:g} "
-        f"| {(beam.end - beam.start) / beam.plate:.1f} | {share_of_laminate(parts[0], parts[1][0]):.2f} "
-        f"| {per_cent(timoshenko / frequencies - 1, 1)} | {per_cent(ours / forces - 1, 0)} |"
+        f"|{1e3 * beam.length:g} × {1e3 * beam.height:g}, {1e3 * beam.plate:g}"
+        f"|{(beam.end - beam.start) / beam.plate:.1f}|{share_of_laminate(parts[0], parts[1][0]):.2f}"
+        f"|{per_cent(timoshenko / frequencies - 1, 1)}|{per_cent(ours / forces - 1, 0)}|"
     )
     assert (np.abs(timoshenko / frequencies - 1 - estimates[0]) < 0.02).all()
 

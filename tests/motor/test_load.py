@@ -105,7 +105,7 @@ ARMS: Document = {
 }
 del ARMS["modes"]
 WAYS = {"beam": BEAM, "modes": MODES, "arms": ARMS}
-STATED = "beam, solid, modes, arms"
+STATED = "beam, solid, ring, modes, arms"
 
 
 def changed(document: Document, path: str, value: Any) -> Document:
@@ -376,7 +376,7 @@ def test_unreadable_file_is_rejected(content: bytes, sentence: str, tmp_path: Pa
 
 TOP = (
     "name, description, ceramic, patches, tip, damping, law, drive, contacts, piezo, contact, rotor, slider, mount, "
-    "limits, load, feedback, beam, solid, modes, arms"
+    "limits, load, feedback, beam, solid, ring, modes, arms"
 )
 LEFT_OUT = {"friction": 0.2, "preload_n": 1.0}
 MISTAKES: list[tuple[Document, str]] = [

@@ -37,7 +37,7 @@ def test_a_run_is_that_of_the_independent_integrator() -> None:
 def test_the_page_of_the_motor_has_the_numbers_new_and_run_in() -> None:
     page = (Path(__file__).resolve().parents[2] / "docs" / "motors.md").read_text(encoding="utf-8")
     page = page.partition("## Tip and wear")[2].partition("## andersen2002")[0]
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if " N | " in line]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if " N|" in line]
     assert len(rows) == 3
     for flat, pressure, stall, free in rows:
         radius = 0.0 if "new" in flat else 1e-6 * float(flat.split()[0])

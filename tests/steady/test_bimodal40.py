@@ -26,7 +26,7 @@ TORSION = 2  # number of the mode that does not move the tip
 
 def row(name: str) -> list[str]:
     """Return the cells of a row of the page."""
-    line = next(line for line in PAGE.splitlines() if line.startswith(f"| {name} |"))
+    line = next(line for line in PAGE.splitlines() if line.startswith(f"|{name}|"))
     return [cell.strip() for cell in line.split("|")[2:-1]]
 
 
@@ -113,6 +113,6 @@ def test_a_motor_of_the_bands_is_computed_again(number: int) -> None:
 
 @pytest.mark.soak
 def test_the_speed_without_load_is_that_of_the_page() -> None:
-    (printed,) = re.findall(r"\| speed without load \| (\d+) mm/s", PAGE)
+    (printed,) = re.findall(r"\|speed without load\|(\d+) mm/s", PAGE)
     free = pr.steady_state(MOTOR, DRIVE)
     assert 1e3 * free.speed_rad_s * MOTOR.rotor.radius_m == pytest.approx(float(printed), rel=0.01)

@@ -107,7 +107,7 @@ def solve_stator(solid: Solid) -> Stator:
     loads = np.hstack([-electric, _contact_loads(geometry)])
     shift = -((0.5 * pi * solid.highest_hz) ** 2)
     solve = factor(system - shift * mass[inner, inner])
-    squares, vectors = _lowest(
+    squares, vectors = lowest_modes(
         solve, mass[:count, :count].tocsr(), system.shape[0], shift, (2.0 * pi * solid.highest_hz) ** 2
     )
     generalised = loads.T @ vectors  # forces of the groups and motions of the contact, per modal coordinate
@@ -175,7 +175,9 @@ def solve_stator(solid: Solid) -> Stator:
     )
 
 
-def _lowest(solve: Callable[[Array], Array], mass: Any, rows: int, shift: float, highest: float) -> tuple[Array, Array]:
+def lowest_modes(
+    solve: Callable[[Array], Array], mass: Any, rows: int, shift: float, highest: float
+) -> tuple[Array, Array]:
     """Return ω² and vectors of unit modal mass, with their potentials, of all modes up to ω² = ``highest`` and more.
 
     Block Lanczos with full orthogonalisation and without restarts, which needs no guess of the number of modes; a block

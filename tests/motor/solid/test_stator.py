@@ -128,7 +128,7 @@ def test_all_modes_are_found_and_those_of_one_frequency_each_on_its_own() -> Non
         system, heavy = stiffness[inner, inner].toarray(), mass[:count, :count]
         shift, highest = -((0.5 * pi * 200e3) ** 2), (2 * pi * 200e3) ** 2
         solve = factor(stiffness[inner, inner] - shift * mass[inner, inner])
-        found, vectors = stator._lowest(solve, heavy.tocsr(), len(system), shift, highest)
+        found, vectors = stator.lowest_modes(solve, heavy.tocsr(), len(system), shift, highest)
         between = system[:count, count:] @ np.linalg.solve(system[count:, count:], system[count:, :count])
         wanted = eigh(system[:count, :count] - between, heavy.toarray(), eigvals_only=True)
         assert len(found) == max(24, (wanted < highest).sum() + 1)
