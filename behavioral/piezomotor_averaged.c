@@ -651,7 +651,7 @@ void motor_measure(struct motor *motor)
     struct path paths[CONTACTS];
     find_paths(motor, motor->state, paths);
     p->tip_x_amplitude = p->tip_y_amplitude = 0.0;
-    for (int c = 0; c < CONTACTS; c++) {
+    for (int c = 0; c < CONTACTS; c++) { /* of the contact that moves most */
         p->tip_x_amplitude = fmax(p->tip_x_amplitude, size(paths[c].x[1]));
         p->tip_y_amplitude = fmax(p->tip_y_amplitude, size(paths[c].y[1]));
     }

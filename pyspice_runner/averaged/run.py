@@ -101,8 +101,8 @@ class ErrorEstimate:
 class Estimated:
     """A result with an estimate of its errors against the full motor, which its first use computes.
 
-    It takes about 1 s and eight times the CPU time of the run, for ``error_estimate``, ``trusted``, ``cautions``,
-    ``summary`` and ``to_dict``; curves and all else do not take it.
+    It takes about 1 s, with eight contacts half a minute, and eight times the CPU time of the run, for
+    ``error_estimate``, ``trusted``, ``cautions``, ``summary`` and ``to_dict``; curves and all else do not take it.
     """
 
     find_error: Callable[[], ErrorEstimate]

@@ -78,8 +78,8 @@ def simulate_averaged(
         thermal: drift with temperature; the losses then heat the stator.
         phases: number of phases of the period at which the contact is evaluated.
         harmonics: number of harmonics of the tip's motion, 1 to 6.
-        engine: ``"compiled"``, the averaged motor in C, which takes a C compiler; ``"spice"``, its netlist in ngspice;
-            ``"auto"``, the compiled motor where a compiler is installed.
+        engine: ``"compiled"``, the averaged motor in C, which takes a C compiler; ``"spice"``, its netlist in ngspice,
+            which has one contact; ``"auto"``, the compiled motor where a compiler is installed.
         progress: called some times a second with the part that is done, 0 to 1, and the seconds that are left.
         timeout: wall time in s after which the run is ended.
 
