@@ -124,7 +124,7 @@ class AveragedMotor:
         loop: Loop | None = None,
         networks: Sequence[Mapping[str, float]] = (),
     ) -> None:
-        require_averaged(motor)
+        motor = require_averaged(motor)
         size, front = Size.of(motor), Front(loop is not None, bool(networks))
         hint = "This user has no home folder for compiled modules. Set HOME or XDG_CACHE_HOME."
         folder = cache_folder("modules", SimulationError(hint))

@@ -29,7 +29,6 @@ from pyspice_runner.circuit.motor import (
     mode_values,
     outside,
     require_linear,
-    require_no_feedback,
     rounded,
     spring_values,
     with_header,
@@ -71,6 +70,9 @@ def check_resolution(phases: int, harmonics: int) -> None:
         raise ParameterError(f"phases = {phases} cannot resolve {harmonics} harmonics: give at least {least} phases.")
 
 
+OPEN = 100.0  # frequency of a mode over the corner of its electrode, above which that is open within 1e-4
+
+
 def check_averaged(contact: ContactLaw | None) -> None:
     """Raise ParameterError for a law of the contact without an averaged model: any other than the spring-slider."""
     law = law_of(contact)
@@ -82,10 +84,19 @@ def check_averaged(contact: ContactLaw | None) -> None:
         )
 
 
-def require_averaged(motor: Motor) -> None:
-    """Raise ParameterError for a mode that is not linear, a loss without an averaged model, or a deep penetration."""
+def require_averaged(motor: Motor) -> Motor:
+    """Return the motor that is averaged: one with a feedback electrode as it is with that open.
+
+    Raise ParameterError for a mode that is not linear, a loss without an averaged model, a deep penetration, or a
+    feedback electrode on a small resistance.
+    """
     require_linear(motor, "The averaged motor")
-    require_no_feedback(motor, "The averaged motor")
+    if (electrode := motor.feedback) and motor.modes[0].frequency_hz < (slowest := OPEN * electrode.corner_hz):
+        raise ParameterError(
+            f"feedback.resistance_ohm = {electrode.resistance_ohm:g} ohm loads the electrode below "
+            f"{electrode.corner_hz:.3g} Hz, and the averaged motor takes it as open: the modes must be above "
+            f"{slowest:.3g} Hz. Raise it, or leave the electrode out (--set feedback=none)."
+        )
     if flat := max(one.contact.worn_flat_radius_m for one in motor.touching):
         raise ParameterError(
             f"contact.worn_flat_radius_m = {flat:g} has no averaged model: it must be 0. Set it, or use the full motor."
@@ -102,6 +113,7 @@ def require_averaged(motor: Motor) -> None:
             f"contact.preload_n = {motor.contact.preload_n:g} N presses the tip {1e3 * penetration:.3g} mm into the "
             f"{motor.moved}; the averaged model takes up to {1e3 * DEEPEST_M:g} mm. Lower it, or use the full motor."
         )
+    return motor.with_open_electrode
 
 
 def _orders(name: str, harmonics: int) -> list[str]:
@@ -290,7 +302,7 @@ class AveragedSubCircuit(Assembly):
         thermal: Thermal | None = None,
         name: str = SUBCIRCUIT,
     ) -> None:
-        require_averaged(motor)
+        motor = require_averaged(motor)
         require_one_contact(motor, "The averaged motor in ngspice, and its .lib, are")
         motor = motor.on_carrier()
         contact = motor.contact

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, inf, pi, radians
 from typing import Any
 
@@ -25,6 +25,7 @@ from pyspice_runner.averaged.library import (
     check_averaged,
     check_resolution,
     first,
+    require_averaged,
     schedule_text,
 )
 from pyspice_runner.circuit.bench import Bench, add_cooling
@@ -75,7 +76,7 @@ class AveragedPoint:
 
         Raise ParameterError for a value out of range, another kind of drive or law.
         """
-        front = AveragedDrive.of(point.drive)
+        front, point = AveragedDrive.of(point.drive), replace(point, motor=require_averaged(point.motor))
         check_averaged(point.touching("It has no averaged model."))
         check_resolution(phases, harmonics)
         check_together(point.motor, front.stage)

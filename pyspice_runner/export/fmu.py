@@ -66,7 +66,7 @@ def fmu_texts(motor: Motor, *, name: str = "", thermal: Thermal | None = None, v
     """
     require(version in VERSIONS, "fmi", version, "2 or 3")
     identifier = check_name(name) if name else SUBCIRCUIT
-    require_averaged(motor)
+    motor = require_averaged(motor)
     known = c_code.variables(motor, thermal)
     behavioral = data_path("behavioral")
     compiled = c_files(version)

@@ -79,7 +79,7 @@ def derived(
         key = id(motor)
         entry = _kept.get(key)
         if entry is None or entry[0]() is not motor:
-            entry = _kept[key] = ref(motor, lambda _: _kept.pop(key, None)), {}
+            entry = _kept[key] = ref(motor, lambda _, kept=_kept: kept.pop(key, None)), {}
         facts, name = entry[1], (function, values, *named.items())
         if name in facts:
             return facts[name]  # type: ignore[no-any-return]
@@ -614,9 +614,17 @@ class Motor(Shown, Parameters):
 
     def on_carrier(self) -> Motor:
         """Return the motor with the modes that its stator has on its carrier, which then shake it no more."""
-        free = self.stator
-        stator = free.on_carrier(self.mount)
-        if stator is free:
+        return self._of_stator(self.stator.on_carrier(self.mount))
+
+    @property
+    @derived
+    def with_open_electrode(self) -> Motor:
+        """The motor without its feedback electrode, with the modes that it has while that is open."""
+        return self._of_stator(self.stator.with_open_electrode())
+
+    def _of_stator(self, stator: Stator) -> Motor:
+        """Return the motor with the modes of a stator."""
+        if stator is self.stator:
             return self
         modes = tuple(
             mode.model_copy(update=dict(zip(MODE_COLUMNS, map(float, row), strict=True)))
@@ -630,7 +638,7 @@ class Motor(Shown, Parameters):
             })
             for place, (x, y) in zip(self.contacts, rows if self.contacts else (), strict=True)
         )  # fmt: skip
-        return self.model_copy(update={"modes": modes, "contacts": contacts})
+        return self.model_copy(update={"modes": modes, "contacts": contacts, "feedback": stator.feedback})
 
     @property
     def moved(self) -> str:

@@ -305,6 +305,11 @@ class Feedback(Parameters):
     share_b: float = quantity("the same s_B of B", "1", ge=-1.0, le=1.0, default=0.0)
 
     @property
+    def corner_hz(self) -> float:
+        """Frequency 1/(2π R C_F) in Hz below which the resistance discharges the electrode."""
+        return 1.0 / (2.0 * pi * self.resistance_ohm * self.capacitance_f)
+
+    @property
     def shares(self) -> tuple[float, float]:
         """Voltage of the electrode per volt on groups A and B while the modes are held."""
         return self.share_a, self.share_b

@@ -229,23 +229,35 @@ class Stator:
         They are the normal modes of stator, carrier and springs. What the damping couples between them is left out.
         """
         carried = self.with_carrier(mount)
-        if not self.recoil[:, : carried.carriers].any():
+        return self._uncoupled(carried) if self.recoil[:, : carried.carriers].any() else self
+
+    def with_open_electrode(self) -> Self:
+        """Return the stator of the modes that this one has with its feedback electrode open, as on a large resistance.
+
+        The charge that stays on the electrode stiffens the modes, and couples those that it senses.
+        """
+        if self.feedback is None:
             return self
+        stiffness = square(self.stiffness) + np.outer(self.sensed, self.sensed) / self.feedback.capacitance_f
+        return self._uncoupled(replace(self, stiffness=stiffness, feedback=None, sensed=np.zeros(0)))
+
+    def _uncoupled(self, coupled: Self) -> Self:
+        """Return the normal modes of a stator with more springs or coordinates, as many as this one has."""
         from scipy.linalg import eigh  # takes long to load
         from scipy.optimize import linear_sum_assignment
 
-        n, stiffness = len(self.mass), square(carried.stiffness)
-        _, shapes = eigh(stiffness, carried.mass)
+        n, stiffness = len(self.mass), square(coupled.stiffness)
+        _, shapes = eigh(stiffness, square(coupled.mass))
         shares = np.diag(stiffness)[:, np.newaxis] * shapes**2
         shapes = shapes[:, linear_sum_assignment(shares / shares.sum(axis=0), maximize=True)[1]]
         shapes = (shapes / np.diag(shapes))[:, :n]
         mass, damping, elastic = (
-            np.sum(shapes * (square(one) @ shapes), axis=0) for one in (carried.mass, carried.damping, stiffness)
+            np.sum(shapes * (square(one) @ shapes), axis=0) for one in (coupled.mass, coupled.damping, stiffness)
         )
         return replace(
-            self, mass=mass, damping=damping, stiffness=elastic, coupling=shapes.T @ carried.coupling,
-            contact=carried.contact @ shapes, recoil=np.zeros((n, 2)),
-            sensed=shapes.T @ carried.sensed if self.feedback else self.sensed,
+            coupled, mass=mass, damping=damping, stiffness=elastic, coupling=shapes.T @ coupled.coupling,
+            contact=coupled.contact @ shapes, recoil=shapes.T @ coupled.recoil, carriers=0,
+            sensed=shapes.T @ coupled.sensed if coupled.feedback else coupled.sensed,
         )  # fmt: skip
 
     @property

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.state import stems
 from pyspice_runner.motor import contact as contact_law
+from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers, square
 from pyspice_runner.run.waveforms import Array, interpolated
 from pyspice_runner.steady.copies import Copy, Plant, phasor_at
@@ -70,6 +71,8 @@ class Tolerances:
     slowest_s: float = 50.0  # time constant beyond which a disturbance stays; a slider that sticks leaks in 1000 s
     # decay times of the slowest mode that a point runs if Newton's method fails
     settling: tuple[float, float] = (1.0, 4.0)
+    # of a step, by which a point moves in turn if Newton's method fails with a contact whose force has a kink
+    shifts: tuple[float, float, float] = (0.3, 0.15, 0.37)
 
 
 NEWTON = Tolerances()
@@ -115,6 +118,7 @@ class Orbit:
     done: bool = False
     failed: bool = False
     informed: bool = False  # whether it starts from harmonic balance and has its derivative without the help of others
+    by_copies: bool = False  # whether its derivative is taken of perturbed copies, though its equations are known
     guessed: bool = False  # whether it starts from a guess by solved neighbours; if that fails, from a start of its own
     method: str = ""  # ``newton``, ``damped``, ``neighbour`` or ``settled``; empty while there is no solution
     iterations: int = 0  # Newton steps taken
@@ -332,7 +336,12 @@ class Orbit:
     @property
     def exact(self) -> bool:
         """Whether the derivative follows from the trace."""
-        return self.trace is not None and self.trace.course is not None
+        return self.trace is not None and self.trace.course is not None and not self.by_copies
+
+    @property
+    def lined(self) -> bool:
+        """Whether the force of a contact has a kink at the limit of stick: its exponent is below that of Hertz."""
+        return any(one.contact.exponent < HERTZ for one in self.plant.motor.touching)
 
     @property
     def far(self) -> bool:
@@ -538,7 +547,7 @@ class Shooting:
         """Take new derivatives of points that have a trace: along it where the equations are known, else by copies."""
         exact, courses, others, copies = list[Orbit](), list[Course](), list[Orbit](), list[Copy]()
         for point in points:
-            if point.trace and point.trace.course:
+            if point.exact and point.trace and point.trace.course:
                 exact.append(point)
                 courses.append(point.trace.course)
             else:
@@ -590,10 +599,27 @@ class Shooting:
         for point, other in near:
             point.restart(other.state)
         self.solve_by([point for point, _ in near], "neighbour")
+        self.shift(lost, "newton")
         for decays in NEWTON.settling:
             lost = [point for point in lost if point.failed]
             self._settle(lost, decays)
             self.solve_by(lost, "settled")
+
+    def shift(self, lost: Sequence[Orbit], method: str) -> None:
+        """Solve points of lined contacts that failed anew, with their steps elsewhere in the period.
+
+        The force of a lining changes its slope where slip begins. Where that passes from one step to another, the map
+        jumps by about 1e-4 of the motion, and for some places of the steps it has no fixed point. After the first place
+        the derivative is that of perturbed copies, which sees the jumps.
+        """
+        for share in NEWTON.shifts:
+            moving = [point for point in lost if point.failed and point.trace and point.lined]
+            for point in moving:
+                point.by_copies = share != NEWTON.shifts[0]
+                moved = point.moved(point.begun + share * self.map.step, self.map.step)
+                point.begun = moved.begun
+                point.restart(moved.state)
+            self.solve_by(moving, method)
 
     def _unload(self) -> None:
         """Move points whose shafts friction holds to the torque nearest to 0, from which a motor starts."""

@@ -520,6 +520,7 @@ def _correct(copies: Collection[Orbit], period_map: PeriodMap, *, near: bool = F
     for copy in lost:  # the derivative of the coarse step did not serve
         copy.restart(copy.state)
     shooting.solve(lost)
+    shooting.shift(lost, "newton")
 
 
 def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> dict[int, tuple[dict[str, float], float]]:

@@ -16,7 +16,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from pyspice_runner.averaged.library import check_averaged
+from pyspice_runner.averaged.library import check_averaged, require_averaged
 from pyspice_runner.averaged.run import ErrorEstimate, Estimated
 from pyspice_runner.averaged.simulate import averaged_ceramic
 from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, law_of
@@ -527,6 +527,8 @@ def track(
     if averaged:
         _ = motor.rotor  # of a transducer an error
         check_averaged(contact)
+        require(tracker.sense == "current", "sense", tracker.sense, "'current' of the averaged motor")
+        motor = require_averaged(motor)
         if settings.get("step") is not None:
             raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
     elif engine == "compiled":

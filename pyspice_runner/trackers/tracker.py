@@ -21,10 +21,11 @@ derivative of the force, determines the loaded quality factor.
 
 from __future__ import annotations
 
+from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf, pi, sqrt, tan
+from math import degrees, inf, pi, sqrt, tan
 from typing import Any, Literal
 
 import numpy as np
@@ -474,9 +475,24 @@ def weights(motor: Motor, mode: int) -> dict[str, float]:
 def sensed_modes(motor: Motor, mode: int, sense: str = "current") -> NDArray[np.float64]:
     """Return the current in A that a tracker of a mode senses of each mode, per m/s."""
     if sense == "feedback" and motor.feedback:
-        return np.asarray(motor.stator.sensed * np.sign(motor.stator.sensed[mode]))
+        return motor.stator.sensed
     weighted = weights(motor, mode)
     return np.asarray(motor.stator.coupling @ [weighted[groups.named("current", group)] for group in motor.groups])
+
+
+def sensed_velocity(motor: Motor, tracker: Tracker, mode: int) -> complex:
+    """Return the current in A that a tracker senses per m/s of its mode, at resonance.
+
+    A feedback electrode also senses modes that are close: on a ring it shows the wave where it is, with a phase. Each
+    mode is taken with the loaded quality factor of the tracked one.
+    """
+    if tracker.sense == "current":
+        return complex(sensed_modes(motor, mode)[mode])
+    stator, lag = motor.stator, running_resonance(motor, tracker, mode=mode)
+    omega = 2.0 * pi * motor.modes[mode].frequency_hz
+    impedance = stator.mass * omega / lag.quality + 1j * (omega * stator.mass - stator.stiffness / omega)
+    velocity = stator.coupling @ list(two_phasors(tracker).values()) / impedance
+    return complex(stator.sensed @ velocity / velocity[mode])
 
 
 def sensing(motor: Motor, tracker: Tracker, mode: int) -> dict[str, float]:
@@ -636,7 +652,6 @@ class TrackedSource(Source):
         electrode = motor.feedback
         if self.tracker.sense == "current" or electrode is None:
             return "motional"
-        sign = -float(np.sign(motor.stator.sensed[self.mode]))
         shares = [share * (1.0 + self.tracker.capacitance_error) * self.tracker.copies for share in electrode.shares]
         circuit.raw_spice += f"""\
 Esensed sensed_f 0 xmotor.{FEEDBACK} 0 1
@@ -644,7 +659,7 @@ Eshare_a less_a sensed_f a 0 {-shares[0]!r}
 Eshare_b less_b less_a b 0 {-shares[1]!r}
 Celectrode less_b summed_f {electrode.capacitance_f!r}
 Velectrode summed_f 0 DC 0
-Helectrode motional 0 Velectrode {sign!r}
+Helectrode motional 0 Velectrode -1
 """
         return "of_lines"
 
@@ -655,7 +670,9 @@ Helectrode motional 0 Velectrode {sign!r}
             circuit.V("control", "control", circuit.gnd, f"DC {tracker.start_v!r}")
             return
         if tracker.kind == "pll":
-            circuit.V("target", "target", circuit.gnd, schedule_text(self.targets))
+            ahead = degrees(phase(sensed_velocity(motor, tracker, self.mode)))
+            targets = [(at, target + ahead) for at, target in self.targets]
+            circuit.V("target", "target", circuit.gnd, schedule_text(targets))
             instantiate(
                 circuit, "detector", "tracker_detector", ("motional", "force", "ahead", "target", "control"),
                 current=tracker.pump_current_a, polarity=tracker.polarity, rail=RAIL,
@@ -672,7 +689,7 @@ Helectrode motional 0 Velectrode {sign!r}
         elif tracker.kind == "observe-speed":
             expression = f"abs(V(shaft))*{motor.rotor.radius_m / (abs(motor.modes[self.mode].tip_x) * velocity):.10g}"
         else:
-            sensed = sensed_modes(motor, self.mode, tracker.sense)[self.mode]
+            sensed = abs(sensed_velocity(motor, tracker, self.mode))
             expression = f"(V(motional)*{1.0 / (sensed * velocity):.10g})**2"
         circuit.raw_spice += f"Bquantity quantity 0 V={expression}\n"
         instantiate(
@@ -743,7 +760,7 @@ def restart_values(
     force = mode_force(motor, tracker, mode) / max(map(abs, motor.modes[mode].couplings))  # V, as sensed
     sweep = RAIL * (loop_filter.capacitance_f + loop_filter.ripple_f) / (tracker.pump_current_a * LOST_DEG / 360.0)
     return {
-        "conductance": float(tracker.lost_share * sensed_modes(motor, mode, tracker.sense)[mode] * velocity / force),
+        "conductance": tracker.lost_share * abs(sensed_velocity(motor, tracker, mode)) * velocity / force,
         "wait": tracker.restart_after_s or 2.0 * sweep, "hold": HELD_LAGS * lag.time_constant_s,
         "home": tracker.start_v,
     }  # fmt: skip
