@@ -47,6 +47,7 @@ validation: setup ## compare random motors, contacts and drives with independent
 	$(PY) -m validation.engines
 	$(PY) -m validation.live_page
 	$(PY) -m validation.runs
+	$(PY) -m validation.contacts
 	$(PY) -m validation.losses
 	$(PY) -m validation.contradictions
 	$(PY) -m validation.held_points

@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from math import inf, pi, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 from weakref import ref
@@ -66,6 +66,11 @@ _MOST_KEPT = 256  # facts of one motor
 _kept: dict[int, tuple[ref[Any], dict[Any, Any]]] = {}  # by the identity of a motor
 
 
+def _forget(kept: dict[int, Any], key: int, _: ref[Any]) -> None:
+    """Drop the facts of a motor that is gone, also while Python ends and the module has lost its names."""
+    kept.pop(key, None)
+
+
 def derived(
     function: Callable[Concatenate[_Owner, _Arguments], _Found],
 ) -> Callable[Concatenate[_Owner, _Arguments], _Found]:
@@ -79,7 +84,7 @@ def derived(
         key = id(motor)
         entry = _kept.get(key)
         if entry is None or entry[0]() is not motor:
-            entry = _kept[key] = ref(motor, lambda _, kept=_kept: kept.pop(key, None)), {}
+            entry = _kept[key] = ref(motor, partial(_forget, _kept, key)), {}
         facts, name = entry[1], (function, values, *named.items())
         if name in facts:
             return facts[name]  # type: ignore[no-any-return]

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several stators on one shaft, and several tips on one stator."""
+
+import re
+import runpy
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pyspice_runner as pr
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def example():
+    return runpy.run_path(str(EXAMPLES / "several_motors.py"))
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("deck", "which", "fastest"), [("three_stators", "DISC", 70.0), ("four_elements", "SLIDER", 1.0)]
+)
+def test_stators_on_one_shaft_run_as_their_curves_say(example, deck, which, fastest, tmp_path):
+    name, preloads, *_ = example[which]
+    pr.export_motor(pr.load_motor(name), tmp_path / "motor.lib")
+    text = (EXAMPLES / f"{deck}.cir").read_text(encoding="utf-8")
+    assert [float(one) for one in re.findall(r"preload=(\S+)", text)] == list(preloads)
+    done = subprocess.run(["ngspice", "-b"], input=text, cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = {key: float(value) for key, value in re.findall(r"^(\w+) += +(\S+)", done.stdout, re.M)}
+    speed, forces = example["shared_speed"](*example[which], np.linspace(0.0, fastest, 15))
+    assert found["check"] == 0.0
+    assert found["speed"] == pytest.approx(speed, rel=0.015)  # straight lines between the points of the curves
+    lever = pr.load_motor(name).rotor.radius_m
+    shares = [lever * found[f"friction_{number}"] for number in range(1, len(forces) + 1)]
+    assert shares == pytest.approx(forces, abs=0.06 * max(forces))  # where a curve is steep
+
+
+def test_a_tip_that_stands_back_leaves_its_preload_to_the_other(example):
+    motor = pr.load_motor(EXAMPLES / "two_tips.toml")
+    drive, cases = pr.default_drive(motor), example["CASES"]
+    whole, back = (example["tips"](motor.updated(cases[one]), drive) for one in ("as built", "left 0.3 um lower"))
+    assert back["left N"] < whole["left N"] - 0.5
+    for one in (whole, back):
+        assert one["left N"] + one["right N"] == pytest.approx(motor.contact.preload_n, rel=0.01)
+    assert abs(whole["phase deg"]) > 5.0  # the bending modes move the tips in opposite directions
