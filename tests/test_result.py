@@ -161,7 +161,6 @@ def test_points_that_did_not_settle_are_marked_and_named() -> None:
         rings = [line for line in ax.lines if line.get_markerfacecolor() == "none"]
         assert {tuple(np.atleast_1d(ring.get_xdata())) for ring in rings} == {(2.0,)}
         legend = ax.get_legend()
-        assert legend is not None
         assert "not settled" in [text.get_text() for text in legend.get_texts()]
 
 

@@ -214,7 +214,6 @@ def test_exported_library_runs_by_its_own_example(motor: pr.Motor, tmp_path: Pat
     pr.export_motor(motor, tmp_path / "motor.lib", averaged=True, name="slow")
     text = (tmp_path / "motor.lib").read_text()
     example = re.search(r"^\* USE.*?\n(.*?)^\* END USE", text, re.M | re.S)
-    assert example is not None
     deck = re.sub(r"^\* +", "", example.group(1), flags=re.M)
     (tmp_path / "run").mkdir()
     found = measured(f"example\n{text}\n{deck}.end\n", tmp_path / "run")

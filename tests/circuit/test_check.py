@@ -115,7 +115,6 @@ def test_check_cannot_see_a_wrong_order_that_leaves_a_current_in_com(tmp_path: P
 
 def test_the_package_finds_a_misspelt_parameter_in_a_deck() -> None:
     fault = silent_fault(deck(f"{RIGHT} perload=8"))
-    assert fault is not None
     assert fault.startswith("Subcircuit piezomotor has no parameter perload")
     assert silent_fault(deck()) is None
 

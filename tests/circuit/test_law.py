@@ -303,7 +303,6 @@ def test_linearised_where_it_sticks_a_brush_is_the_papers_spring() -> None:
         simulator.options(**AC_OPTIONS)
         simulator.save("i(va)", "v(xmotor.friction)")
         simulator.ac(variation="lin", number_of_points=200, start_frequency=5e3, stop_frequency=100e3)
-        assert simulator.result is not None
         found[name] = simulator.result.raw.vectors
     for vector in ("i(va)", "v(xmotor.friction)"):
         np.testing.assert_allclose(found["brush"][vector], found["spring-slider"][vector], rtol=1e-5)

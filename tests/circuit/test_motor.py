@@ -45,7 +45,6 @@ def transient(circuit: Circuit, duration: float, *saved: str, step: float = STEP
     simulator.options(**TRANSIENT_OPTIONS)
     simulator.save(*saved)
     simulator.transient(step_time=step, max_time=step, end_time=duration, use_initial_condition=True)
-    assert simulator.result is not None
     return {name: np.asarray(values, dtype=float) for name, values in simulator.result.raw.vectors.items()}
 
 
@@ -172,7 +171,6 @@ def test_three_modes_show_their_closed_form_admittance() -> None:
     simulator = BatchSimulator(admittance_bench(subject, preloaded=False))
     simulator.options(**AC_OPTIONS)
     simulator.ac(variation="lin", number_of_points=400, start_frequency=10e3, stop_frequency=80e3)
-    assert simulator.result is not None
     vectors = simulator.result.raw.vectors
     s = 2j * pi * vectors["frequency"].real
     couplings = [(m.coupling_a_n_per_v, m.coupling_b_n_per_v) for m in subject.modes]

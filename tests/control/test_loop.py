@@ -108,7 +108,6 @@ def test_a_loop_without_options_has_margins_that_modulation_measures(name: str, 
     drive = pr.default_drive(motor)
     loop = pr.control_loop(motor, drive, quantity=quantity)
     assert loop.phase_margin_deg == pytest.approx(60.0, abs=0.1)
-    assert loop.gain_margin_db is not None
     assert loop.gain_margin_db >= 6.0
     units = {"speed": "V·s/rad", "position": "V/rad", "phase": "Hz/deg"}
     assert loop.gain_units["proportional"] == units[quantity].replace("rad", "m" if motor.slider else "rad")
@@ -222,8 +221,6 @@ def test_a_spread_has_the_margins_at_other_operating_points(motor: pr.Motor, dri
         changed = drive.model_copy(update={"voltage": point.at["drive.voltage"]})
         there = pr.control_loop(motor, changed, **wanted)
         assert point.gains == pytest.approx(there.gains)  # the schedule is what a design there gives
-        assert point.crossover_hz is not None
-        assert point.phase_margin_deg is not None
         run_there = there.provenance["run"] | {"crossover_hz": point.crossover_hz}
         moved = replace(
             there, gains=loop.gains, provenance=there.provenance | {"run": run_there},

@@ -159,7 +159,6 @@ def compared(name: str, state: str, folder: Path) -> dict[str, tuple[float, floa
     """
     motor = pr.load_motor(DRIVES[name][0])
     design = designed(name, motor)
-    assert design.driver is not None
     point = next(point for point in design.points if point.state == state)
     speed = point.speed_rad_s
     deck = measured(name, motor, folder, speed)
@@ -185,7 +184,6 @@ def compared(name: str, state: str, folder: Path) -> dict[str, tuple[float, floa
 def test_a_deck_written_by_hand_has_the_parts_of_the_design(name: str) -> None:
     _, _, network, _, _ = DRIVES[name]
     design = designed(name, pr.load_motor(DRIVES[name][0]))
-    assert design.driver is not None
     parameters = stated(name)
     values = design.driver.to_dict()
     for group in ("a", "b"):

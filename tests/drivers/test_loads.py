@@ -110,9 +110,6 @@ def test_a_dead_time_that_moves_the_charge_leaves_no_voltage_and_a_shorter_one_d
     short, long = bridge(60e-9), bridge(400e-9)
     for before, after in zip(short.switching, long.switching, strict=True):
         assert before.transistor == after.transistor
-        assert before.dead_time_s is not None
-        assert before.hard_switching_w is not None
-        assert after.hard_switching_w is not None
         assert 60e-9 < before.dead_time_s < 400e-9  # the dead time that would do lies between
         assert not before.zero_voltage
         assert abs(after.voltage_left_v) < 0.2 * before.voltage_left_v

@@ -107,7 +107,6 @@ def test_the_error_of_the_torque_by_the_step_is_stated_and_holds(kind: str) -> N
     settings: dict[str, Any] = {"speed": 3.0, "duration": 5e-4}
     found = report(driver(kind), **settings)
     fine = report(driver(kind), **settings, step=found.run["step_s"] / 8.0)
-    assert found.mean_torque_error_n_m is not None
     assert abs(found.mean_torque_n_m - fine.mean_torque_n_m) < found.mean_torque_error_n_m
     assert found.to_dict()["mean_torque_error_n_m"] == found.mean_torque_error_n_m
     assert "by the step" in found.summary()["mean torque"]
@@ -264,7 +263,6 @@ def test_the_state_behind_a_driver_is_that_of_its_design_and_follows_the_values_
     A coil of 5 % more, in series with the capacitor to which it was tuned, lowers the voltage of the pin.
     """
     found = design("half-bridge", "inductor")
-    assert found.driver is not None
     point = found.points[1]
     plain = driver_state(motor(), found.driver, speed=point.speed_rad_s)
     for group in "ab":
@@ -286,7 +284,6 @@ def test_the_transient_behind_the_designed_bridge_has_the_voltages_and_currents_
     Dead time, 1 % of the period at each edge, and what has not settled after 72 periods leave some 2 %.
     """
     found = half_bridge()
-    assert found.design is not None
     point = found.design.points[1]
     for group in ("a", "b"):
         port = found.groups[group].harmonics[0]

@@ -32,7 +32,6 @@ def by_hand(design: Design, name: str, folder: Path, more_ohm: float = 0.0) -> f
     """Return the amplitude of the motional current behind the fundamental of a bridge on 48 V."""
     ohm, henry, farad, clamped = REAL[name]
     driver = design.driver
-    assert driver is not None
     network, turns = driver.values("a", driver.network), driver.values("a", "transformer")
     prefix = "series_" if driver.network == "llcc" else ""
     primary, on = turns["magnetizing"], {"IRF530": 0.32, "IRF610": 3.0}[driver.mosfet]
@@ -60,7 +59,6 @@ def test_power_is_that_of_a_hand_written_deck(tmp_path: Path, name: str, full: f
     spec = spec_of(device, "llcc" if tool else "inductor", power=wanted, load_range=(1.0, full) if tool else None)
     design = design_driver(device, spec)
     report = pr.drive_report(device, design, events=tool > 0.0)
-    assert report.design is not None
     assert report.design.feasible, report.design.reason
     found, current = (
         report.to_dict()["load_power_w" if tool else "damping_loss_w"],

@@ -116,7 +116,6 @@ def test_a_map_has_force_and_speed() -> None:
     result: WorkingPoints = points.piezomotor
     assert points["load.speed"].attrs["units"] == "m/s"
     best = result.best
-    assert best is not None
     assert best["force_n"] == best["torque_n_m"]
     assert "force" in result.summary()
     assert result.plot(panel="torque").get_ylabel() == "force on the slider in N"

@@ -61,7 +61,6 @@ def test_a_run_in_mid_spin_up_says_that_its_means_are_not_settled() -> None:
     drive = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
     early, late = (pr.simulate(motor, drive, duration=duration, step=2e-7) for duration in (2e-4, 5e-3))
     assert early.settled is False
-    assert late.to_come["mean_rotor_speed_rad_s"] is not None
     assert late.to_come["mean_rotor_speed_rad_s"] < 0.02
     assert early.remark("mean_rotor_speed_rad_s") == ", not settled"
     assert early.to_dict()["settled"] is False

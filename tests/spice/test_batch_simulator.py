@@ -90,7 +90,6 @@ def test_saved_vectors_are_returned_in_the_order_of_the_request() -> None:
     simulator.save("source", "v(out)")
     assert ".save v(out) i(L1) source\n" in str(simulator)
     simulator.transient(step_time=1 @ u_us, end_time=0.1 @ u_ms)
-    assert simulator.result is not None
     assert list(simulator.result.raw.vectors) == ["time", "v(out)", "i(l1)", "v(source)"]
 
 

@@ -63,7 +63,6 @@ def fails(deck: str, *, vectors: tuple[str, ...] = (), **arguments: float) -> Si
     with pytest.raises(SimulationError) as caught:
         run_deck(deck, vectors=vectors, **arguments)
     error = caught.value
-    assert error.deck is not None
     assert error.deck.read_text() == deck
     assert [path.name for path in error.deck.parent.iterdir()] == ["deck.cir"]
     assert str(error).endswith(f"The netlist is kept as {error.deck}.")
@@ -401,14 +400,12 @@ def test_a_signal_to_a_script_ends_ngspice(
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as python:  # fmt: skip
         try:
-            assert python.stdin is not None
             python.stdin.write(ENDLESS)
             python.stdin.close()
             wait_until(lambda: any(folder.joinpath("out.raw").exists() for folder in scratch.iterdir()))
             assert processes_in(scratch)
             python.send_signal(number)
             assert python.wait(timeout=60) == -number
-            assert python.stderr is not None
             assert python.stderr.read().rstrip().endswith(last)
             wait_until(lambda: not processes_in(scratch))
         finally:  # what a test that failed leaves behind would run for hours

@@ -129,7 +129,6 @@ def modulated(
         finer: number of its steps in one of the steady state.
     """
     state, period = signals(FAST).state, 1.0 / DRIVE.frequency
-    assert state.solution is not None
     step = PeriodMap(period, finer * round(period / state.step_s))
     frequencies = {number: DRIVE.frequency / number for number in numbers}
     copy = Copy(state.solution.plant, state.solution.state)
@@ -315,7 +314,6 @@ def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> No
     bands = np.ones((6, 3), complex)
     carriers = {"current_a": 1j, "current_b": 1j, "motional_a": 1j, "motional_b": 0.0}
     solution = signals(FAST).state.solution
-    assert solution is not None
     found = _outputs(bands, carriers, "amplitude", solution.plant)
     assert OUTPUTS.keys() - found.keys() == {"motional_phase_b_deg"}
     partial = replace(signals(FAST), transfers={("speed", "amplitude"): np.ones(1, complex)})
@@ -367,7 +365,6 @@ def test_the_hot_admittance_of_the_flagship_is_that_of_a_transient() -> None:
     side, other = (SEVENTY.frequency * (1.0 + sign / number) for sign in (1.0, -1.0))
     found = small_signals(FLAGSHIP, SEVENTY, frequencies=[SEVENTY.frequency / number], speed=27.8)
     solution, period = found.state.solution, SEVENTY.period
-    assert solution is not None
     step = PeriodMap(period, 2 * round(period / found.state.step_s))
     probes = [(Probe("a", Tone(sign * volts, side, 0.5 * pi)),) for sign in (1.0, -1.0)]
     names = [f"i(v.{{}}.xmode{mode + 1}.vvelocity)" for mode in range(len(FLAGSHIP.modes))]

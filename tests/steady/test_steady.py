@@ -129,7 +129,6 @@ def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]
 def test_a_period_of_a_steady_state_counts_as_settled() -> None:
     for state in (held(6.0), pr.steady_state(MOTOR, DRIVE)):
         waves = state.waveforms
-        assert waves is not None
         assert waves.settled
         assert not waves.cautions
         assert "not settled" not in str(waves.summary())
@@ -186,7 +185,6 @@ def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str
 
 def test_one_period_of_waveforms_closes_and_balances() -> None:
     waves = held(6.0).waveforms
-    assert waves is not None
     assert waves.time_s[-1] - waves.time_s[0] == pytest.approx(1.0 / DRIVE.frequency)
     for name in ("tip_x_m", "tip_y_m", "normal_force_n", "friction_force_n", "current_a_a"):
         signal = getattr(waves, name)
@@ -207,7 +205,6 @@ def test_dry_friction_of_the_bearing_takes_its_torque_from_a_held_shaft() -> Non
     state = pr.steady_state(dry, DRIVE, speed=6.0)
     assert state.torque_n_m == pytest.approx(held(6.0).torque_n_m, rel=1e-6)
     assert state.load_torque_n_m == pytest.approx(held(6.0).load_torque_n_m - 1e-3, rel=1e-6)
-    assert state.waveforms is not None
     assert state.waveforms.energy_residual < 1e-3
     with pytest.raises(pr.ParameterError, match="dry friction is not found by shooting"):
         pr.steady_state(dry, DRIVE)

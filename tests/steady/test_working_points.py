@@ -101,7 +101,6 @@ def test_a_point_beyond_a_limit_of_the_motor_is_not_the_best_and_its_caution_is_
 
 def test_temperature_is_that_of_the_losses_and_a_limit() -> None:
     data = mapped()
-    assert MOTOR.limits is not None
     heat = (data["dielectric_loss_w"] + data["damping_loss_w"]).values
     expected = MOTOR.limits.ambient_c + MOTOR.limits.thermal_resistance_k_per_w * heat
     assert data["temperature_c"].values == pytest.approx(expected)

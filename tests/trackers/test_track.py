@@ -208,7 +208,6 @@ def test_a_loop_gain_that_crosses_1_several_times_has_the_worst_margin() -> None
     plate = pr.load_motor(str(Path(__file__).parents[2] / "examples" / "plate40.toml"))
     tracker = pr.Tracker(kind="pll", voltage=100.0, frequency=40093.845, phase_deg=70.0, offset=0.03)
     found = pr.track(plate, tracker, duration=20e-3, averaged=True).loop
-    assert found is not None
     ones = np.flatnonzero((np.abs(found.gain[:-1]) > 1.0) != (np.abs(found.gain[1:]) > 1.0))
     assert len(ones) == 3
     margins = (np.degrees(np.angle(found.gain[ones])) + 360.0) % 360.0 - 180.0
@@ -253,7 +252,6 @@ def test_copies_that_follow_the_temperature_keep_the_phase() -> None:
         found = pr.track(motor(), following, contact=None, thermal=warm, step=0.5 * COARSE, **settings)
         errors.append(found.static_phase_error_deg)
         if not drift:
-            assert found.sensing is not None
             expected = 125.0 * found.sensing.phase_drift_deg_per_k
     # a step is 1.8° of a period, of which the mean over a run of periods sees a tenth, in both runs; measured 0.24°
     assert errors[0] - errors[1] == pytest.approx(expected, abs=0.5)

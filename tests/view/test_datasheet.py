@@ -103,7 +103,6 @@ def test_every_chart_is_drawn_with_every_line(desktop: tuple[Page, list[str]]) -
         )
         assert seen == wanted > 0, name
         size = page.locator(f"#{name} .main-svg").first.bounding_box()
-        assert size is not None
         assert size["width"] > 600
         assert size["height"] > 250
         assert re.search(r'd="M[\d.,-]+L', drawn_path(page, name)), name
@@ -243,7 +242,6 @@ def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report
     assert tracking.loop is not None
     # as small signals of the full motor estimate it; those of the averaged motor have no error
     tracking = replace(tracking, loop=replace(tracking.loop, margin_error_deg=0.3))
-    assert tracking.loop is not None
     tracked = replace(report, tracking=tracking)
     page = datasheet(tracked)
     section = unescape(page.partition('<section id="tracker"')[2].partition("</section>")[0])
@@ -444,7 +442,6 @@ def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_
     drive = pr.default_drive(motor)
     rough = motor.updated({"rotor.bearing_friction_n_m": 1e-3})
     free = no_load_state(rough, drive)
-    assert free is not None
     held = pr.speed_torque(rough, drive, speeds=[free.speed_rad_s])
     assert abs(held["load_torque_n_m"].item()) < 0.02e-3  # of the 1 mN·m; the error of the torque is 0.01 mN·m
     assert no_load_state(motor.updated({"rotor.bearing_friction_n_m": 0.05}), drive) is None
