@@ -13,6 +13,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.commands.common import load_changed, say
+from tests.said import output, printed, refusal
 
 TONES = ["--frequency-1", "20e3", "--frequency-2", "40e3"]
 
@@ -150,15 +151,13 @@ def test_what_is_given_twice_or_is_fixed_is_an_error(
 
 def test_speed_torque_takes_two_further_axes(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["speed-torque", "andersen2002", "--speeds=0", "--over", "drive.voltage=40,50"]
-    assert run([*words, "--over", "contact.preload_n=4,5,6", "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
+    document = printed([*words, "--over", "contact.preload_n=4,5,6"], capsys)
     assert np.shape(document["torque_n_m"]) == (2, 3, 1)
 
 
 def test_the_table_of_a_run_shows_its_drive(capsys: pytest.CaptureFixture[str]) -> None:
     words = "simulate andersen2002 --duration 1e-4 --voltage 30 --frequency 51e3 --phase -90"
-    assert run(words.split()) == 0
-    assert "andersen2002, 30 V at 51 kHz, -90° apart, 0.0001 s" in " ".join(capsys.readouterr().out.split())
+    assert "andersen2002, 30 V at 51 kHz, -90° apart, 0.0001 s" in " ".join(output(words.split(), capsys).split())
 
 
 def test_a_table_in_a_pipe_is_not_cut(capsys: pytest.CaptureFixture[str]) -> None:
@@ -214,8 +213,7 @@ def test_set_takes_what_the_file_of_a_beam_states() -> None:
     ],
 )
 def test_an_option_without_effect_is_refused(words: str, option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(words.split()) == 2
-    assert f"{option} has no effect" in capsys.readouterr().err
+    assert f"{option} has no effect" in refusal(words.split(), capsys)
 
 
 def test_a_part_of_an_own_driver_may_be_written_in_either_case(tmp_path: Path) -> None:

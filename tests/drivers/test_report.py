@@ -21,6 +21,7 @@ from pyspice_runner.drivers.ratings import PartLoad
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.window import Window
 from tests.runs import simulated
+from tests.said import output, printed, refusal
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("drivers")
@@ -391,8 +392,7 @@ def test_a_report_is_written_by_the_ending_of_its_file(tmp_path: Path) -> None:
 @pytest.mark.soak
 def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["drive", "andersen2002", "--duration", "5e-4", "--speed", "0.3"]
-    assert run([*words, "--json", "--output", str(tmp_path / "one.csv")]) == 0
-    one = json.loads(capsys.readouterr().out)
+    one = printed([*words, "--output", str(tmp_path / "one.csv")], capsys)
     assert {"groups", "outputs", "losses_w", "efficiency", "maxima", "design", "power_factor"} <= set(one)
     assert one["mean_rotor_speed_rad_s"] == pytest.approx(0.3)
     files = ["--output", str(tmp_path / "two.csv"), "--plot", str(tmp_path / "two.png")]
@@ -407,8 +407,7 @@ def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, caps
 def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     table = tmp_path / "why.csv"
     words = ["--rail", "500", "--stage", "full-bridge", "--voltage", "180", "--output", str(table), "--json"]
-    assert run(["drive", "andersen2002", *words]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(output(["drive", "andersen2002", *words], capsys))
     assert found["maxima"] == {}
     assert not found["design"]["feasible"]
     assert "its transistors IRF820 take 450 V" in found["design"]["reason"]
@@ -419,15 +418,13 @@ def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.Captu
 @pytest.mark.soak
 def test_the_command_designs_a_driver_for_a_rail_and_a_load(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = ["drive", "bimodal40", "--rail", "24", "--stage", "full-bridge", "--speed", "20", "--load-torque", "3e-3"]
-    assert run([*words, "--json", "--output", str(tmp_path / "driver.cir")]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed([*words, "--output", str(tmp_path / "driver.cir")], capsys)
     design = found["design"]
     assert design["feasible"], design["reason"]
     assert design["starts"]
     assert set(design["parts"][0]) == set(PartLoad.__dataclass_fields__)
     assert "transformer" in (tmp_path / "driver.cir").read_text(encoding="utf-8")
-    assert run([*words[:-1], "0.5", "--json"]) == 0
-    assert "less than the load of 0.5 N·m" in json.loads(capsys.readouterr().out)["design"]["reason"]
+    assert "less than the load of 0.5 N·m" in printed([*words[:-1], "0.5"], capsys)["design"]["reason"]
 
 
 @pytest.mark.parametrize(
@@ -442,5 +439,4 @@ def test_the_command_designs_a_driver_for_a_rail_and_a_load(capsys: pytest.Captu
     ],
 )
 def test_the_command_refuses(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["drive", "andersen2002", *words]) == 2
-    assert sentence in " ".join(capsys.readouterr().err.split())
+    assert sentence in " ".join(refusal(["drive", "andersen2002", *words], capsys).split())

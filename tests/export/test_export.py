@@ -7,7 +7,6 @@ formats, since neither program runs here.
 
 from __future__ import annotations
 
-import json
 import re
 import subprocess
 from math import atan
@@ -24,6 +23,7 @@ from pyspice_runner.motor.circuit_file import load_circuit
 from pyspice_runner.motor.stator import CAPACITANCE_AT
 from pyspice_runner.spice.ngspice import find_ngspice
 from tests.resonators import fitted, resonator, spectrum, values
+from tests.said import output, printed
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02])
 DECK = """an exported motor, both groups driven by unequal voltages
@@ -214,11 +214,9 @@ def test_the_command_exports_a_fit(tmp_path: Path, capsys: pytest.CaptureFixture
     fit = tmp_path / "fit.json"
     assert run(["fit", str(measured), "--output", str(fit), "--json"]) == 0
     capsys.readouterr()
-    assert run(["export", str(fit)]) == 0
-    library = capsys.readouterr().out
+    library = output(["export", str(fit)], capsys)
     assert ".subckt resonator p n" in library
-    assert run(["export", str(fit), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"circuit": "fit.json", "library": library}
+    assert printed(["export", str(fit)], capsys) == {"circuit": "fit.json", "library": library}
     assert run(["export", str(fit), "--output", str(tmp_path / "stator.asy")]) == 0
     assert run(["export", str(fit), "--output", str(tmp_path / "stator.lib")]) == 0
     assert (tmp_path / "stator.lib").read_text(encoding="ascii") == library

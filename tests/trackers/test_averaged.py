@@ -18,6 +18,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
 from pyspice_runner.trackers.tracker import CHANGED, running_resonance
 from tests.motors import BEAM40
+from tests.said import printed
 from tests.selection import mostly
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
@@ -308,8 +309,7 @@ def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones
 
 def test_the_flagship_is_tracked_within_its_limits_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     """100 V beside the resonance; at resonance, where 100 V stress the ceramic to 52 MPa of 41, the same amplitude."""
-    assert run(["track", "bimodal40", "--averaged", "--duration", "0.2", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed(["track", "bimodal40", "--averaged", "--duration", "0.2"], capsys)
     assert found["tracker"]["voltage"] == pytest.approx(62.3, abs=0.1)
     assert (found["locked"], found["cautions"]) == (True, [])
 
@@ -324,8 +324,7 @@ def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[
     assert found["temperature_k"] > 10.0
     assert found["run"]["averaged"]
     assert "against the full motor" not in told.err  # the contact opens, the error is small
-    assert run(["track", "andersen2002", "--averaged", "--mode", "bending-1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["run"]["mode"] == 0
+    assert printed(["track", "andersen2002", "--averaged", "--mode", "bending-1"], capsys)["run"]["mode"] == 0
     margins = []
     for engine in ENGINES:
         assert run(["track", "andersen2002", "--averaged", "--engine", engine, "--json"]) == 0

@@ -6,7 +6,6 @@ Where the mode alone matters, the tip is free: then resonance and quality factor
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from math import atan, atan2, degrees, pi
 from pathlib import Path
@@ -24,6 +23,7 @@ from pyspice_runner.run.kernel import run_bench
 from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.trackers.loop import LoopDesign, running_loop
 from pyspice_runner.trackers.tracker import Disturbances, LoopFilter, TrackedSource, propose_filter, running_resonance
+from tests.said import output, printed
 from tools.decks import average_bench
 
 pytestmark = pytest.mark.xdist_group("trackers")
@@ -338,16 +338,14 @@ def test_errors_name_the_value(settings: dict[str, Any], sentence: str) -> None:
 def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["track", "andersen2002", "--contact", "none"]
     files = ["--output", str(tmp_path / "track.csv"), "--plot", str(tmp_path / "track.png")]
-    assert run([*words, "--duration", "3e-3", "--json", *files]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed([*words, "--duration", "3e-3", *files], capsys)
     assert found["locked"] is True
     assert {"lock_time_s", "rms_phase_error_deg", "residual_detuning_hz", "speed_lost_rad_s", "loop"} <= set(found)
     header, *rows = (tmp_path / "track.csv").read_text(encoding="utf-8").splitlines()
     assert header == "time_s,frequency_hz,phase_deg,rotor_speed_rad_s"
     assert len(rows) == found["periods"]
     assert (tmp_path / "track.png").stat().st_size > 20_000
-    assert run([*words, "--duration", "2e-3", "--reverse"]) == 0
-    shown = capsys.readouterr().out
+    shown = output([*words, "--duration", "2e-3", "--reverse"], capsys)
     assert "no" in shown.split("lock time")[0]
     assert run(["track", "andersen2002", "--tracker", "none", "--disturb", "target"]) == 2
     assert "only a pll has a target" in " ".join(capsys.readouterr().err.split())
