@@ -494,9 +494,6 @@ def test_an_arm_outside_the_band_and_one_between_the_points_have_cautions() -> N
     assert any("narrower than the distance of the measured points" in text for text in told)
 
 
-# --- files ---
-
-
 # --- measured spectra, where they are at hand ---
 
 MEASURED = next(
