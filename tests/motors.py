@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motors off the default values, for tests of anything that takes a motor."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command in a process of its own, and what processes do and leave behind."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

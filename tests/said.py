@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the command prints for the words that a user types."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import Any

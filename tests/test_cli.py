@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line: results, files, exit statuses and error messages."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

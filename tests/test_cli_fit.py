@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``piezomotor fit`` as a user types it."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

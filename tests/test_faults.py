@@ -5,8 +5,6 @@ docs/accuracy.md counts the faults. ``make test`` has one case of each class of 
 ``make soak`` has every command.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

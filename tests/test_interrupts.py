@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Signals are held back within steps that belong together, and raised elsewhere."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading

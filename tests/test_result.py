@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all results have in common: one line, a notebook's table and picture, plots, files, tables, the audit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The steady state of the averaged motor by ``.op`` and ``.ac`` of the decks, and the start where these do not end."""
 
-from __future__ import annotations
-
 import re
 import resource
 import subprocess

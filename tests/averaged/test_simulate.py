@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaged motor against the full one: settled torque, spin-up, currents and power."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drift and softening from spectra at several temperatures and levels, against Duffing's closed form and ngspice."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The node ``check`` of an exported motor: 1 for each misuse in a deck for ngspice alone, and 0 in correct use."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from math import pi, tan

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The decks of ``netlists/``: up to date, and ngspice alone runs them in any directory with the right results."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from collections.abc import Mapping

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The libraries of the contact laws: one face, and the brush as it is generated."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

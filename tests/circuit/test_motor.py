@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The motor's subcircuit: self-contained, floating, copied, and true to a mode under any time step."""
 
-from __future__ import annotations
-
 import re
 from math import atan, pi, radians, sin, tan
 from pathlib import Path

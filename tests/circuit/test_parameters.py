@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameters of the motor's subcircuit, as an engineer uses them in a deck of their own."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pin of the temperature: open, it changes nothing; held, values drift as stated; free, losses heat the stator."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import pi, sqrt
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drives of any shape: sampled voltages give the run of their drive, and malformed files are errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

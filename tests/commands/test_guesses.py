@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Guesses of the command line: synonyms, suffixes and shortcuts work; other guesses are answered with what to write."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Options that would have no effect are errors, and tables lose nothing."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

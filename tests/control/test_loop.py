@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Loops designed from small signals, against modulation of the running loop, on the averaged and the full motor."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -5,8 +5,6 @@ Only the motor comes from the package. A deck states the parts that the design h
 compares them with the design of today.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

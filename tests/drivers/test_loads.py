@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Events of a run and the switching of bridges: against closed forms, and the charge of a leg against ngspice."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import exp, pi
 from pathlib import Path

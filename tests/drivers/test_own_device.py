@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drivers and MOSFETs of the user's own: copies of the built-in ones, the example, and what is not accepted."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

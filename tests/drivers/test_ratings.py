@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the parts of a driver withstand beside their peaks, against equations that are solved by hand."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a driver does to a motor and the motor to it: against closed forms, and against runs without a driver."""
 
-from __future__ import annotations
-
 import csv
 import json
 from functools import cache

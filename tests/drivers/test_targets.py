@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drivers for a power, an amplitude or a kept motional current of a transducer, against hand-written decks."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from math import hypot, pi, sqrt

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Driver, design and tracker of a transducer with one group: one channel."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

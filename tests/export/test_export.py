@@ -5,8 +5,6 @@ ngspice runs the libraries and scikit-rf reads Touchstone. LTspice's and KiCad's
 formats, since neither program runs here.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 from math import atan

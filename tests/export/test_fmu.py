@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The exported Functional Mock-up Unit in FMPy, against ``simulate_averaged`` and against itself."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import re

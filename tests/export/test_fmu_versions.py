@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """FMI 2.0 and FMI 3.0, co-simulation and model exchange, in FMPy."""
 
-from __future__ import annotations
-
 import ctypes
 import zipfile
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectra against spectra and motors: what was changed is what is found to deviate."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Material constants of bars, discs, rods and plates, beside finite elements, published parts and Mason's circuit."""
 
-from __future__ import annotations
-
 import tomllib
 from math import pi, sqrt
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fits of spectra whose circuit is known; ngspice runs the library of every fit (:func:`tests.resonators.fitted`)."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from itertools import product

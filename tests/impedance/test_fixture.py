@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A device behind a fixture is found again from the open, the short and the load."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

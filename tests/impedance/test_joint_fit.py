@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectra at several drive levels and temperatures, fitted together; the truth is Duffing's closed form."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

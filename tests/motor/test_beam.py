@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The resonator against closed forms, transcendental equations, quadrature and statics."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -6,8 +6,6 @@ closed forms in question is taken for granted. Tolerances are those of the quadr
 integrand is smooth, unless a line says otherwise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cbrt, cos, pi, radians, sin, sqrt
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The drives of the paper's eqs. (1) and (2): their tones, their period and what they refuse."""
 
-from __future__ import annotations
-
 from inspect import signature
 from math import pi, radians, sin
 from typing import Any

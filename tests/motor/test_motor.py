@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a motor is as data: its JSON shape, its changes by dotted paths, and what it refuses."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from math import pi, sqrt

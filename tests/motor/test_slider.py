@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor with a slider: its document, its rotor of radius 1 m, and its limits."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@
 tests/docs/test_physics_page.py compares with finite elements of the same shape.
 """
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any

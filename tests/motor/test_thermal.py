@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The heat balance of a motor's stator."""
 
-from __future__ import annotations
-
 import pytest
 
 import pyspice_runner as pr

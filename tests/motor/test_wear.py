@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pressure, tension and wear of the contact against integrals of point forces, geometry and a run's own motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from math import cos, pi, sin, sqrt
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Accuracy by request: the error that a run reports, against its distance from the independent integrator."""
 
-from __future__ import annotations
-
 from time import monotonic
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strain, stress and temperature of the ceramic, and the warnings about them in every kind of result."""
 
-from __future__ import annotations
-
 import json
 from math import pi
 

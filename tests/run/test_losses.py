@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Stribeck friction, a dry bearing and a compliance in series with the contact: each against its own yardstick."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cache
 from math import hypot, pi

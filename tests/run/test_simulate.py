@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What ``simulate`` promises beside the reference: start, columns, files, refusals."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

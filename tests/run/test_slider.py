@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor with a slider runs as the same motor with a rotor, and its results are in N and m/s."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

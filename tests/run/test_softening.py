@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A ceramic that softens and loses more with amplitude, against Duffing's oscillator in closed form."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaging window, and what tells a settled mean from one that still moves: against closed forms."""
 
-from __future__ import annotations
-
 from math import exp, inf, pi
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The engine as a PySpice simulator, used as PySpice's own are."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

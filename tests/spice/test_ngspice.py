@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The runner: only a verified run gives a result, and no run leaves files or processes behind."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Processes of ngspice that stay for the next deck, and a transient that pauses at samples."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

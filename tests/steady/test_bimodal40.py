@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plate motor does what it was designed for, at its drive and over its tolerances."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from runpy import run_path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Starts by harmonic balance, against the period that ngspice maps and against settled motions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

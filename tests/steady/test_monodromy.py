@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The derivative along a trace, against periods that ngspice maps from perturbed states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many motors in the decks of a period map, which run side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

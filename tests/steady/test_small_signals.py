@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small signals about a running motor, against transients whose drive or load is modulated, and steady states."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -4,8 +4,6 @@
 Against the independent integrator: :mod:`.test_speed_torque_reference`.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Steady states by shooting: against closed forms, settled runs and the decay of disturbances."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from functools import cache

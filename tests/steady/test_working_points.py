@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Maps of steady states, and the best working point within limits."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sweeps: each result is at its place, and failures, kills and interrupts lose none."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

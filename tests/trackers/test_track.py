@@ -4,8 +4,6 @@
 Where the mode alone matters, the tip is free: then resonance and quality factor are the parameters' own.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from math import atan, atan2, degrees, pi
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Trackers: lag of a running stator and its filter against closed forms, circuits, errors, and decks."""
 
-from __future__ import annotations
-
 from math import atan, cos, degrees, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any

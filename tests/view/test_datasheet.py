@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report opened in a browser: drawn, moving, usable without a mouse, complete, and quick to show itself."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

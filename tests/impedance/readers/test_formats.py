@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every format gives back the known circuit that its file was made of, to the digits printed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

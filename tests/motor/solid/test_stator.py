@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor from a ``[solid]``: its modes, supports, stress and cache, and what a wrong table is told."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from math import pi, sqrt
