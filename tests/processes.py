@@ -92,6 +92,14 @@ def working_in(folder: Path) -> list[int]:
     return found
 
 
+def gone(folder: Path) -> None:
+    """Wait until no process works in the folder; the workers of a sweep end after it."""
+    end = time.monotonic() + 30.0
+    while left := working_in(folder):
+        assert time.monotonic() < end, left
+        time.sleep(0.01)
+
+
 def simulators_in(folder: Path) -> list[int]:
     """Those of ngspice among them; a process that is to become one works there already, but is Python's still."""
     found = []

@@ -30,6 +30,7 @@ from tests.processes import (
     START,
     begun,
     command,
+    gone,
     handles,
     simulators_in,
     wait_for,
@@ -92,11 +93,6 @@ def ngspice(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None
 def temporary(folder: Path) -> list[str]:
     """The temporary files that are left, except for the netlist of a failed run, which the message names."""
     return [path.name for path in (folder.parent / "tmp").iterdir() if not (path / "deck.cir").exists()]
-
-
-def told(words: str) -> str:
-    """The text as one line, without the frames of a table."""
-    return re.sub(r"[\s│]+", " ", words)
 
 
 # --- ngspice ---
@@ -598,16 +594,8 @@ def test_ctrl_c_at_any_moment(name: str, life: float, folder: Path) -> None:
             assert process.returncode == 130, said
             assert found <= complete, found
         assert all(whole(folder / one) for one in found), found
-        gone(folder)
+        gone(folder.parent)
         assert temporary(folder) == []
-
-
-def gone(folder: Path) -> None:
-    """Wait until no process works in the folder; the workers of a sweep end after it."""
-    end = time.monotonic() + 30.0
-    while left := working_in(folder.parent):
-        assert time.monotonic() < end, left
-        time.sleep(0.01)
 
 
 def test_sighup_ends_the_command_and_ngspice(folder: Path) -> None:
@@ -620,7 +608,7 @@ def test_sighup_ends_the_command_and_ngspice(folder: Path) -> None:
         assert (process.returncode, output) == (129, "")
         assert said == "piezomotor: interrupted; nothing was written.\n"
         assert list(folder.iterdir()) == []
-        gone(folder)
+        gone(folder.parent)
         assert temporary(folder) == []
 
 
