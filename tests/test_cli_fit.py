@@ -184,34 +184,25 @@ def test_a_two_port_file_gives_the_same_motor(bench: Path, tmp_path: Path, capsy
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--mass-kg", "1e-3"], "belong to --two-port"),
-        (["--two-port", "--tip", "0,1"], "add --mass-kg or --velocity-per-current"),
-        (["--two-port", "--mass-kg", "1e-3", "--tip", "1"], "write X,Y as 0,1"),
-        (["--two-port", "--mass-kg", "x"], "--mass-kg"),
-        (["--two-port", "--plot", "x.png"], "--plot draws one connection"),
-        (["--two-port", "--output", "x.toml"], "let it end in .json"),
-        (["--two-port", "--b", "both.csv"], "--two-port takes one file"),
-        (["--two-port", "--leads", "none"], "--leads has no effect where both groups are fitted"),
-        (["--two-port", "--open", "both.csv"], "--open has no effect"),
-        (["--two-port", "--with", "both.csv"], "--with has no effect"),
-        (["--two-port", "--base", BEAM40], "--base has no effect without --mass-kg"),
-        (["--two-port", "--connection", "B"], "--connection has no effect where both groups are fitted"),
-        (["--two-port", "--mass-kg", "1e-3", "--connection", "B"], "without --velocity-per-current"),
-        (["--two-port", "--start", "1e6"], "from 1e+06 Hz to inf Hz"),
-        (["--base", BEAM40], "--base has no effect without --two-port"),
-        (["--load-ohm", "75"], "--load-ohm has no effect without --load"),
-    ],
-)
-def test_options_of_both_groups_that_do_not_fit_are_rejected(
-    words: list[str], says: str, bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(bench)
-    assert says in refusal(["fit", "both.csv", *words], capsys)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
+        (["fit", "both.csv", "--mass-kg", "1e-3"], "belong to --two-port"),
+        (["fit", "both.csv", "--two-port", "--tip", "0,1"], "add --mass-kg or --velocity-per-current"),
+        (["fit", "both.csv", "--two-port", "--mass-kg", "1e-3", "--tip", "1"], "write X,Y as 0,1"),
+        (["fit", "both.csv", "--two-port", "--mass-kg", "x"], "--mass-kg"),
+        (["fit", "both.csv", "--two-port", "--plot", "x.png"], "--plot draws one connection"),
+        (["fit", "both.csv", "--two-port", "--output", "x.toml"], "let it end in .json"),
+        (["fit", "both.csv", "--two-port", "--b", "both.csv"], "--two-port takes one file"),
+        (["fit", "both.csv", "--two-port", "--leads", "none"], "--leads has no effect where both groups are fitted"),
+        (["fit", "both.csv", "--two-port", "--open", "both.csv"], "--open has no effect"),
+        (["fit", "both.csv", "--two-port", "--with", "both.csv"], "--with has no effect"),
+        (["fit", "both.csv", "--two-port", "--base", BEAM40], "--base has no effect without --mass-kg"),
+        (
+            ["fit", "both.csv", "--two-port", "--connection", "B"],
+            "--connection has no effect where both groups are fitted",
+        ),
+        (["fit", "both.csv", "--two-port", "--mass-kg", "1e-3", "--connection", "B"], "without --velocity-per-current"),
+        (["fit", "both.csv", "--two-port", "--start", "1e6"], "from 1e+06 Hz to inf Hz"),
+        (["fit", "both.csv", "--base", BEAM40], "--base has no effect without --two-port"),
+        (["fit", "both.csv", "--load-ohm", "75"], "--load-ohm has no effect without --load"),
         (["fit", "A.csv", "--mass-kg", ""], "--mass-kg, --velocity-per-current and --tip belong to --two-port or --b"),
         (["fit", "both.csv", "--two-port", "--mass-kg", ""], "--mass-kg: '' is not valid"),
         (["fit", "A.csv", "--connection", "B"], "--connection has no effect on A.csv, which has one port"),
@@ -230,7 +221,7 @@ def test_options_of_both_groups_that_do_not_fit_are_rejected(
         (["export", "andersen2002", "--thermal", "--output", "m.toml"], "--thermal has no effect on a .toml"),
     ],
 )
-def test_options_without_effect_on_what_is_given_are_errors(
+def test_options_that_do_not_fit_what_is_given_are_errors(
     words: list[str], says: str, bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(bench)
