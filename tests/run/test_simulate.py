@@ -106,7 +106,7 @@ def test_reversing_the_phase_reverses_the_rotor(motor: pr.Motor) -> None:
 
 def test_a_held_shaft_turns_at_its_speed_and_tells_the_torque(motor: pr.Motor) -> None:
     run = pr.simulate(motor, DRIVE, duration=1e-3, speed=-3.0)
-    assert run.rotor_speed_rad_s == pytest.approx(-3.0)
+    assert run.rotor_speed_rad_s == pytest.approx(-3.0, rel=1e-12)
     assert run.mean_torque_n_m > 0.0  # slower than the motor would turn: it pushes forward
     assert abs(run.mean_torque_n_m) <= motor.contact.friction * 1.1 * motor.contact.preload_n * motor.rotor.radius_m
 

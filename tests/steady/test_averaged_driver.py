@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -46,19 +45,6 @@ def llcc(parallel: float = 1e-9) -> pr.Driver:
 
 INDUCTOR = behind("inductor", 55.0, inductance=12e-3, resistance=60.0)
 ADDED = {"cable.capacitance": 2e-10, "cable.inductance": 5e-7}  # 2 m of RG 174
-
-
-def envelope(run: Any, signal: str) -> tuple[Any, Any]:
-    """Return times in s and the amplitude of a signal's fundamental, by the mean over the period around each."""
-    period, time = 1.0 / DRIVE.frequency, run.time_s
-    turned = 2.0 * getattr(run, signal) * np.exp(-1j * OMEGA * time)
-    summed = np.concatenate(([0.0], np.cumsum(0.5 * (turned[1:] + turned[:-1]) * np.diff(time))))
-    at = time[time > period]
-
-    def until(when: Any) -> Any:
-        return np.interp(when, time, summed.real) + 1j * np.interp(when, time, summed.imag)
-
-    return at - 0.5 * period, np.abs(until(at) - until(at - period)) / period
 
 
 def test_a_step_of_the_stage_at_a_motor_that_does_not_move_is_that_of_the_circuit() -> None:
