@@ -95,3 +95,8 @@ def turning(motor: Motor, radius_m: float) -> Motor:
         values["bearing_presliding_rad"] = rotor.bearing_presliding_rad / radius_m
     parts = {name: value for name, value in motor if name not in ("rotor", "slider")}
     return Motor(**(parts | {"rotor": Rotor(**values)}))
+
+
+def friction_torque(motor: Motor) -> float:
+    """μ F₀ R, N·m."""
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m

@@ -22,7 +22,7 @@ from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
-from tests.motors import BEAM40
+from tests.motors import BEAM40, friction_torque
 from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
@@ -32,11 +32,6 @@ pytestmark = pytest.mark.xdist_group("steady states")  # they are shared
 PAPER = pr.load_motor("andersen2002")
 MOTOR = pr.load_motor("andersen2002-unintended-mode")
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
-
-
-def friction_torque(motor: pr.Motor) -> float:
-    """μ F₀ R, N·m."""
-    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 @cache
