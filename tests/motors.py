@@ -7,6 +7,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from pyspice_runner.motor.drive import default_drive
+from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor, Slider
 
@@ -95,6 +97,12 @@ def turning(motor: Motor, radius_m: float) -> Motor:
         values["bearing_presliding_rad"] = rotor.bearing_presliding_rad / radius_m
     parts = {name: value for name, value in motor if name not in ("rotor", "slider")}
     return Motor(**(parts | {"rotor": Rotor(**values)}))
+
+
+def recommended(name: str) -> tuple[Motor, Any]:
+    """A motor with its recommended drive."""
+    motor = load_motor(name)
+    return motor, default_drive(motor)
 
 
 def friction_torque(motor: Motor) -> float:

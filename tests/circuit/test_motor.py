@@ -27,7 +27,7 @@ from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.spice.library import definitions, read_library
 from pyspice_runner.spice.ngspice import BatchSimulator
 from tests.circuit.batch import measured
-from tests.motors import mode, motor
+from tests.motors import mode, motor, recommended
 from validation import soak
 
 Array = NDArray[np.float64]
@@ -294,8 +294,7 @@ def test_free_vibration_keeps_its_frequency_over_many_periods(points: int) -> No
 
 # --- the feedback electrode: a third group, passive ------------------------------------------------------------
 
-FLAGSHIP = pr.load_motor("bimodal40")
-DRIVE = pr.default_drive(FLAGSHIP)
+FLAGSHIP, DRIVE = recommended("bimodal40")
 MATCHED = 1.0 / (2.0 * np.pi * DRIVE.frequency * 3e-10)  # ohm, at which the electrode takes the most power
 
 

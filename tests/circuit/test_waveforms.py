@@ -14,11 +14,6 @@ DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)
 HEADER = "time_s,voltage_a_v,voltage_b_v\n"
 
 
-@pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
-
-
 def sampled(count: int, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     time = np.linspace(0.0, duration, count)
     turns = 2.0 * np.pi * DRIVE.frequency * time

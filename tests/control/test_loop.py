@@ -13,7 +13,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.control.loop import PHASES_OF_PLANT, LoopController, dead_band
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 
 PLATE = str(Path(__file__).resolve().parents[2] / "examples" / "plate40.toml")
 
@@ -102,8 +102,7 @@ def test_a_loop_that_cannot_be_is_an_error(
 @pytest.mark.parametrize("quantity", ["speed", "position", "phase"])
 def test_a_loop_without_options_has_margins_that_modulation_measures(name: str, quantity: Any) -> None:
     """5 % and 3°, of the plate by sines of 2 %: the contact is open for 62 %, and its small signals jump."""
-    motor = pr.load_motor(name)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(name)
     loop = pr.control_loop(motor, drive, quantity=quantity)
     assert loop.phase_margin_deg == pytest.approx(60.0, abs=0.1)
     assert loop.gain_margin_db >= 6.0

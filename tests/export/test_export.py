@@ -72,11 +72,6 @@ def asy(text: str) -> tuple[dict[str, str], list[tuple[str, int, int, str]]]:
     return attributes, pins
 
 
-@pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
-
-
 @pytest.mark.parametrize(
     ("kind", "name", "pins"), [("motor", "piezomotor", ["a", "b", "com", "shaft"]), ("fit", "resonator", ["p", "n"])]
 )

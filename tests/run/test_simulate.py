@@ -17,11 +17,6 @@ DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 
 
 @pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
-
-
-@pytest.fixture(scope="module")
 def run(motor: pr.Motor) -> Waveforms:
     return pr.simulate(motor, DRIVE, duration=1e-3)
 

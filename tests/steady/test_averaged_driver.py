@@ -11,11 +11,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run as command
 from pyspice_runner.spice import Engine
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
-MOTOR = pr.load_motor(BEAM40)
-DRIVE = pr.default_drive(MOTOR)
+MOTOR, DRIVE = recommended(BEAM40)
 OMEGA, CLAMPED = 2.0 * np.pi * DRIVE.frequency, MOTOR.piezo.capacitance_a_f
 
 

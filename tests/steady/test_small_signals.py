@@ -30,7 +30,7 @@ from pyspice_runner.steady.small_signals import INPUTS, OUTPUTS, SmallSignals, _
 from pyspice_runner.steady.steady import steady_states
 from pyspice_runner.trackers.loop import running_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 
@@ -223,8 +223,7 @@ def test_short_steps_of_a_transient_show_the_extrapolated_transfer_functions() -
 
 def test_the_slow_gain_is_that_of_two_steady_states() -> None:
     """Measured 0.05 %; test_every_effect.py has the motor with every effect."""
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     found = small_signals(motor, drive, frequencies=[0.01], speed=15.0)
     ends = [Point.of(motor, drive.updated({"voltage": drive.voltage + step}), speed=15.0) for step in (-2.0, 2.0)]
     low, high = (state.torque_n_m for state in steady_states(ends))
@@ -254,9 +253,7 @@ def test_slow_modulation_follows_the_steady_states() -> None:
 @pytest.mark.soak
 def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states() -> None:
     """Two modes meet: the drive of the set is near the frequency of the greatest speed."""
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended(BEAM40)
     found = small_signals(motor, drive, frequencies=[0.02])
     up, down = (
         pr.steady_state(motor, drive.updated({"frequency": drive.frequency + shift}), accuracy=2e-5).speed_rad_s
@@ -278,9 +275,7 @@ def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states() -> 
 @pytest.mark.parametrize("name", ["bimodal40", PLATE40])
 def test_the_small_signals_of_recommended_drives_are_accurate(name: str) -> None:
     """That of plate40 to the phase has a peak in a hundredth of a step, which takes a quarter of it."""
-    motor = pr.load_motor(name)
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended(name)
     found = small_signals(motor, drive, frequencies=[0.02, *np.geomspace(10.0, 3e3, 6)])
     assert not any("transfer functions" in caution for caution in found.cautions)
     # differences over a phase or a voltage have errors of 1 to 50 %, because the steady states have errors

@@ -22,7 +22,7 @@ from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
-from tests.motors import BEAM40, friction_torque
+from tests.motors import BEAM40, friction_torque, recommended
 from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
@@ -129,8 +129,7 @@ def test_a_period_of_a_steady_state_counts_as_settled() -> None:
 
 @pytest.mark.parametrize("sliders", [16, pytest.param(32, marks=[pytest.mark.slow, pytest.mark.soak])])
 def test_sliders_that_slip_add_no_multipliers(sliders: int) -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, sliders))
     assert many.stable
     assert many.method == "newton"

@@ -19,7 +19,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, Copy, Plant, driven_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.speed_torque import held_point
-from tests.motors import BEAM40, friction_torque
+from tests.motors import BEAM40, friction_torque, recommended
 
 pytestmark = pytest.mark.xdist_group("steady states")
 
@@ -51,8 +51,7 @@ def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | Non
 @pytest.mark.soak
 def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
     """The charges of the plates fade within the start of a run, all but a few ten-thousandths: they count as well."""
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     settings = {"inductance": 22e-3, "resistance": 55.4, "capacitance": 716e-12, "bleeder": 560e3}
     tuned = pr.Driver(
         kind="ideal", network="inductor", **two_phases(drive),

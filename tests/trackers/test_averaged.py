@@ -17,7 +17,7 @@ from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
 from pyspice_runner.trackers.tracker import CHANGED, running_resonance
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 from tests.said import printed
 from tests.selection import mostly
 
@@ -73,8 +73,7 @@ CHANGING = {
 
 
 def beam40_tracked(engine: Engine, **settings: Any) -> pr.Tracking:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     chosen = pr.Tracker(
         kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0
     )
@@ -293,8 +292,7 @@ def test_what_has_no_averaged_model_is_an_error(motor: pr.Motor, changes: dict[s
 
 @pytest.mark.soak
 def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones_do_not() -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     cold = pr.Tracker(kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0)
     warm = cold.model_copy(update={"copies_drift_per_k": pr.Thermal.of(motor).capacitance_drift_per_k})
     settings: dict[str, Any] = {"disturb": "warm-up", "duration": 600.0, "averaged": True, "margin": False}

@@ -32,7 +32,7 @@ from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 from tests.motors import motor as motor_without_a_beam
 from tests.view.pages import PHONE, first_paint_share, opened
 from validation.fuzz.nasty import ATTEMPTS
@@ -230,9 +230,7 @@ def test_a_motor_without_a_beam_says_why_no_shape_moves(report: Report) -> None:
 
 @pytest.mark.soak
 def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report: Report) -> None:
-    motor = pr.load_motor("bimodal40")
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended("bimodal40")
     tracker = pr.Tracker(
         kind="pll", voltage=drive.voltage, frequency=drive.frequency, phase_deg=drive.phase_deg, offset=0.01
     )
@@ -399,8 +397,7 @@ def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Pa
 def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rotor of beam40 still accelerates when the run ends."""
     monkeypatch.setattr("pyspice_runner.view.datasheet.SPEEDS", 5)
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     report = pr.report(motor, drive, duration=1e-3)
     figures = {name: value or np.nan for name, value in report.key_figures.items()}
     # the averaged motor is within 1 % of speed and power here; the curve bends a little between its last points
@@ -436,8 +433,7 @@ def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
 
 @pytest.mark.soak
 def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_rotor() -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     rough = motor.updated({"rotor.bearing_friction_n_m": 1e-3})
     free = no_load_state(rough, drive)
     held = pr.speed_torque(rough, drive, speeds=[free.speed_rad_s])
