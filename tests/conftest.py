@@ -17,6 +17,8 @@ import pytest
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+    from pyspice_runner.motor.motor import Motor
+
 # before NumPy loads: two workers with two threads each would wait for each other on two cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -56,6 +58,14 @@ def pytest_collection_finish() -> None:
     """Collect garbage from here on, but do not search what is needed to the end."""
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture(scope="session")
+def motor() -> Motor:
+    """The motor of the paper; files that test another one have a fixture of that name."""
+    from pyspice_runner.motor.load import load_motor
+
+    return load_motor("andersen2002")
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motors off the default values, for tests of anything that takes a motor."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
 
 from hypothesis import strategies as st
 
+from pyspice_runner.motor.drive import default_drive
+from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, Mode, Parameters, Piezo, Rotor, Slider
 
@@ -97,3 +97,14 @@ def turning(motor: Motor, radius_m: float) -> Motor:
         values["bearing_presliding_rad"] = rotor.bearing_presliding_rad / radius_m
     parts = {name: value for name, value in motor if name not in ("rotor", "slider")}
     return Motor(**(parts | {"rotor": Rotor(**values)}))
+
+
+def recommended(name: str) -> tuple[Motor, Any]:
+    """A motor with its recommended drive."""
+    motor = load_motor(name)
+    return motor, default_drive(motor)
+
+
+def friction_torque(motor: Motor) -> float:
+    """μ F₀ R, N·m."""
+    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m

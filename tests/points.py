@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Analyses for sweeps that take no time, and some that fail; in a module, so that workers find them by name."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tempfile

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command in a process of its own, and what processes do and leave behind."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -92,6 +90,14 @@ def working_in(folder: Path) -> list[int]:
         if inside and int(entry.name) != os.getpid():
             found.append(int(entry.name))
     return found
+
+
+def gone(folder: Path) -> None:
+    """Wait until no process works in the folder; the workers of a sweep end after it."""
+    end = time.monotonic() + 30.0
+    while left := working_in(folder):
+        assert time.monotonic() < end, left
+        time.sleep(0.01)
 
 
 def simulators_in(folder: Path) -> list[int]:

@@ -7,8 +7,6 @@ comes from a change of the code. Numbers that only one of the trees has are coun
 A set that was renamed is given as ``--motor bimodal40=beam40``, its name at the commit first.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Resonators whose circuit is known, their spectra, and fits that are compared with ngspice as they are made."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from math import pi, sqrt

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs whose error a test measures itself, or need not know."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pyspice_runner as pr

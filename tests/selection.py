@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which cases of a parametrized test run in ``make test``, and which only in ``make fuzz`` or ``make soak``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The script that unpacks newer programs, with a local mirror of small packages in the place of Debian's."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

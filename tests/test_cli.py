@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line: results, files, exit statuses and error messages."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -16,6 +14,7 @@ import typer
 
 import pyspice_runner as pr
 from pyspice_runner.cli import FIRST_STEPS, app, run
+from tests.said import printed
 
 COMMANDS = typer.main.get_command(app()).commands
 SHORT = ["simulate", "andersen2002", "--duration", "2e-4"]
@@ -39,8 +38,7 @@ def sentences(text: str) -> int:
 
 
 def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["show", "andersen2002", "--json"]) == 0
-    motor = json.loads(capsys.readouterr().out)
+    motor = printed(["show", "andersen2002"], capsys)
     assert set(motor) == {"name", "modes", "piezo", "contact", "rotor", "mount", "limits", "cautions"}
     assert set(motor["modes"][0]) == {
         "name", "frequency_hz", "mass_kg", "damping_n_s_per_m", "stiffness_n_per_m", "coupling_a_n_per_v",
@@ -67,8 +65,7 @@ def test_show_prints_the_documented_json(capsys: pytest.CaptureFixture[str]) -> 
 def test_show_has_the_recoil_of_each_mode_also_where_it_is_zero(
     name: str, recoils_kg: list[float | None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["show", name, "--json"]) == 0
-    assert [mode["recoil_kg"] for mode in json.loads(capsys.readouterr().out)["modes"]] == recoils_kg
+    assert [mode["recoil_kg"] for mode in printed(["show", name], capsys)["modes"]] == recoils_kg
 
 
 def test_simulate_prints_one_json_object_and_writes_the_requested_files(tmp_path: Path) -> None:
@@ -84,8 +81,7 @@ def test_simulate_prints_one_json_object_and_writes_the_requested_files(tmp_path
 
 def test_settings_reach_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--drive", "two-tone", "--frequency-1", "20e3", "--frequency-2", "40e3", "--set", "contact.preload_n=8"]
-    assert run([*SHORT, *words, "--speed", "1.5", "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
+    summary = printed([*SHORT, *words, "--speed", "1.5"], capsys)
     assert summary["drive"]["frequency_2"] == 40e3
     assert summary["motor"]["contact"]["preload_n"] == 8.0
     assert summary["mean_rotor_speed_rad_s"] == pytest.approx(1.5)
@@ -100,8 +96,7 @@ def test_every_command_prints_json_and_a_table(tmp_path: Path, capsys: pytest.Ca
         (SHORT, "cir"),
     ):
         output, plot = tmp_path / f"{words[0]}.{ending}", tmp_path / f"{words[0]}.png"
-        assert run([*words, "--json", "--output", str(output), "--plot", str(plot)]) == 0
-        assert isinstance(json.loads(capsys.readouterr().out), dict)
+        assert isinstance(printed([*words, "--output", str(output), "--plot", str(plot)], capsys), dict)
         assert output.stat().st_size > 0
         assert plot.stat().st_size > 5_000
         if words[0] in ("show", "simulate"):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whatever a message quotes, it can be shown: on one line, with nothing in it that a terminal obeys."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

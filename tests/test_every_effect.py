@@ -5,8 +5,6 @@ Its tip is worn and stands on compliances along both axes, its contact is damped
 along both axes, its bearing is dry, its ceramic softens, and its groups have a capacitance between them.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from math import hypot

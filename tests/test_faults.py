@@ -5,8 +5,6 @@ docs/accuracy.md counts the faults. ``make test`` has one case of each class of 
 ``make soak`` has every command.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
@@ -32,12 +30,14 @@ from tests.processes import (
     START,
     begun,
     command,
+    gone,
     handles,
     simulators_in,
     wait_for,
     with_mounts,
     working_in,
 )
+from tests.said import refusal
 from tests.selection import mostly
 
 RUNS = {  # the commands that run ngspice, with the shortest possible runs
@@ -95,11 +95,6 @@ def temporary(folder: Path) -> list[str]:
     return [path.name for path in (folder.parent / "tmp").iterdir() if not (path / "deck.cir").exists()]
 
 
-def told(words: str) -> str:
-    """The text as one line, without the frames of a table."""
-    return re.sub(r"[\s│]+", " ", words)
-
-
 # --- ngspice ---
 
 
@@ -118,8 +113,7 @@ def test_a_killed_version_query_is_not_a_missing_program(
     ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     ngspice("", version="kill -9 $$")
-    assert run(SIMULATE) == 3
-    said = capsys.readouterr().err
+    said = refusal(SIMULATE, capsys, 3)
     assert "ngspice --version` was killed by signal 9 (Killed). Try again." in said
     assert "Install" not in said
 
@@ -135,8 +129,7 @@ def test_a_killed_ngspice_is_reported(
     name: str, folder: Path, ngspice: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     ngspice("kill -9 $$")
-    assert run([name, *RUNS[name]]) == 3
-    said = capsys.readouterr().err
+    said = refusal([name, *RUNS[name]], capsys, 3)
     assert "ngspice was killed by signal 9 (Killed), as the system does when memory runs out" in said
     assert [path.name for path in folder.iterdir()] == (["store"] if name == "sweep" else [])
     assert temporary(folder) == []
@@ -162,8 +155,7 @@ def test_the_words_of_an_ngspice_that_only_complains_are_reported(
     rows = "".join(f"{1e-3 * number:g},{3.0 * number:g}\n" for number in range(9))
     (folder / "run_up.csv").write_text(f"time_s,speed_rad_s\n{rows}", encoding="utf-8")
     ngspice(f"echo '{COMPLAINT}' >&2; exit 1")
-    assert run([name, "bimodal40", *words]) == 3
-    assert COMPLAINT in capsys.readouterr().err
+    assert COMPLAINT in refusal([name, "bimodal40", *words], capsys, 3)
 
 
 @pytest.mark.usefixtures("folder")
@@ -297,8 +289,7 @@ def test_a_report_without_plotly_is_rejected_before_its_runs(
     monkeypatch.setattr(
         "pyspice_runner.commands.pages.find_spec", lambda name: None if name == "plotly" else find(name)
     )
-    assert run(["report", "andersen2002"]) == 2
-    assert "A report needs plotly. Install it:" in capsys.readouterr().err
+    assert "A report needs plotly. Install it:" in refusal(["report", "andersen2002"], capsys)
 
 
 # --- disks ---
@@ -603,16 +594,8 @@ def test_ctrl_c_at_any_moment(name: str, life: float, folder: Path) -> None:
             assert process.returncode == 130, said
             assert found <= complete, found
         assert all(whole(folder / one) for one in found), found
-        gone(folder)
+        gone(folder.parent)
         assert temporary(folder) == []
-
-
-def gone(folder: Path) -> None:
-    """Wait until no process works in the folder; the workers of a sweep end after it."""
-    end = time.monotonic() + 30.0
-    while left := working_in(folder.parent):
-        assert time.monotonic() < end, left
-        time.sleep(0.01)
 
 
 def test_sighup_ends_the_command_and_ngspice(folder: Path) -> None:
@@ -625,7 +608,7 @@ def test_sighup_ends_the_command_and_ngspice(folder: Path) -> None:
         assert (process.returncode, output) == (129, "")
         assert said == "piezomotor: interrupted; nothing was written.\n"
         assert list(folder.iterdir()) == []
-        gone(folder)
+        gone(folder.parent)
         assert temporary(folder) == []
 
 

@@ -5,8 +5,6 @@ The first test shows that the attempts are real: ngspice itself runs such a line
 kind and the attempts that differ most; ``make fuzz`` tries all attempts at all places.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

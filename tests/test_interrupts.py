@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Signals are held back within steps that belong together, and raised elsewhere."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,50 +28,40 @@ def press() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
-def test_a_held_signal_is_raised_at_the_end() -> None:
-    done = []
-
-    def steps() -> None:
-        with held():
-            press()
-            done.append("the rest")
-
-    with pytest.raises(KeyboardInterrupt):
-        steps()
-    assert done == ["the rest"]
+def at_the_end(done: list[str]) -> None:
+    with held():
+        press()
+        done.append("the rest")
 
 
-def test_a_signal_is_raised_at_once_while_listening() -> None:
-    done = []
-
-    def steps() -> None:
-        with held() as listening:
-            try:
-                with listening():
-                    press()
-                    done.append("not this")
-            finally:
-                press()  # a second signal is held again
-                done.append("cleared away")
-
-    with pytest.raises(KeyboardInterrupt):
-        steps()
-    assert done == ["cleared away"]
-
-
-def test_an_earlier_signal_is_raised_when_listening_begins() -> None:
-    done = []
-
-    def steps() -> None:
-        with held() as listening:
-            press()
-            done.append("before")
+def at_once_while_listening(done: list[str]) -> None:
+    with held() as listening:
+        try:
             with listening():
+                press()
                 done.append("not this")
+        finally:
+            press()  # a second signal is held again
+            done.append("cleared away")
 
+
+def when_listening_begins(done: list[str]) -> None:
+    with held() as listening:
+        press()
+        done.append("before")
+        with listening():
+            done.append("not this")
+
+
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [(at_the_end, "the rest"), (at_once_while_listening, "cleared away"), (when_listening_begins, "before")],
+)
+def test_a_held_signal_is_raised(steps: Callable[[list[str]], None], expected: str) -> None:
+    done: list[str] = []
     with pytest.raises(KeyboardInterrupt):
-        steps()
-    assert done == ["before"]
+        steps(done)
+    assert done == [expected]
 
 
 def test_a_handler_of_the_user_is_held_too() -> None:

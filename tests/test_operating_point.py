@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The verbs of the operating point: each gives exactly what the function of the same analysis gives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command without what only POSIX systems have, and in another encoding."""
 
-from __future__ import annotations
-
 import json
 import signal
 from pathlib import Path

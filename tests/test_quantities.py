@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The comparison of two trees, ``python -m tests.quantities``."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests import quantities

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Run what the README and docs/getting_started.md show, commands, Python and SPICE, in an empty directory."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all results have in common: one line, a notebook's table and picture, plots, files, tables, the audit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -161,7 +159,6 @@ def test_points_that_did_not_settle_are_marked_and_named() -> None:
         rings = [line for line in ax.lines if line.get_markerfacecolor() == "none"]
         assert {tuple(np.atleast_1d(ring.get_xdata())) for ring in rings} == {(2.0,)}
         legend = ax.get_legend()
-        assert legend is not None
         assert "not settled" in [text.get_text() for text in legend.get_texts()]
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The set-up script in a small tree, with stand-ins for Python, pip and ngspice."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

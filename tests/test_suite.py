@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests themselves rely on."""
 
-from __future__ import annotations
-
 import pytest
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The wheel holds all that a user needs: installed in an empty environment, it runs in an empty directory."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

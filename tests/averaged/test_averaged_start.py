@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The steady state of the averaged motor by ``.op`` and ``.ac`` of the decks, and the start where these do not end."""
 
-from __future__ import annotations
-
 import re
 import resource
 import subprocess
@@ -26,7 +24,6 @@ def recipe() -> str:
     """Return the control section that docs/tracking.md gives for the start by a transient."""
     page = (ROOT / "docs" / "tracking.md").read_text(encoding="utf-8")
     found = re.search(r"```spice\n(\.control\noption trtol.*?)```", page, re.S)
-    assert found is not None
     return found[1]
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The parts of the averaged motor against closed forms and against a period of the contact that NumPy computes."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 

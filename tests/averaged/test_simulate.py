@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaged motor against the full one: settled torque, spin-up, currents and power."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -16,16 +14,11 @@ from pyspice_runner.averaged.run import AveragedRun, ErrorEstimate, short_bursts
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 from tests.runs import simulated
 from tests.selection import mostly
 
 FAST = pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0)
-
-
-@pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +207,6 @@ def test_exported_library_runs_by_its_own_example(motor: pr.Motor, tmp_path: Pat
     pr.export_motor(motor, tmp_path / "motor.lib", averaged=True, name="slow")
     text = (tmp_path / "motor.lib").read_text()
     example = re.search(r"^\* USE.*?\n(.*?)^\* END USE", text, re.M | re.S)
-    assert example is not None
     deck = re.sub(r"^\* +", "", example.group(1), flags=re.M)
     (tmp_path / "run").mkdir()
     found = measured(f"example\n{text}\n{deck}.end\n", tmp_path / "run")
@@ -425,9 +417,7 @@ def test_an_averaged_motor_whose_damping_exceeds_its_limit_is_not_trusted(
 
 @pytest.mark.parametrize(("name", "duration", "settled"), [(BEAM40, 0.1, False), (BEAM40, 0.3, True)])
 def test_a_run_says_what_has_not_settled_as_a_longer_run_shows(name: str, duration: float, settled: bool) -> None:
-    motor = pr.load_motor(name)
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended(name)
     run, longer = (pr.simulate_averaged(motor, drive, duration=time) for time in (duration, 10.0 * duration))
     change = {key: abs(float(getattr(longer, key)[-1] / getattr(run, key)[-1]) - 1.0) for key in run.to_come}
     assert (max(change.values()) < 0.02) is settled is run.settled is run.to_dict()["settled"]

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A calibration that is interrupted, and goes on from its file."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from pathlib import Path

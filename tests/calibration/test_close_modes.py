@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two close modes of the flagship in a calibration: its start, its differences and its cautions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

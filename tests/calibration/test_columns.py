@@ -28,7 +28,6 @@ def states(motor: pr.Motor, speed: float, frequencies: list[float], **drive: flo
 
 def waveform_phase(state: pr.SteadyState, group: str) -> float:
     """Phase in degrees of the fundamental of a group's current ahead of its voltage, by a fit to the waveforms."""
-    assert state.waveforms is not None
     time = state.waveforms.time_s
     omega = 2.0 * np.pi * DRIVE.frequency  # type: ignore[union-attr]
     basis = np.column_stack([np.ones_like(time), np.cos(omega * time), np.sin(omega * time)])

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The current scan of an Elliptec module, in the shape that its serial port sends."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -21,6 +21,7 @@ from pyspice_runner.spice.compiler import find_compiler
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.steady.harmonic_balance import balanced_states
 from tests.motors import BEAM40
+from tests.said import output, refusal
 
 NOISE = 1e-3
 SHEET_ERROR = 0.01
@@ -121,8 +122,7 @@ def test_the_command_writes_the_motor_and_a_page_with_data_and_model(
     mine, page = tmp_path / "mine.toml", tmp_path / "mine.html"
     words = ["motor-from", file, "--modes", 2, "--mass-kg", truth.modes[0].mass_kg, "--no-load-speed", 18.0]
     words += ["--voltage", drive.voltage, "--frequency", drive.frequency, "--output", mine, "--page", page]
-    assert run(list(map(str, words))) == 0
-    assert "modes.1.coupling_b_n_per_v" in capsys.readouterr().out
+    assert "modes.1.coupling_b_n_per_v" in output(list(map(str, words)), capsys)
     made = pr.load_motor(mine)
     assert made.mount == truth.mount
     assert pr.default_drive(made) == drive
@@ -143,8 +143,7 @@ def test_tips_and_the_ratio_of_masses_are_those_of_the_other_motor() -> None:
 
 def test_what_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = measured(invented(), 60, 1).save(tmp_path / "free.csv")
-    assert run(["motor-from", str(file)]) == 2
-    assert "Give the no-load speed, or mass_kg." in " ".join(capsys.readouterr().err.split())
+    assert "Give the no-load speed, or mass_kg." in " ".join(refusal(["motor-from", str(file)], capsys).split())
     assert run(["motor-from", str(file), "--no-load-speed", "3"]) == 2
     assert "give its voltage and its frequency too" in " ".join(capsys.readouterr().err.split())
 
@@ -223,8 +222,6 @@ def test_firmware_for_the_motor_of_the_bench_runs_the_hidden_full_motor(name: st
     """It reaches the set point but for the friction between its dead band and the true one, and a tenth."""
     truth, bench, wanted = hidden(name, seed), BENCHES[name], SET_POINTS[name]
     loop, true = found_on_the_bench(name, truth, seed)
-    assert loop.dead_band_v is not None
-    assert true.dead_band_v is not None
     page = (Path(__file__).parents[2] / "docs" / "tutorial_tracking.md").read_text(encoding="utf-8")
     source = page.split('write_text("""')[1].split('""")')[0].replace("phase = 90.0f", f"phase = {bench.phase_deg}f")
     (tmp_path / "loop.c").write_text(source, encoding="utf-8")

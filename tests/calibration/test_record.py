@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The file of a calibration, as the report reads it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -21,7 +21,6 @@ from pyspice_runner.run.point import Point
 SET = "andersen2002-unintended-mode"
 TRUTH = {"rotor.inertia_kg_m2": 1.3e-6, "rotor.bearing_damping_n_m_s": 1.5e-4}
 TIMES = np.linspace(0.2e-3, 10e-3, 60)  # some three time constants of the mechanics
-FAR = 4.0  # standard errors: one in 16,000 of a normal error
 
 
 def measured(run: Any, noise: int) -> dict[str, Any]:

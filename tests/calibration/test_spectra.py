@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drift and softening from spectra at several temperatures and levels, against Duffing's closed form and ngspice."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +101,6 @@ def test_the_admittance_at_a_level_is_that_of_the_steady_state() -> None:
             drive = pr.TwoPhaseDrive(voltage=LEVELS[-1], frequency=frequency, ratio_b=0.01)
             state = pr.steady_state(own, drive, speed=0.0, contact=None)
             waves = state.waveforms
-            assert waves is not None
             turn = np.exp(-2j * np.pi * frequency * (waves.time_s - waves.time_s[0]))
             phasors = [np.trapezoid(one * turn, waves.time_s) for one in (waves.current_a_a, waves.voltage_a_v)]
             currents.append(phasors[0] / phasors[1])

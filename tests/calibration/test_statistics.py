@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The test for misfit, against data whose noise is known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyspice_runner.calibration.result import SetFit

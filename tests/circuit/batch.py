@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs a deck as an engineer does, ``ngspice -b FILE``, and reads what its ``.measure`` lines print."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

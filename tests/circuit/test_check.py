@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The node ``check`` of an exported motor: 1 for each misuse in a deck for ngspice alone, and 0 in correct use."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from math import pi, tan
@@ -115,7 +113,6 @@ def test_check_cannot_see_a_wrong_order_that_leaves_a_current_in_com(tmp_path: P
 
 def test_the_package_finds_a_misspelt_parameter_in_a_deck() -> None:
     fault = silent_fault(deck(f"{RIGHT} perload=8"))
-    assert fault is not None
     assert fault.startswith("Subcircuit piezomotor has no parameter perload")
     assert silent_fault(deck()) is None
 

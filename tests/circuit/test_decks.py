@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The decks of ``netlists/``: up to date, and ngspice alone runs them in any directory with the right results."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from collections.abc import Mapping
@@ -26,38 +24,37 @@ from tools.benches.traction import microslip_loss, virgin_force
 from tools.decks import write_decks
 from validation.impact import Throw
 
-AVERAGED = (
-    "averaged_frequency_response",
-    "averaged_operating_point",
-    "averaged_position_loop",
-    "averaged_small_signal",
-    "averaged_speed_loop",
-    "averaged_speed_torque",
-    "averaged_warm_up",
-)
-FULL = (
-    "drive_full_bridge",
-    "drive_half_bridge",
-    "drive_linear",
-    "drive_llcc",
-    "dynamometer",
-    "ellipse",
-    "fast_start",
-    "figure_eight",
-    "first_resonance",
-    "free_admittance",
-    "hysteresis",
-    "hysteresis_varying",
-    "impact",
-    "preloaded_admittance",
-    "softening",
-    "spin_up",
-    "thermal_drift",
-    "tracker_observer",
-    "tracker_pll",
-    "tracking_loop",
-)
-NAMES = (*AVERAGED, *FULL)
+# one value each, and a short run; the measurements then begin at t = 0
+CHANGES = {
+    "averaged_frequency_response": {"voltage": "90", "lowest": "40.7k", "increment": "100"},
+    "averaged_operating_point": {"torque": "25m"},
+    "averaged_position_loop": {"angle": "0.3", "stop": "0.25"},
+    "averaged_small_signal": {"preload": "20", "highest": "10"},
+    "averaged_speed_loop": {"first": "10", "stepped": "0.05", "loaded": "0.1", "stop": "0.12"},
+    "averaged_speed_torque": {"phase": "80", "increment": "10m"},
+    "averaged_warm_up": {"capacity": "0.05", "stop": "0.3"},
+    "drive_full_bridge": {"voltage_b": "30", "stop": "50u"},
+    "drive_half_bridge": {"voltage_b": "30", "stop": "50u"},
+    "drive_linear": {"phase": "60", "stop": "50u"},
+    "drive_llcc": {"frequency": "50k", "stop": "50u"},
+    "dynamometer": {"speed": "6", "stop": "0.2m", "periods": "6"},
+    "ellipse": {"preload": "8", "stop": "0.4m"},
+    "fast_start": {"boost": "1.5", "boosted": "0.1m", "off": "0.3m", "stop": "0.5m"},
+    "figure_eight": {"voltage_2": "40", "stop": "0.9m"},
+    "first_resonance": {"frequency": "14k", "stop": "1.5m"},
+    "free_admittance": {"highest": "50k", "points": "4501"},
+    "hysteresis": {"amplitude": "0.1"},
+    "hysteresis_varying": {"swing": "0.5"},
+    "impact": {"velocity": "1.1"},
+    "preloaded_admittance": {"preload": "0.1"},
+    "softening": {"voltage": "3", "sweep": "1m"},
+    "spin_up": {"torque": "1m", "stop": "0.6m"},
+    "thermal_drift": {"resistance": "50", "stop": "1.5m"},
+    "tracker_observer": {"offset": "0.02", "stop": "0.1m"},
+    "tracker_pll": {"target": "20", "stop": "0.1m"},
+    "tracking_loop": {"bandwidth": "600"},
+}
+NAMES = tuple(CHANGES)
 
 deck_texts = cache(decks.deck_texts)
 
@@ -92,7 +89,7 @@ def test_deck_in_the_repository_is_up_to_date(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_deck_needs_no_other_file_but_an_averaged_one_its_library(name: str) -> None:
     included = re.findall(r"^\.(?:include|lib) +(.*)", deck_texts()[f"{name}.cir"], re.M | re.I)
-    assert included == (["piezomotor_averaged.lib"] if name in AVERAGED else [])
+    assert included == (["piezomotor_averaged.lib"] if name.startswith("averaged_") else [])
 
 
 def test_decks_are_written_to_the_given_folder(tmp_path: Path) -> None:
@@ -104,7 +101,7 @@ def test_every_transient_deck_with_a_motor_measures_its_check() -> None:
     without |= {"softening"}  # its modes are adapted to its step, which is longer than the coarsest of a motor
     for name in NAMES:
         text = deck_texts()[f"{name}.cir"]
-        if re.search(r"^\.tran", text, re.M) and name not in without and name not in AVERAGED:
+        if re.search(r"^\.tran", text, re.M) and name not in without and not name.startswith("averaged_"):
             assert ".meas TRAN check MAX v(xmotor.check)\n" in text, name
 
 
@@ -186,38 +183,6 @@ def test_a_deck_begins_with_parameters_to_which_its_lines_refer(name: str) -> No
         return
     analysis = next(line for line in circuit if re.match(r"\.(tran|ac|dc) ", line))
     assert not re.search(r"\d", re.sub(r"\{[^}]*\}| 0 ", "", analysis)), "a number that is not a parameter"
-
-
-# one value each, and a short run; the measurements then begin at t = 0
-CHANGES = {
-    "averaged_frequency_response": {"voltage": "90", "lowest": "40.7k", "increment": "100"},
-    "averaged_operating_point": {"torque": "25m"},
-    "averaged_position_loop": {"angle": "0.3", "stop": "0.25"},
-    "averaged_small_signal": {"preload": "20", "highest": "10"},
-    "averaged_speed_loop": {"first": "10", "stepped": "0.05", "loaded": "0.1", "stop": "0.12"},
-    "averaged_speed_torque": {"phase": "80", "increment": "10m"},
-    "averaged_warm_up": {"capacity": "0.05", "stop": "0.3"},
-    "drive_full_bridge": {"voltage_b": "30", "stop": "50u"},
-    "drive_half_bridge": {"voltage_b": "30", "stop": "50u"},
-    "drive_linear": {"phase": "60", "stop": "50u"},
-    "drive_llcc": {"frequency": "50k", "stop": "50u"},
-    "dynamometer": {"speed": "6", "stop": "0.2m", "periods": "6"},
-    "ellipse": {"preload": "8", "stop": "0.4m"},
-    "fast_start": {"boost": "1.5", "boosted": "0.1m", "off": "0.3m", "stop": "0.5m"},
-    "figure_eight": {"voltage_2": "40", "stop": "0.9m"},
-    "first_resonance": {"frequency": "14k", "stop": "1.5m"},
-    "free_admittance": {"highest": "50k", "points": "4501"},
-    "hysteresis": {"amplitude": "0.1"},
-    "hysteresis_varying": {"swing": "0.5"},
-    "impact": {"velocity": "1.1"},
-    "preloaded_admittance": {"preload": "0.1"},
-    "softening": {"voltage": "3", "sweep": "1m"},
-    "spin_up": {"torque": "1m", "stop": "0.6m"},
-    "thermal_drift": {"resistance": "50", "stop": "1.5m"},
-    "tracker_observer": {"offset": "0.02", "stop": "0.1m"},
-    "tracker_pll": {"target": "20", "stop": "0.1m"},
-    "tracking_loop": {"bandwidth": "600"},
-}
 
 
 def run_with(name: str, values: Mapping[str, str], folder: Path) -> dict[str, float]:

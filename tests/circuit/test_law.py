@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The libraries of the contact laws: one face, and the brush as it is generated."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PySpice.Spice.Netlist import Circuit
-from scipy.optimize import brentq
 
 from pyspice_runner.circuit.bench import AC_OPTIONS
 from pyspice_runner.circuit.law import (
@@ -267,13 +264,7 @@ def test_constant_of_hunt_and_crossley_solves_its_equation(restitution: float) -
     # ∫ v dv/(1 + a v) between touch and lift-off vanishes: a v − ln(1 + a v) is the same at both
     before, after = z - np.log1p(z), -restitution * z - np.log1p(-restitution * z)
     assert before == pytest.approx(after, rel=1e-9)
-    assert z >= 0.75 * (1 - restitution**2)
-
-    def mismatch(q: float) -> float:
-        return float(q * (1 + restitution) - np.log((1 + q) / (1 - restitution * q)))
-
-    found = brentq(mismatch, 0.5 * (1 - restitution), 0.9999999999 / restitution)
-    assert z == pytest.approx(found, rel=1e-6)
+    assert z >= 0.75 * (1 - restitution**2)  # not the root z = 0; there is one more
     assert law.hunt_crossley_damping(1.0, speed) == 0.0
 
 
@@ -303,7 +294,6 @@ def test_linearised_where_it_sticks_a_brush_is_the_papers_spring() -> None:
         simulator.options(**AC_OPTIONS)
         simulator.save("i(va)", "v(xmotor.friction)")
         simulator.ac(variation="lin", number_of_points=200, start_frequency=5e3, stop_frequency=100e3)
-        assert simulator.result is not None
         found[name] = simulator.result.raw.vectors
     for vector in ("i(va)", "v(xmotor.friction)"):
         np.testing.assert_allclose(found["brush"][vector], found["spring-slider"][vector], rtol=1e-5)

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The motor's subcircuit: self-contained, floating, copied, and true to a mode under any time step."""
 
-from __future__ import annotations
-
 import re
-from math import atan, pi, radians, sin, tan
+from math import atan, pi, tan
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +21,13 @@ from pyspice_runner.circuit.source import TRANSIENT_OPTIONS, DriveSource
 from pyspice_runner.circuit.state import Discretisation, written
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.dielectric import lossy_capacitance
-from pyspice_runner.motor.drive import Drive, Load
+from pyspice_runner.motor.drive import Drive
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Mode
 from pyspice_runner.spice.library import definitions, read_library
 from pyspice_runner.spice.ngspice import BatchSimulator
 from tests.circuit.batch import measured
-from tests.motors import mode, motor
+from tests.motors import mode, motor, recommended
 from validation import soak
 
 Array = NDArray[np.float64]
@@ -45,7 +43,6 @@ def transient(circuit: Circuit, duration: float, *saved: str, step: float = STEP
     simulator.options(**TRANSIENT_OPTIONS)
     simulator.save(*saved)
     simulator.transient(step_time=step, max_time=step, end_time=duration, use_initial_condition=True)
-    assert simulator.result is not None
     return {name: np.asarray(values, dtype=float) for name, values in simulator.result.raw.vectors.items()}
 
 
@@ -172,7 +169,6 @@ def test_three_modes_show_their_closed_form_admittance() -> None:
     simulator = BatchSimulator(admittance_bench(subject, preloaded=False))
     simulator.options(**AC_OPTIONS)
     simulator.ac(variation="lin", number_of_points=400, start_frequency=10e3, stop_frequency=80e3)
-    assert simulator.result is not None
     vectors = simulator.result.raw.vectors
     s = 2j * pi * vectors["frequency"].real
     couplings = [(m.coupling_a_n_per_v, m.coupling_b_n_per_v) for m in subject.modes]
@@ -296,48 +292,9 @@ def test_free_vibration_keeps_its_frequency_over_many_periods(points: int) -> No
     assert (phase(exact=False) - lag + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=2.0)
 
 
-# --- benches -------------------------------------------------------------------------------------------------
-
-
-def test_sources_give_the_voltages_of_the_drive() -> None:
-    drive = pr.TwoToneDrive(voltage_1=7.0, frequency_1=20e3, voltage_2=3.0, frequency_2=50e3, phase_deg=40.0)
-    waves = transient(driven(motor(), drive), 1e-4, "v(a)", "v(b)")
-    time = waves["time"]
-    common = 7.0 * np.sin(2 * pi * 20e3 * time)
-    opposed = 3.0 * np.sin(2 * pi * 50e3 * time + radians(40.0))
-    np.testing.assert_allclose(waves["v(a)"], common + opposed, atol=1e-6)
-    np.testing.assert_allclose(waves["v(b)"], common - opposed, atol=1e-6)
-
-
-def test_soft_start_raises_the_amplitude_linearly() -> None:
-    drive = pr.TwoPhaseDrive(voltage=10.0, frequency=40e3, phase_deg=60.0, soft_start=1e-4)
-    waves = transient(driven(motor(), drive), 2e-4, "v(a)", "v(b)")
-    time = waves["time"]
-    rise = np.minimum(1.0, time / 1e-4)
-    np.testing.assert_allclose(waves["v(a)"], rise * 10.0 * np.sin(2 * pi * 40e3 * time), atol=1e-5)
-    np.testing.assert_allclose(waves["v(b)"], rise * 10.0 * np.sin(2 * pi * 40e3 * time + pi / 3), atol=1e-5)
-    assert drive.initial_voltages() == (0.0, 0.0)
-
-
-def test_shaft_is_free_loaded_or_held() -> None:
-    drive = pr.TwoPhaseDrive(voltage=0.0, frequency=40e3)
-    held = transient(driven(motor(), drive, load=Load(speed=-3.0)), 2e-5, "v(shaft)")["v(shaft)"]
-    np.testing.assert_allclose(held, -3.0, rtol=1e-12)
-    loaded = transient(driven(motor(), drive, load=Load(torque=2e-3)), 2e-5, "v(shaft)")["v(shaft)"]
-    assert loaded[-1] < 0.0  # a positive load slows the rotor down
-    free = transient(driven(motor(), drive), 2e-5, "v(shaft)")["v(shaft)"]
-    np.testing.assert_allclose(free, 0.0, atol=1e-6)  # it rests to the digits of the operating point
-
-
-def test_first_voltage_is_that_of_the_phase() -> None:
-    drive = pr.TwoPhaseDrive(voltage=10.0, frequency=40e3, phase_deg=30.0)
-    assert drive.initial_voltages() == pytest.approx((0.0, 10.0 * sin(pi / 6)))
-
-
 # --- the feedback electrode: a third group, passive ------------------------------------------------------------
 
-FLAGSHIP = pr.load_motor("bimodal40")
-DRIVE = pr.default_drive(FLAGSHIP)
+FLAGSHIP, DRIVE = recommended("bimodal40")
 MATCHED = 1.0 / (2.0 * np.pi * DRIVE.frequency * 3e-10)  # ohm, at which the electrode takes the most power
 
 

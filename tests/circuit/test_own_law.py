@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A contact law of the user's own: the tutorial's steps, and what is not accepted in such a file."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

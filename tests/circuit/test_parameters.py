@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameters of the motor's subcircuit, as an engineer uses them in a deck of their own."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path
@@ -13,7 +11,6 @@ from numpy.typing import NDArray
 from PySpice.Spice.Netlist import Circuit
 
 import pyspice_runner as pr
-from pyspice_runner.circuit.bench import AC_OPTIONS
 from pyspice_runner.circuit.law import LAWS, Law
 from pyspice_runner.circuit.motor import add_motor, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS
@@ -22,7 +19,6 @@ from pyspice_runner.spice.ngspice import find_ngspice, run_deck
 from tests.motors import motor as odd_motor
 
 STEP, DURATION, FREQUENCY = 1e-7, 3e-4, 51.7e3
-AC = ".options " + " ".join(f"{name}={value}" for name, value in AC_OPTIONS.items())
 OPTIONS = ".options " + " ".join(f"{name}={value}" for name, value in TRANSIENT_OPTIONS.items())
 CHANGES = {
     "contact.preload_n": 6.0,

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What only serves a plot of a brush: computed after a run, and in the circuit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Powers that a run leaves out of its circuit, against the nodes of the libraries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

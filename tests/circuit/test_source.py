@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sources behind one interface, and what a motor keeps of its circuits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The declaration of a motor's state: a run starts at the values that its vectors then have."""
 
-from __future__ import annotations
-
 import pytest
 
 import pyspice_runner as pr

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pin of the temperature: open, it changes nothing; held, values drift as stated; free, losses heat the stator."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import pi, sqrt
 from pathlib import Path
@@ -46,7 +44,6 @@ def admittance(motor: Motor, thermal: Thermal | None, frequency: float, temperat
     simulator.ac(
         variation="lin", number_of_points=3, start_frequency=frequency, stop_frequency=frequency * (1.0 + 1e-9)
     )
-    assert simulator.result is not None
     return complex(-simulator.result.raw.vectors["i(va)"][0])
 
 
@@ -83,7 +80,6 @@ def test_pins_left_open_change_nothing_in_a_run() -> None:
         simulator.options(**TRANSIENT_OPTIONS)
         simulator.save("i(va)", "v(xmotor.x)", "v(xmotor.normal)")
         simulator.transient(step_time=100e-9, end_time=2e-4, max_time=100e-9, use_initial_condition=True)
-        assert simulator.result is not None
         return dict(simulator.result.raw.vectors)
 
     plain, warm = run(None), run(DRIFT)
@@ -117,7 +113,6 @@ def test_heat_is_what_a_free_stator_takes_up(between: float, frequency: float) -
     periods, points = 200, 200
     step = drive.period / points
     simulator.transient(step_time=step, end_time=periods * drive.period, max_time=step, use_initial_condition=True)
-    assert simulator.result is not None
     v = {name: np.asarray(values, float) for name, values in simulator.result.raw.vectors.items()}
     last = slice(-20 * points - 1, None)
     time = v["time"][last]

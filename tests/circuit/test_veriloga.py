@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Verilog-A motor against the subcircuits and the motor; ``make verilog-a`` compiles and runs it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drives of any shape: sampled voltages give the run of their drive, and malformed files are errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +12,6 @@ from pyspice_runner.cli import run
 
 DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)
 HEADER = "time_s,voltage_a_v,voltage_b_v\n"
-
-
-@pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
 
 
 def sampled(count: int, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

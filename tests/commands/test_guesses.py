@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Guesses of the command line: synonyms, suffixes and shortcuts work; other guesses are answered with what to write."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path
@@ -12,6 +10,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.commands.common import number
+from tests.said import output, printed, refusal
 
 
 @pytest.fixture(autouse=True)
@@ -53,8 +52,7 @@ def test_another_text_is_not_a_number(text: str) -> None:
     ],
 )
 def test_a_guess_works(words: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(shlex.split(words)) == 0
-    assert says in capsys.readouterr().out
+    assert says in output(shlex.split(words), capsys)
 
 
 @pytest.mark.parametrize(
@@ -79,8 +77,7 @@ def test_a_guess_works(words: str, says: str, capsys: pytest.CaptureFixture[str]
     ],
 )
 def test_another_guess_shows_what_to_write(words: str, says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(shlex.split(words)) == 2
-    assert says in capsys.readouterr().err
+    assert says in refusal(shlex.split(words), capsys)
 
 
 def test_export_writes_the_file_that_is_named_second() -> None:
@@ -99,8 +96,7 @@ def test_the_parameter_set_to_start_from_is_complete_runs_and_is_not_replaced() 
 
 
 def test_a_curve_runs_from_stall_to_no_load_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["speed-torque", "bimodal40", "--json"]) == 0
-    curve = json.loads(capsys.readouterr().out)
+    curve = printed(["speed-torque", "bimodal40"], capsys)
     speeds, torques = curve["speed_rad_s"], curve["torque_n_m"]
     assert len(speeds) == 9
     assert speeds[0] == 0.0
@@ -111,10 +107,8 @@ def test_a_limit_of_a_map_may_have_two_ends(capsys: pytest.CaptureFixture[str]) 
     words = (
         "map bimodal40 --speed 0 --over drive.voltage=60,80 --limit tensile_stress_pa=3e9 --limit torque_n_m={} --json"
     )
-    best = []
-    for limit in ("0.001:", "10:", ":0.001"):
-        assert run(shlex.split(words.format(limit))) == 0
-        best.append(json.loads(capsys.readouterr().out)["best"])
+    chosen = [shlex.split(words.format(limit)) for limit in ("0.001:", "10:", ":0.001")]
+    best = [json.loads(output(one, capsys))["best"] for one in chosen]
     assert best[0]["torque_n_m"] > 0.001
     assert best[1:] == [None, None]
     lower = "--set limits.contact_tension_pa=2e6 --limit tensile_stress_pa=1e6: --json"

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Loads on the shaft, courses, sensors and actuators of a controlled motor, averaged and full."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

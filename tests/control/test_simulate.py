@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sampled controllers in the loop with the averaged and the full motor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import process_time
@@ -15,14 +13,9 @@ import pyspice_runner as pr
 from pyspice_runner import simulate_controlled
 from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.control.simulate import Sample
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 
 DRIVE = pr.TwoPhaseDrive(voltage=150.0, frequency=54e3, phase_deg=90.0)
-
-
-@pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
 
 
 def speed_loop() -> Callable[[Sample], Mapping[str, float]]:
@@ -55,8 +48,7 @@ class Turning:
 
 
 def test_a_motion_that_is_commanded_and_the_noise_of_an_encoder_are_no_hunting() -> None:
-    motor = pr.load_motor("bimodal40")
-    drive = pr.default_drive(motor)
+    motor, drive = recommended("bimodal40")
     turning = simulate_controlled(motor, drive, Turning(), 60e-3, sample_time=0.5e-3)
     assert np.ptp(turning.position_rad[60:]) > 1e-2
     noisy = simulate_controlled(

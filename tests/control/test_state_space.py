@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The averaged motor as a linear system, against its own step and in other programs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drivers: what they are made of and refuse, the transistor against its data sheet, and that every one powers up."""
 
-from __future__ import annotations
-
 import random
 import re
 from itertools import product

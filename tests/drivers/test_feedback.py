@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The amplifier with feedback: its loop gain against ngspice's with the loop broken, and the step that shows it."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from pathlib import Path

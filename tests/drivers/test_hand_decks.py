@@ -5,8 +5,6 @@ Only the motor comes from the package. A deck states the parts that the design h
 compares them with the design of today.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -159,7 +157,6 @@ def compared(name: str, state: str, folder: Path) -> dict[str, tuple[float, floa
     """
     motor = pr.load_motor(DRIVES[name][0])
     design = designed(name, motor)
-    assert design.driver is not None
     point = next(point for point in design.points if point.state == state)
     speed = point.speed_rad_s
     deck = measured(name, motor, folder, speed)
@@ -185,7 +182,6 @@ def compared(name: str, state: str, folder: Path) -> dict[str, tuple[float, floa
 def test_a_deck_written_by_hand_has_the_parts_of_the_design(name: str) -> None:
     _, _, network, _, _ = DRIVES[name]
     design = designed(name, pr.load_motor(DRIVES[name][0]))
-    assert design.driver is not None
     parameters = stated(name)
     values = design.driver.to_dict()
     for group in ("a", "b"):

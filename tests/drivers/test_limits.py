@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a stage cannot do: clipping, current limit, slew rate, and rails that are too low for the wanted voltage."""
 
-from __future__ import annotations
-
 import json
 from math import asin, pi, sqrt
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Matches to a source resistance: two published ones, their reflection, and designs for a motor."""
 
-from __future__ import annotations
-
 from math import pi
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a designed driver does at no load, at its operating point and at a start, on both flagships."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drivers and MOSFETs of the user's own: copies of the built-in ones, the example, and what is not accepted."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -24,6 +22,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.drivers.own_device import read_driver, read_mosfet
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.spice.library import data_path
+from tests.said import refusal
 from validation.fuzz.entry_points import clear, harmless
 from validation.fuzz.nasty import ATTEMPTS, MARKER
 from validation.fuzz.watch import watched
@@ -169,10 +168,8 @@ def test_a_tracker_drives_a_motor_through_a_driver(tmp_path: Path, capsys: pytes
     assert found["ratio_b"] == 1.0
     assert found["parts"]["b"]["driver"]["rout"] == 5.0
     assert "\n.subckt driver_own in out com vp vn" in saved.read_text(encoding="utf-8")
-    assert run([*words, "--driver", f"{EXAMPLE}:generator"]) == 2
-    assert "The driver generator has no pin in" in capsys.readouterr().err
-    assert run([*words, "--mosfet", f"{EXAMPLE}:fast200"]) == 2
-    assert "--mosfet has no effect without --driver" in capsys.readouterr().err
+    assert "The driver generator has no pin in" in refusal([*words, "--driver", f"{EXAMPLE}:generator"], capsys)
+    assert "--mosfet has no effect without --driver" in refusal([*words, "--mosfet", f"{EXAMPLE}:fast200"], capsys)
 
 
 def test_parameters_of_the_driver_are_set_like_those_of_the_built_in_ones(capsys: pytest.CaptureFixture[str]) -> None:

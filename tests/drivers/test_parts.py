@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Networks and cables against closed forms and a deck of plain elements."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 

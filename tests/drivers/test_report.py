@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a driver does to a motor and the motor to it: against closed forms, and against runs without a driver."""
 
-from __future__ import annotations
-
 import csv
 import json
 from functools import cache
@@ -21,6 +19,7 @@ from pyspice_runner.drivers.ratings import PartLoad
 from pyspice_runner.drivers.report import DriveReport
 from pyspice_runner.run.window import Window
 from tests.runs import simulated
+from tests.said import output, printed, refusal
 from tests.selection import mostly
 
 pytestmark = pytest.mark.xdist_group("drivers")
@@ -107,7 +106,6 @@ def test_the_error_of_the_torque_by_the_step_is_stated_and_holds(kind: str) -> N
     settings: dict[str, Any] = {"speed": 3.0, "duration": 5e-4}
     found = report(driver(kind), **settings)
     fine = report(driver(kind), **settings, step=found.run["step_s"] / 8.0)
-    assert found.mean_torque_error_n_m is not None
     assert abs(found.mean_torque_n_m - fine.mean_torque_n_m) < found.mean_torque_error_n_m
     assert found.to_dict()["mean_torque_error_n_m"] == found.mean_torque_error_n_m
     assert "by the step" in found.summary()["mean torque"]
@@ -264,7 +262,6 @@ def test_the_state_behind_a_driver_is_that_of_its_design_and_follows_the_values_
     A coil of 5 % more, in series with the capacitor to which it was tuned, lowers the voltage of the pin.
     """
     found = design("half-bridge", "inductor")
-    assert found.driver is not None
     point = found.points[1]
     plain = driver_state(motor(), found.driver, speed=point.speed_rad_s)
     for group in "ab":
@@ -286,7 +283,6 @@ def test_the_transient_behind_the_designed_bridge_has_the_voltages_and_currents_
     Dead time, 1 % of the period at each edge, and what has not settled after 72 periods leave some 2 %.
     """
     found = half_bridge()
-    assert found.design is not None
     point = found.design.points[1]
     for group in ("a", "b"):
         port = found.groups[group].harmonics[0]
@@ -394,8 +390,7 @@ def test_a_report_is_written_by_the_ending_of_its_file(tmp_path: Path) -> None:
 @pytest.mark.soak
 def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["drive", "andersen2002", "--duration", "5e-4", "--speed", "0.3"]
-    assert run([*words, "--json", "--output", str(tmp_path / "one.csv")]) == 0
-    one = json.loads(capsys.readouterr().out)
+    one = printed([*words, "--output", str(tmp_path / "one.csv")], capsys)
     assert {"groups", "outputs", "losses_w", "efficiency", "maxima", "design", "power_factor"} <= set(one)
     assert one["mean_rotor_speed_rad_s"] == pytest.approx(0.3)
     files = ["--output", str(tmp_path / "two.csv"), "--plot", str(tmp_path / "two.png")]
@@ -410,8 +405,7 @@ def test_the_command_reports_on_one_driver_and_compares_two(tmp_path: Path, caps
 def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     table = tmp_path / "why.csv"
     words = ["--rail", "500", "--stage", "full-bridge", "--voltage", "180", "--output", str(table), "--json"]
-    assert run(["drive", "andersen2002", *words]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(output(["drive", "andersen2002", *words], capsys))
     assert found["maxima"] == {}
     assert not found["design"]["feasible"]
     assert "its transistors IRF820 take 450 V" in found["design"]["reason"]
@@ -422,15 +416,13 @@ def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.Captu
 @pytest.mark.soak
 def test_the_command_designs_a_driver_for_a_rail_and_a_load(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = ["drive", "bimodal40", "--rail", "24", "--stage", "full-bridge", "--speed", "20", "--load-torque", "3e-3"]
-    assert run([*words, "--json", "--output", str(tmp_path / "driver.cir")]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed([*words, "--output", str(tmp_path / "driver.cir")], capsys)
     design = found["design"]
     assert design["feasible"], design["reason"]
     assert design["starts"]
     assert set(design["parts"][0]) == set(PartLoad.__dataclass_fields__)
     assert "transformer" in (tmp_path / "driver.cir").read_text(encoding="utf-8")
-    assert run([*words[:-1], "0.5", "--json"]) == 0
-    assert "less than the load of 0.5 N·m" in json.loads(capsys.readouterr().out)["design"]["reason"]
+    assert "less than the load of 0.5 N·m" in printed([*words[:-1], "0.5"], capsys)["design"]["reason"]
 
 
 @pytest.mark.parametrize(
@@ -445,5 +437,4 @@ def test_the_command_designs_a_driver_for_a_rail_and_a_load(capsys: pytest.Captu
     ],
 )
 def test_the_command_refuses(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["drive", "andersen2002", *words]) == 2
-    assert sentence in " ".join(capsys.readouterr().err.split())
+    assert sentence in " ".join(refusal(["drive", "andersen2002", *words], capsys).split())

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every analysis takes every source: drivers, trackers, ideal voltages."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -79,7 +77,6 @@ def test_a_warming_motor_drifts_and_its_energy_still_balances() -> None:
 
 def test_a_run_says_its_final_state(ideal: Waveforms) -> None:
     state = ideal.final_state
-    assert state is not None
     tip = sum(mode.tip_x * r for mode, r in zip(MOTOR.modes, state.displacements_m, strict=True))
     assert tip == pytest.approx(ideal.tip_x_m[-1], rel=1e-6)
     assert state.speed_rad_s == ideal.rotor_speed_rad_s[-1]

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drivers for a power, an amplitude or a kept motional current of a transducer, against hand-written decks."""
 
-from __future__ import annotations
-
-import json
 import re
 from dataclasses import replace
 from math import hypot, pi, sqrt
@@ -12,11 +9,11 @@ from pathlib import Path
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.cli import run
 from pyspice_runner.drivers.design import PIN_BAND, Design, design_driver
 from pyspice_runner.steady.transducer import resonance
 from tests.circuit.batch import measured
 from tests.run.test_transducer import REAL, fitted
+from tests.said import printed
 
 POWERS = {"SMBLTD45F28H": 50.0, "Skymen-60W": 50.0, "MA40S4S": 0.5}
 AIR = "MA40S4S"  # settles in 1 ms
@@ -32,7 +29,6 @@ def by_hand(design: Design, name: str, folder: Path, more_ohm: float = 0.0) -> f
     """Return the amplitude of the motional current behind the fundamental of a bridge on 48 V."""
     ohm, henry, farad, clamped = REAL[name]
     driver = design.driver
-    assert driver is not None
     network, turns = driver.values("a", driver.network), driver.values("a", "transformer")
     prefix = "series_" if driver.network == "llcc" else ""
     primary, on = turns["magnetizing"], {"IRF530": 0.32, "IRF610": 3.0}[driver.mosfet]
@@ -60,7 +56,6 @@ def test_power_is_that_of_a_hand_written_deck(tmp_path: Path, name: str, full: f
     spec = spec_of(device, "llcc" if tool else "inductor", power=wanted, load_range=(1.0, full) if tool else None)
     design = design_driver(device, spec)
     report = pr.drive_report(device, design, events=tool > 0.0)
-    assert report.design is not None
     assert report.design.feasible, report.design.reason
     found, current = (
         report.to_dict()["load_power_w" if tool else "damping_loss_w"],
@@ -177,11 +172,9 @@ def test_a_core_is_that_of_the_current_behind_the_network_of_a_kept_current(tmp_
 def test_show_and_map_of_a_transducer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fitted(tmp_path, AIR)
     path = str(tmp_path / f"{AIR}.toml")
-    assert run(["show", path, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["arms"]["arm1"]["inductance_h"] == pytest.approx(REAL[AIR][1])
+    assert printed(["show", path], capsys)["arms"]["arm1"]["inductance_h"] == pytest.approx(REAL[AIR][1])
     axes = ("drive.voltage=10,20", "load.resistance_ohm=0,643.186339335")
     limited = "--limit=motional_current_amplitude_a_a=0.02"
-    assert run(["map", path, *(f"--over={axis}" for axis in axes), "--set=load.mode=arm1", limited, "--json"]) == 0
-    best = json.loads(capsys.readouterr().out)["best"]
+    best = printed(["map", path, *(f"--over={axis}" for axis in axes), "--set=load.mode=arm1", limited], capsys)["best"]
     assert best["drive.voltage"] == 20.0
     assert best["load_power_w"] == pytest.approx(0.125 * 20.0**2 / (2.0 * 643.186339335) * 2.0, rel=1e-3)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The controllers in examples/: each with the averaged and the full motor, one of them as firmware in C too."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The firmware of examples/firmware in the loop; tests/tools/firmware.py runs the same samples on a microcontroller."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from runpy import run_path

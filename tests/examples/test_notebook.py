@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The notebook of the examples runs from top to bottom and shows tables and pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import nbformat

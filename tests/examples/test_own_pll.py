@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The loop of one's own around an exported motor, in ngspice alone, against ``track``."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

@@ -5,9 +5,6 @@ ngspice runs the libraries and scikit-rf reads Touchstone. LTspice's and KiCad's
 formats, since neither program runs here.
 """
 
-from __future__ import annotations
-
-import json
 import re
 import subprocess
 from math import atan
@@ -24,6 +21,7 @@ from pyspice_runner.motor.circuit_file import load_circuit
 from pyspice_runner.motor.stator import CAPACITANCE_AT
 from pyspice_runner.spice.ngspice import find_ngspice
 from tests.resonators import fitted, resonator, spectrum, values
+from tests.said import output, printed
 
 CIRCUIT = resonator([20e3, 33e3], [120.0, 300.0], [0.05, 0.02])
 DECK = """an exported motor, both groups driven by unequal voltages
@@ -72,11 +70,6 @@ def asy(text: str) -> tuple[dict[str, str], list[tuple[str, int, int, str]]]:
             numbers = re.findall(r"(?<= )-?\d+(?= |$)", line)
             assert len(numbers) >= ASY[match], line
     return attributes, pins
-
-
-@pytest.fixture(scope="module")
-def motor() -> pr.Motor:
-    return pr.load_motor("andersen2002")
 
 
 @pytest.mark.parametrize(
@@ -214,11 +207,9 @@ def test_the_command_exports_a_fit(tmp_path: Path, capsys: pytest.CaptureFixture
     fit = tmp_path / "fit.json"
     assert run(["fit", str(measured), "--output", str(fit), "--json"]) == 0
     capsys.readouterr()
-    assert run(["export", str(fit)]) == 0
-    library = capsys.readouterr().out
+    library = output(["export", str(fit)], capsys)
     assert ".subckt resonator p n" in library
-    assert run(["export", str(fit), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"circuit": "fit.json", "library": library}
+    assert printed(["export", str(fit)], capsys) == {"circuit": "fit.json", "library": library}
     assert run(["export", str(fit), "--output", str(tmp_path / "stator.asy")]) == 0
     assert run(["export", str(fit), "--output", str(tmp_path / "stator.lib")]) == 0
     assert (tmp_path / "stator.lib").read_text(encoding="ascii") == library

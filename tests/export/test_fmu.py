@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The exported Functional Mock-up Unit in FMPy, against ``simulate_averaged`` and against itself."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import re
 import subprocess
 import threading
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +19,7 @@ from fmpy.validation import validate_fmu
 
 import pyspice_runner as pr
 from pyspice_runner.averaged.c_code import CORE, variables
+from pyspice_runner.averaged.run import AveragedRun
 from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.cli import run
 from pyspice_runner.export.fmu import Version, fmu_texts, state_count
@@ -107,17 +106,8 @@ def test_the_checker_of_fmpy_finds_nothing_in_what_the_command_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = tmp_path / "motor.fmu"
-    words = [
-        "export",
-        "andersen2002-unintended-mode",
-        "--averaged",
-        "--thermal",
-        "--name",
-        "stage",
-        "--set",
-        "mount=none",
-    ]
-    assert run([*words, "--output", str(target), "--json"]) == 0
+    words = "export andersen2002-unintended-mode --averaged --thermal --name stage --set mount=none"
+    assert run([*words.split(), "--output", str(target), "--json"]) == 0
     assert "<fmiModelDescription" in json.loads(capsys.readouterr().out)["library"]
     assert validate_fmu(str(target)) == []
     with zipfile.ZipFile(target) as archive:
@@ -212,8 +202,12 @@ def test_all_outputs_under_load_warmth_and_detuning_are_those_of_simulate_averag
     detuned = {"frequency": [(0.01, drive.frequency), (0.01 + 1e-6, 1.001 * drive.frequency)]}
     expected = simulate_averaged(motor, drive, 0.02, load_torque=2e-4, thermal=thermal, courses=detuned, engine="spice")
     assert expected.temperature_k[-1] > 12.0
-    for ours, column in COLUMNS.items():
-        values = getattr(expected, column)
+    ends_as(unit, expected, COLUMNS)
+
+
+def ends_as(unit: Unit, expected: AveragedRun, columns: Iterable[str]) -> None:
+    for ours in columns:
+        values = getattr(expected, COLUMNS[ours])
         assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
     unit.fmu.freeInstance()
 
@@ -242,10 +236,7 @@ def test_a_motor_that_shakes_its_carrier_is_that_of_simulate_averaged(
     for _ in range(10):
         unit.advance()
     expected = simulate_averaged(shaking, drive, 0.01, engine="spice")  # at a constant temperature
-    for ours, column in (item for item in COLUMNS.items() if item[0] != "temperature"):
-        values = getattr(expected, column)
-        assert unit.get(ours)[0] == pytest.approx(values[-1], abs=WITHIN * np.abs(values).max()), ours
-    unit.fmu.freeInstance()
+    ends_as(unit, expected, COLUMNS.keys() - {"temperature"})
 
 
 def test_preload_and_friction_may_change_while_the_motor_runs(unit: Unit, motor: pr.Motor) -> None:

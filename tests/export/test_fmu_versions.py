@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """FMI 2.0 and FMI 3.0, co-simulation and model exchange, in FMPy."""
 
-from __future__ import annotations
-
 import ctypes
 import zipfile
 from pathlib import Path
@@ -85,7 +83,6 @@ def test_the_rates_do_not_jump_where_the_contact_begins_to_slip(units: dict[int,
     """Between a state that sticks and one that slips, half of the distance halves the greatest change of the rates."""
     described = read_model_description(str(units[2]))
     places = {item.name: item.valueReference for item in described.modelVariables}
-    assert described.modelExchange is not None
     unit = FMU2Model(
         guid=described.guid, unzipDirectory=extract(str(units[2]), str(tmp_path / "unit")), instanceName="motor",
         modelIdentifier=described.modelExchange.modelIdentifier,

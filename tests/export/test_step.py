@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``STEP`` of exported resonators and motors: at that step the power at a resonance is within the stated error."""
 
-from __future__ import annotations
-
 import re
 from math import pi
 from pathlib import Path

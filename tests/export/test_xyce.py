@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The dialect of Xyce: its grammar by the Reference Guide, its meaning by ngspice. Xyce itself does not run here."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

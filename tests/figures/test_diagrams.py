@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The circuit diagrams name nodes and parameters as the subcircuits of ``behavioral/`` do."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import sys

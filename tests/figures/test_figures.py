@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every figure is drawn by its script, and shows what the script computes today."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

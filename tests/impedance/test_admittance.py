@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The two-port against closed forms, free and preloaded."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

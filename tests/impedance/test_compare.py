@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectra against spectra and motors: what was changed is what is found to deviate."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -66,7 +64,6 @@ def test_tolerances_show_what_is_outside() -> None:
 def test_a_tolerance_and_a_plot_show_the_error_of_a_deviation() -> None:
     found = one(measured("part", noise=0.02, frequencies=[20.2e3, 33e3], qualities=[120.0, 240.0]))
     deviation, error = (table["frequency", 1] for table in (found.deviations(), found.errors()))
-    assert error is not None
     assert 1e-5 < error < 0.1 * deviation
     (told,) = found.outside({"frequency": deviation - 0.5 * error})
     assert f"± {100.0 * error:.1g} %; the limit is " in told
@@ -293,13 +290,11 @@ def test_the_cause_of_a_fault_is_named_by_both_groups_and_by_one(state: str, tmp
     trend = pr.compare(spectra, motor, state=state, tolerances=tolerances)  # type: ignore[arg-type]
     for name, comparison in zip(names * 2, trend.comparisons, strict=True):
         cause, size, value = FAULTS[name]
-        assert comparison.diagnosis is not None
         first, second = comparison.diagnosis.causes[:2]
         assert first.name == cause
         assert first.probability > 0.9 > 0.1 > second.probability
         assert sum(one.probability for one in comparison.diagnosis.causes) == pytest.approx(1.0)
         found = re.search(rf"{size} (\S+) ± (\S+) %", comparison.diagnosis.text)
-        assert found is not None
         # within three of the errors, which contain the tolerances of manufacture that the files do not have
         assert abs(float(found[1]) - value) < 3.0 * float(found[2])
     if state == "free":

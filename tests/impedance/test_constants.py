@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Material constants of bars, discs, rods and plates, beside finite elements, published parts and Mason's circuit."""
 
-from __future__ import annotations
-
 import tomllib
 from math import pi, sqrt
 from pathlib import Path
@@ -13,10 +11,10 @@ import pytest
 from skfem import MeshHex
 
 import pyspice_runner as pr
-from pyspice_runner.cli import run
 from pyspice_runner.impedance.constants import MaterialConstants, material_constants
 from pyspice_runner.motor.solid.materials import VACUUM, Material, material_of, materials
 from tests.motor.solid.test_measured_devices import disc, respond
+from tests.said import output, refusal
 
 ROOT = Path(__file__).parents[2]
 BOX, PLATE = {"length": 20e-3, "width": 3e-3, "thickness": 1e-3}, {"thickness": 1e-3, "diameter": 20e-3}
@@ -131,12 +129,10 @@ def test_a_card_has_what_was_measured_and_the_rest_of_its_base(tmp_path: Path) -
 def test_the_command_prints_constants_and_refuses_what_is_no_such_body(tmp_path: Path, capsys: Any) -> None:
     options = ["constants", str(plate().save(tmp_path / "plate.csv")), "--shape", "plate", "--density", "7.7k"]
     size = ["--thickness", "1mm", "--diameter", "20mm"]
-    assert run([*options, *size, "--tolerance", "thickness=1%"]) == 0
-    assert "1.5e+11 ±3e+09 Pa" in capsys.readouterr().out  # ρt²
+    assert "1.5e+11 ±3e+09 Pa" in output([*options, *size, "--tolerance", "thickness=1%"], capsys)  # ρt²
     for more, message in (
         (size[:2], "A plate has length and thickness and width, not thickness."),
         ([*size, "--stop", "2meg"], "shows no resonance with an antiresonance from 5e+05 Hz to 6e+06 Hz"),
         ([*size, "--base", "steel"], "base = 'steel' is not valid: it must be one of PZT-4"),
     ):
-        assert run([*options, *more]) == 2
-        assert message in capsys.readouterr().err
+        assert message in refusal([*options, *more], capsys)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fits of spectra whose circuit is known; ngspice runs the library of every fit (:func:`tests.resonators.fitted`)."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from itertools import product
@@ -76,7 +74,6 @@ def test_two_modes_within_one_bandwidth_are_distinguished() -> None:
     assert fit.circuit.damping_matrix is None
     for arm, truth in zip(fit.arms, circuit.arms, strict=True):
         error = arm.standard_errors["inductance_h"]
-        assert error is not None
         assert abs(arm.inductance_h - truth.inductance_h) < 4.0 * error
 
 
@@ -173,7 +170,6 @@ def test_the_last_digit_of_a_display_is_found_as_an_error_in_z_and_makes_no_arm(
     # both parts of Z are rounded, each with a deviation of step/√12; of 401 points 4 % is its own deviation
     assert fit.noise == {"z": pytest.approx(step / np.sqrt(6.0), rel=0.15)}
     for name, error in arm.standard_errors.items():
-        assert error is not None
         assert abs(getattr(arm, name) - getattr(circuit.arms[0], name)) < 4.0 * error
 
 
@@ -210,7 +206,6 @@ def test_the_definitions_of_a_strong_resonance_agree_and_are_those_of_its_arm() 
     (arm,) = circuit.arms
     assert list(found) == ["fs, fp", "fm, fn", "fr, fa", "half power", "one arm"]
     for name, pair in found.items():
-        assert pair is not None
         # the pairs differ by 1/M² of their distance, with M = 100 the figure of merit, and R by the current in C0
         for key in ("resistance_ohm", "inductance_h", "capacitance_f", "quality_factor"):
             assert pair[key] == pytest.approx(getattr(arm, key), rel=5e-3), (name, key)
@@ -221,7 +216,6 @@ def test_half_power_is_read_from_the_measured_points_too() -> None:
     circuit = resonator([20e3], [200.0], [0.05], loss_tangent=1e-4)
     (arm,) = circuit.arms
     found = pr.fit_spectrum(spectrum(circuit, np.linspace(19e3, 21e3, 1001), noise=1e-3)).arms[0].half_power
-    assert found is not None
     # G of one arm alone is 1/R at f and half of that 1/Q apart. The parabola is 1 % too low at its ends and the noise
     # of some 15 points is 0.03 %; a line between points 1/50 of the width apart is off by far less
     assert found.resistance_ohm == pytest.approx(arm.resistance_ohm, rel=0.01)
@@ -251,15 +245,11 @@ def test_errors_hold_though_the_data_do_not_distinguish_loss_and_leads() -> None
     found, error = fit.arms[0].inductance_h, fit.arms[0].standard_errors["inductance_h"]
     leads = fit.leads, fit.standard_errors["lead_inductance_h"]
     # 2.6: one in a hundred of a normal error; by the selected description alone L1 is 20 errors off
-    assert error is not None
-    assert leads[0] is not None
-    assert leads[1] is not None
     assert abs(found - inductance) < 2.6 * error
     assert abs(leads[0]["inductance_h"] - 80e-9) < 2.6 * leads[1]
     assert any("Specify the leads" in caution for caution in fit.cautions)
     stated = pr.fit_spectrum(measured, 1, leads=(0.05, 80e-9))
     error = stated.arms[0].standard_errors["inductance_h"]
-    assert error is not None
     assert abs(stated.arms[0].inductance_h - inductance) < 2.6 * error
     assert error < 1e-3 * inductance
 
@@ -281,7 +271,6 @@ def test_over_two_octaves_the_errors_of_a_causal_loss_hold_and_those_of_another_
     causal, inductance = lossy(frequency, dispersion=True)
     fit = pr.fit_spectrum(causal, 1)
     error = fit.arms[0].standard_errors["inductance_h"]
-    assert error is not None
     assert error < 1e-3 * inductance
     assert abs(fit.arms[0].inductance_h - inductance) < 2.6 * error  # one in a hundred of a normal error
     assert not fit.errors_conditional
@@ -289,7 +278,6 @@ def test_over_two_octaves_the_errors_of_a_causal_loss_hold_and_those_of_another_
     # with the causal one instead, L1 of a loss without dispersion was −1.6 % off
     other = pr.fit_spectrum(lossy(frequency, dispersion=False)[0], 1)
     error = other.arms[0].standard_errors["inductance_h"]
-    assert error is not None
     assert error < 1e-3 * inductance
     assert abs(other.arms[0].inductance_h - inductance) < 2.6 * error
     assert not other.errors_conditional
@@ -317,7 +305,6 @@ def test_a_loss_with_and_without_dispersion_makes_no_arm_and_intervals_hold(seed
         assert fit.leads is None
         assert (fit.circuit.loss_tangent_flat, fit.circuit.loss_tangent_causal)[flat] == 0.0
         error = arm.standard_errors["inductance_h"]
-        assert error is not None
         held += abs(arm.inductance_h - 41e-3) < 1.96 * error
     low, high = (90, 98) if seeds == 100 else (seeds - 2, seeds)
     assert low <= held <= high
@@ -333,7 +320,6 @@ def test_leads_at_their_limits_are_left_out_with_a_caution() -> None:
     assert any("which are no leads of a fixture" in text for text in fit.cautions)
     specified = pr.fit_spectrum(measured, 1, leads=(8.0, 1e-4))
     error = specified.arms[0].standard_errors["inductance_h"]
-    assert error is not None
     assert abs(specified.arms[0].inductance_h - circuit.arms[0].inductance_h) < 4.0 * error
     assert specified.cautions == ()
 
@@ -446,7 +432,6 @@ def test_a_fit_of_a_long_spectrum_finds_narrow_arms_and_is_quick() -> None:
     assert len(fit.arms) == 3
     for arm, truth in zip(fit.arms, circuit.arms, strict=True):
         for name, error in arm.standard_errors.items():
-            assert error is not None
             assert abs(getattr(arm, name) - getattr(truth, name)) < 4.0 * error  # 1 of 16,000 values is farther off
     assert fit.rms_relative_error == pytest.approx(0.005, rel=0.01)  # of all points: 0.2 % is its own deviation
     (caution,) = fit.cautions
@@ -507,9 +492,6 @@ def test_an_arm_outside_the_band_and_one_between_the_points_have_cautions() -> N
     assert any("narrower than the distance of the measured points" in text for text in told)
 
 
-# --- files ---
-
-
 # --- measured spectra, where they are at hand ---
 
 MEASURED = next(
@@ -540,7 +522,6 @@ def test_thickness_mode_against_the_instruments_own_circuit() -> None:
     definitions = fit.circuit.definitions()[fit.arms.index(fit.main_arm)]
     one_arm, half_power = definitions["one arm"], definitions["half power"]
     assert one_arm is not None
-    assert half_power is not None
     for name, key in INSTRUMENT.items():
         assert one_arm[key] == pytest.approx(own[name], rel=0.03), name
         if name != "R1":

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A device behind a fixture is found again from the open, the short and the load."""
 
-from __future__ import annotations
-
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.cli import run
 from pyspice_runner.impedance.fixture import without_fixture
+from tests.said import printed
 
 FREQUENCY = np.linspace(38e3, 42e3, 801)
 S = 2j * np.pi * FREQUENCY
@@ -68,8 +65,7 @@ def test_the_command_fits_the_device_behind_its_fixture(tmp_path: Path, capsys: 
         columns = np.column_stack([FREQUENCY, (values := seen(z)).real, values.imag])
         np.savetxt(tmp_path / f"{name}.csv", columns, delimiter=",", header="frequency_hz,r_ohm,x_ohm", comments="")
     words = ["fit", str(tmp_path / "device.csv"), "--open", str(tmp_path / "open.csv")]
-    assert run([*words, "--short", str(tmp_path / "short.csv"), "--modes", "1", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed([*words, "--short", str(tmp_path / "short.csv"), "--modes", "1"], capsys)
     assert found["leads"] is None
     assert found["arms"][0]["resistance_ohm"] == pytest.approx(RESISTANCE, rel=1e-3)
     assert found["arms"][0]["inductance_h"] == pytest.approx(INDUCTANCE, rel=1e-3)
@@ -86,12 +82,10 @@ def test_a_cable_before_the_port_has_a_caution_and_is_removed_by_a_port_extensio
     reflected += 3e-5 * (rng.standard_normal(801) + 1j * rng.standard_normal(801))
     rows = np.column_stack([frequency, reflected.real, reflected.imag])
     np.savetxt(tmp_path / "cable.s1p", rows, header="Hz S RI R 50", comments="# ")
-    assert run(["fit", str(tmp_path / "cable.s1p"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed(["fit", str(tmp_path / "cable.s1p")], capsys)
     assert found["clamped_capacitance_f"] == pytest.approx(1.1e-9, rel=5e-3)  # with the cable's 5 ns / 50 Ω
     assert any("--port-extension" in text for text in found["warnings"])
-    assert run(["fit", str(tmp_path / "cable.s1p"), "--port-extension", "5n", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed(["fit", str(tmp_path / "cable.s1p"), "--port-extension", "5n"], capsys)
     assert found["clamped_capacitance_f"] == pytest.approx(1e-9, rel=5e-4)
     assert found["arms"][0]["inductance_h"] == pytest.approx(220e-6, rel=5e-4)
     assert found["leads"] is None

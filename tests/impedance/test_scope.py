@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings of oscilloscopes in the shapes that their makers write, with waveforms that are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

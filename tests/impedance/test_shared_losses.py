@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Circuits whose arms share losses: passivity by closed form, and the exported library in ngspice, AC and transient."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

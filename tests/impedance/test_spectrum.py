@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The spectrum itself: what it checks, how it is cut, connected, written."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

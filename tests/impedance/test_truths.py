@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fits of one spectrum of each class whose truth is known; :mod:`validation.fits` has more of each."""
 
-from __future__ import annotations
-
 import pytest
 
 import pyspice_runner as pr

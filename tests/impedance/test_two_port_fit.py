@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From the spectra of both groups back to the motor that they were computed from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import get_args
 

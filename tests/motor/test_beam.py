@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The resonator against closed forms, transcendental equations, quadrature and statics."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -86,7 +84,7 @@ def transformed_section(beam: Beam, patches: tuple[Patch, ...]) -> tuple[float, 
     parts = [(beam.youngs_modulus_pa, beam.width_m, beam.thickness_m, 0.0)]
     heights = []
     for p in patches:
-        for side in {"both": (1, -1), "top": (1,), "bottom": (-1,)}[p.faces]:
+        for side in sides(p):
             heights.append(side * (beam.thickness_m + p.thickness_m) / 2)
             parts.append((p.youngs_modulus_pa, p.width_m, p.thickness_m, heights[-1]))
     axial = sum(e * b * t for e, b, t, _ in parts)
@@ -104,6 +102,22 @@ def moment_per_volt(p: Patch, distance: float) -> float:
 def second_derivative(resonator: Resonator, x: np.ndarray) -> np.ndarray:
     k = resonator.wavenumbers
     return -np.sin(np.outer(x, k)) @ (k[:, None] ** 2 * resonator.coefficients)
+
+
+def sides(p: Patch) -> tuple[int, ...]:
+    return {"both": (1, -1), "top": (1,), "bottom": (-1,)}[p.faces]
+
+
+def section(beam: Beam, patches: tuple[Patch, ...]) -> tuple[float, float, np.ndarray]:
+    """Mass per length, bending stiffness, and moment per volt of each group."""
+    _, neutral, bending, _ = transformed_section(beam, patches)
+    line, moments = mass_per_length(beam), np.zeros(2)
+    for p in patches:
+        for side in sides(p):
+            line += p.density_kg_m3 * p.width_m * p.thickness_m
+            distance = side * (side * (beam.thickness_m + p.thickness_m) / 2 - neutral)
+            moments["AB".index(p.group)] += moment_per_volt(p, distance)
+    return line, bending, moments
 
 
 def stretches(beam: Beam, patches: tuple[Patch, ...]) -> list[tuple[float, float, tuple[Patch, ...]]]:
@@ -251,54 +265,13 @@ def rotation(resonator: Resonator, x: np.ndarray | float) -> np.ndarray:
     return resonator.slope(x) - np.cos(np.multiply.outer(x, k)) @ resonator.shears
 
 
-def test_thick_modal_matrices_by_quadrature() -> None:
-    """As below for the slender beam, with ∫κGA (w′ − ψ)² and ∫ρI ψ²; the rigid tip turns with ψ."""
-    resonator = solve_resonator(THICK, SKEW, SKEW_TIP, count=4, shapes=24)
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    mass, stiffness = np.zeros((2, 4, 4))
-    coupling = np.zeros((2, 4))
-    recoil = SKEW_TIP.mass_kg * resonator.deflection(SKEW_TIP.position_m)
-    step = 1e-8
-    for start, end, here in stretches(THICK, SKEW):
-        x, dx = (start + end) / 2 + nodes * (end - start) / 2, weights * (end - start) / 2
-        _, neutral, bending, _ = transformed_section(THICK, here)
-        shear, inertia = shear_stiffness(THICK, here)
-        line = mass_per_length(THICK)
-        w, turn = resonator.deflection(x), rotation(resonator, x)
-        bend = (rotation(resonator, x + step) - rotation(resonator, x - step)) / (2 * step)
-        angle = resonator.slope(x) - turn
-        for p in here:
-            for side in {"both": (1, -1), "top": (1,), "bottom": (-1,)}[p.faces]:
-                line += p.density_kg_m3 * p.width_m * p.thickness_m
-                distance = side * (side * (THICK.thickness_m + p.thickness_m) / 2 - neutral)
-                coupling["AB".index(p.group)] += moment_per_volt(p, distance) * (dx @ bend)
-        recoil = recoil + line * (dx @ w)
-        mass += line * (w.T * dx) @ w + inertia * (turn.T * dx) @ turn
-        stiffness += bending * (bend.T * dx) @ bend + shear * (angle.T * dx) @ angle
-    value, turn = resonator.deflection(SKEW_TIP.position_m), rotation(resonator, SKEW_TIP.position_m)
-    mass += SKEW_TIP.mass_kg * np.outer(value, value) + SKEW_TIP.rotary_inertia_kg_m2 * np.outer(turn, turn)
-    np.testing.assert_allclose(np.diag(mass), resonator.masses_kg, rtol=1e-6)
-    np.testing.assert_allclose(np.diag(stiffness), resonator.stiffnesses_n_per_m, rtol=1e-6)
-    for matrix in (mass, stiffness):
-        scaled = matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
-        np.testing.assert_allclose(scaled, np.eye(4), atol=1e-6)
-    np.testing.assert_allclose(coupling, resonator.couplings_n_per_v, rtol=1e-6)
-    np.testing.assert_allclose(recoil, resonator.recoils_kg, rtol=1e-6)
-    np.testing.assert_allclose(-SKEW_TIP.length_m * turn, resonator.tip_x, rtol=1e-12)
-
-
 # --- the tip ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 1.0])
 def test_central_mass_against_the_transcendental_equation(ratio: float) -> None:
     line = mass_per_length(BEAM)
-    tip = Tip(
-        position_m=BEAM.length_m / 2,
-        length_m=0.0,
-        mass_kg=ratio * line * BEAM.length_m,
-        rotary_inertia_kg_m2=0.0,
-    )
+    tip = NO_TIP.model_copy(update={"position_m": BEAM.length_m / 2, "mass_kg": ratio * line * BEAM.length_m})
     beta = brentq(lambda b: 4 / (ratio * b) - np.tan(b / 2) + np.tanh(b / 2), 0.5, np.pi - 1e-9, xtol=1e-14)
     resonator = solve_resonator(BEAM, (), tip, shapes=100)
     exact = frequency(bending_stiffness(BEAM), line, beta, BEAM.length_m)
@@ -312,12 +285,8 @@ def test_central_mass_against_the_transcendental_equation(ratio: float) -> None:
 @pytest.mark.parametrize("ratio", [1e-4, 1e-3, 1e-2])
 def test_central_rotary_inertia_against_the_transcendental_equation(ratio: float) -> None:
     line = mass_per_length(BEAM)
-    tip = Tip(
-        position_m=BEAM.length_m / 2,
-        length_m=0.0,
-        mass_kg=0.0,
-        rotary_inertia_kg_m2=ratio * line * BEAM.length_m**3,
-    )
+    inertia = ratio * line * BEAM.length_m**3
+    tip = NO_TIP.model_copy(update={"position_m": BEAM.length_m / 2, "rotary_inertia_kg_m2": inertia})
     beta = brentq(
         lambda b: 4 / (ratio * b**3) - 1 / np.tanh(b / 2) + 1 / np.tan(b / 2),
         1.0,
@@ -349,36 +318,44 @@ def test_tip_moves_with_deflection_and_slope() -> None:
 # --- composite beams ----------------------------------------------------------------------------------------
 
 
-def test_modal_matrices_by_quadrature() -> None:
-    """φᵀMφ and φᵀKφ are diagonal and equal the modal masses and stiffnesses; Θ is ∫ m φ″ dx."""
-    resonator = solve_resonator(BEAM, SKEW, SKEW_TIP, count=4, shapes=24)
+@pytest.mark.parametrize(("beam", "within"), [(BEAM, 1e-10), (THICK, 1e-6)])
+def test_modal_matrices_by_quadrature(beam: Beam, within: float) -> None:
+    """φᵀMφ and φᵀKφ are diagonal and equal the modal masses and stiffnesses; Θ is ∫ m ψ′ dx.
+
+    A slender beam has ψ = w′ alone. A thick one adds ∫κGA (w′ − ψ)² and ∫ρI ψ², and its rigid tip turns with ψ.
+    """
+    thick = beam is THICK
+    resonator = solve_resonator(beam, SKEW, SKEW_TIP, count=4, shapes=24)
     nodes, weights = np.polynomial.legendre.leggauss(60)
-    mass = np.zeros((4, 4))
-    stiffness = np.zeros((4, 4))
+    mass, stiffness = np.zeros((2, 4, 4))
     coupling = np.zeros((2, 4))
-    for start, end, here in stretches(BEAM, SKEW):
+    turned = (lambda x: rotation(resonator, x)) if thick else resonator.slope
+    recoil = SKEW_TIP.mass_kg * resonator.deflection(SKEW_TIP.position_m)
+    step = 1e-8
+    for start, end, here in stretches(beam, SKEW):
         x, dx = (start + end) / 2 + nodes * (end - start) / 2, weights * (end - start) / 2
-        _, neutral, bending, _ = transformed_section(BEAM, here)
-        line = mass_per_length(BEAM)
-        w, bend = resonator.deflection(x), second_derivative(resonator, x)
-        for p in here:
-            for side in {"both": (1, -1), "top": (1,), "bottom": (-1,)}[p.faces]:
-                line += p.density_kg_m3 * p.width_m * p.thickness_m
-                distance = side * (side * (BEAM.thickness_m + p.thickness_m) / 2 - neutral)
-                coupling["AB".index(p.group)] += moment_per_volt(p, distance) * (dx @ bend)
+        line, bending, moments = section(beam, here)
+        w, turn, bend = resonator.deflection(x), turned(x), second_derivative(resonator, x)
+        if thick:
+            bend = (turned(x + step) - turned(x - step)) / (2 * step)
+            shear, inertia = shear_stiffness(beam, here)
+            angle = resonator.slope(x) - turn
+            mass += inertia * (turn.T * dx) @ turn
+            stiffness += shear * (angle.T * dx) @ angle
+        coupling += np.outer(moments, dx @ bend)
+        recoil = recoil + line * (dx @ w)
         mass += line * (w.T * dx) @ w
         stiffness += bending * (bend.T * dx) @ bend
-    value, slope = resonator.deflection(SKEW_TIP.position_m), resonator.slope(SKEW_TIP.position_m)
-    mass += SKEW_TIP.mass_kg * np.outer(value, value) + SKEW_TIP.rotary_inertia_kg_m2 * np.outer(slope, slope)
-
-    def scaled(matrix: np.ndarray) -> np.ndarray:
-        return matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
-
-    np.testing.assert_allclose(np.diag(mass), resonator.masses_kg, rtol=1e-10)
-    np.testing.assert_allclose(np.diag(stiffness), resonator.stiffnesses_n_per_m, rtol=1e-10)
-    np.testing.assert_allclose(scaled(mass), np.eye(4), atol=1e-10)
-    np.testing.assert_allclose(scaled(stiffness), np.eye(4), atol=1e-10)
-    np.testing.assert_allclose(coupling, resonator.couplings_n_per_v, rtol=1e-9)
+    value, turn = resonator.deflection(SKEW_TIP.position_m), turned(SKEW_TIP.position_m)
+    mass += SKEW_TIP.mass_kg * np.outer(value, value) + SKEW_TIP.rotary_inertia_kg_m2 * np.outer(turn, turn)
+    np.testing.assert_allclose(np.diag(mass), resonator.masses_kg, rtol=within)
+    np.testing.assert_allclose(np.diag(stiffness), resonator.stiffnesses_n_per_m, rtol=within)
+    for matrix in (mass, stiffness):
+        scaled = matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+        np.testing.assert_allclose(scaled, np.eye(4), atol=within)
+    np.testing.assert_allclose(coupling, resonator.couplings_n_per_v, rtol=max(within, 1e-9))
+    np.testing.assert_allclose(recoil, resonator.recoils_kg, rtol=1e-6)
+    np.testing.assert_allclose(-SKEW_TIP.length_m * turn, resonator.tip_x, rtol=1e-12)
 
 
 @pytest.mark.parametrize("beam", [BEAM, THICK])
@@ -472,16 +449,10 @@ def test_static_deflection_per_volt_is_that_of_the_statically_determinate_beam(g
     xt, length = SKEW_TIP.position_m, BEAM.length_m
     exact = 0.0
     for start, end, here in stretches(BEAM, SKEW):
-        _, neutral, bending, _ = transformed_section(BEAM, here)
-        moment = 0.0
-        for p in here:
-            if p.group == "AB"[group]:
-                for side in {"both": (1, -1), "top": (1,), "bottom": (-1,)}[p.faces]:
-                    distance = side * (side * (BEAM.thickness_m + p.thickness_m) / 2 - neutral)
-                    moment += moment_per_volt(p, distance)
+        _, bending, moments = section(BEAM, here)
         x = np.linspace(start, end, 2001)
         influence = -np.where(x < xt, x * (length - xt), xt * (length - x)) / length
-        exact += moment / bending * trapezoid(influence, x)
+        exact += moments[group] / bending * trapezoid(influence, x)
 
     def modal_sum(shapes: int) -> float:
         resonator = skew_resonator(shapes)

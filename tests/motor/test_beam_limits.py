@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cautions of beams: their criteria, their estimates against finite elements, and that every result has them."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The contact laws against Johnson's book, against their own derivatives and against small systems solved by hand."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 
 import numpy as np

@@ -6,8 +6,6 @@ closed forms in question is taken for granted. Tolerances are those of the quadr
 integrand is smooth, unless a line says otherwise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cbrt, cos, pi, radians, sin, sqrt
 
@@ -71,10 +69,13 @@ class Pair:
         return self.mu * self.compliance * self.force ** (2 / 3)
 
     @property
+    def compliances(self) -> list[float]:
+        bodies = (self.e1, self.nu1), (self.e2, self.nu2)
+        return [law.tangential_compliance(e, nu, self.modulus, self.radius) for e, nu in bodies]
+
+    @property
     def compliance(self) -> float:
-        return law.tangential_compliance(self.e1, self.nu1, self.modulus, self.radius) + law.tangential_compliance(
-            self.e2, self.nu2, self.modulus, self.radius
-        )
+        return sum(self.compliances)
 
 
 PAIRS = [
@@ -274,10 +275,7 @@ def test_the_law_of_stick_adds_the_compliances_of_both_bodies(pair: Pair, share:
     force = pair.mu * pair.force * (1 - share**3)
     assert u / pair.limit == pytest.approx(1 - share**2, rel=1e-9)
     assert force == pytest.approx(pair.mu * pair.force * (1 - (1 - u / pair.limit) ** 1.5), rel=1e-9)
-    own = [
-        law.tangential_compliance(e, nu, pair.modulus, pair.radius)
-        for e, nu in ((pair.e1, pair.nu1), (pair.e2, pair.nu2))
-    ]
+    own = pair.compliances
     assert moves[0] == pytest.approx(u / (1 + own[1] / own[0]), rel=1e-9)
     assert moves[1] == pytest.approx(u / (1 + own[0] / own[1]), rel=1e-9)
 
@@ -303,10 +301,7 @@ def test_stiffness_at_the_start_is_mindlins(pair: Pair) -> None:
     along, _ = quad(lambda r: 1 / (2 * pi * a * sqrt(a + r)), 0, a, weight="alg", wvar=(0, -0.5))  # ∫ q dr / F
     around = [quad(lambda t, nu=nu: 1 - nu + nu * cos(t) ** 2, 0, 2 * pi)[0] for nu in (pair.nu1, pair.nu2)]
     per_force = sum(turn * along / (2 * pi * g) for g, turn in zip((g1, g2), around, strict=True))
-    own = [
-        law.tangential_compliance(e, nu, pair.modulus, pair.radius)
-        for e, nu in ((pair.e1, pair.nu1), (pair.e2, pair.nu2))
-    ]
+    own = pair.compliances
     contact = Contact(
         normal_stiffness_n_per_m15=law.normal_stiffness(pair.modulus, pair.radius),
         tangential_compliance_tip_m_per_n23=own[0],

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ladders of a constant loss tangent, against that loss tangent and the relation of Kramers and Kronig."""
 
-from __future__ import annotations
-
 from math import atan, pi
 
 import numpy as np

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The drives of the paper's eqs. (1) and (2): their tones, their period and what they refuse."""
 
-from __future__ import annotations
-
 from inspect import signature
 from math import pi, radians, sin
-from typing import Any
 
 import numpy as np
 import pytest
@@ -133,14 +130,6 @@ def test_values_without_names_are_taken_in_the_order_of_the_declaration() -> Non
         TwoPhaseDrive(1.0, 1e3, 0.0, 1.0, 0.0, 0.0)
     with pytest.raises(ParameterError, match=r"voltage is given twice\. The order of the values is voltage, "):
         TwoPhaseDrive(1.0, 1e3, voltage=1.0)
-
-
-GOOD: dict[type[Drive], dict[str, Any]] = {
-    TwoPhaseDrive: {"voltage": 1.0, "frequency": 1e3, "phase_deg": 90.0, "ratio_b": 1.0, "soft_start": 0.0},
-    TwoToneDrive: {
-        "voltage_1": 1.0, "frequency_1": 1e3, "voltage_2": 1.0, "frequency_2": 2e3, "phase_deg": 0.0, "soft_start": 0.0,
-    },
-}  # fmt: skip
 
 
 # --- a drive and its motor -----------------------------------------------------------------------------------

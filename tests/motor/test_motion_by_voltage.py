@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Modes of the flagship that are left out move its tip by the voltages, and the force of the contact its charges."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

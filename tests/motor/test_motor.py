@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a motor is as data: its JSON shape, its changes by dotted paths, and what it refuses."""
 
-from __future__ import annotations
-
 import pickle
 import re
 from math import pi, sqrt
@@ -96,7 +94,6 @@ def test_a_mount_is_put_in_changed_and_taken_out() -> None:
     assert sprung.to_dict() == held.updated({f"mount.{name}": value for name, value in SPRINGS.items()}).to_dict()
     softer = sprung.updated({"mount.stiffness_n_per_m": 1e4})
     assert softer.to_dict()["mount"] == SPRINGS | {"stiffness_n_per_m": 1e4}
-    assert softer.mount is not None
     assert softer.mount.frequency_hz == pytest.approx(sqrt(1e4 / 0.05) / (2 * pi), rel=1e-15)
     assert softer.updated({"mount": None}).to_dict() == held.to_dict()
     with pytest.raises(ParameterError, match=r"mount\.mass_kg is missing"):
@@ -183,7 +180,6 @@ def test_any_change_gives_a_motor_or_one_clear_refusal(changes: dict[str, Any]) 
 def test_the_contact_follows_the_radius_of_the_rotor_and_the_materials(name: str) -> None:
     base = load_motor(name)
     pair = base.materials
-    assert pair is not None
     compliances = [
         (1.0 - nu**2) / modulus
         for modulus, nu in (
@@ -217,7 +213,6 @@ def test_on_the_face_of_a_rotor_the_effective_radius_is_that_of_the_tip() -> Non
     assert face.contact.effective_radius_m == pytest.approx(0.01456, rel=1e-12)
     assert face.updated({"rotor.radius_m": 0.012}).contact == face.contact
     again = load_motor("andersen2002").updated({"contact.materials.on_face": True})
-    assert again.materials is not None
     assert again.contact.effective_radius_m == pytest.approx(again.materials.tip_radius_m, rel=1e-12)
 
 

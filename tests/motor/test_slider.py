@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor with a slider: its document, its rotor of radius 1 m, and its limits."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -53,7 +51,6 @@ def test_a_motor_is_read_back_as_it_was_written(tmp_path: Path) -> None:
 
 def test_paths_of_the_slider_change_the_rotor_too() -> None:
     changed = stage().updated({"slider.mass_kg": 0.5, "slider.guide_friction_n": 0.0})
-    assert changed.slider is not None
     assert changed.slider.mass_kg == changed.rotor.inertia_kg_m2 == 0.5
     assert changed.dry_friction == ("slider.guide_friction_n", 0.0, "N")
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The matrices of the stator against closed forms and the circuit; with three groups and two contacts as well."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

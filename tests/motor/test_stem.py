@@ -4,8 +4,6 @@
 tests/docs/test_physics_page.py compares with finite elements of the same shape.
 """
 
-from __future__ import annotations
-
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -152,7 +150,6 @@ def test_a_motor_with_a_stem_is_read(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(toml(MOTOR | {"tip": MOTOR["tip"] | stem}), encoding="utf-8")
     motor = pr.load_motor(file)
-    assert motor.structure is not None
     found: Resonator = solve_resonator(motor.structure.beam, motor.structure.patches, motor.structure.tip)
     assert [mode.frequency_hz for mode in motor.modes] == pytest.approx(list(found.frequencies_hz))
     assert [mode.tip_x for mode in motor.modes] == list(found.tip_x)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The heat balance of a motor's stator."""
 
-from __future__ import annotations
-
 import pytest
 
 import pyspice_runner as pr
@@ -25,7 +23,6 @@ def test_a_motor_heats_by_its_own_resistance_and_capacity() -> None:
 def test_boxes_that_overlap_count_once() -> None:
     """A tip of alumina that reaches into the plate displaces its ceramic: the later box counts."""
     solid = pr.load_motor("bimodal40").solid
-    assert solid is not None
     plate = solid.boxes[0]
     low, high = plate.corners
     corner = tuple(0.5 * (a + b) for a, b in zip(low, high, strict=True))

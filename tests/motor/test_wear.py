@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pressure, tension and wear of the contact against integrals of point forces, geometry and a run's own motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from math import cos, pi, sin, sqrt
 
@@ -108,7 +106,6 @@ def test_a_steady_state_wears_by_the_slip_of_its_own_motion() -> None:
     """Slip is the path of the tip less those of the rotor and of the spring; the normal force weighs it."""
     state = pr.steady_state(FLAGSHIP, pr.default_drive(FLAGSHIP), speed=20.0)
     waves = state.waveforms
-    assert waves is not None
     path = waves.tip_x_m - waves.time_s * 20.0 * FLAGSHIP.rotor.radius_m - waves.contact_displacement_m
     normal = 0.5 * (waves.normal_force_n[1:] + waves.normal_force_n[:-1])
     closed = normal > 0.05 * normal.max()

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes plain values as TOML, and checks the messages for an invalid motor."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -22,8 +22,6 @@ change of state is late by a step at most: the error of the means is of first or
 """
 
 # mypy: allow-untyped-defs
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor

@@ -25,8 +25,6 @@ At the touch u and u_lim are both zero: the slider follows (stick) if |v_rel| â‰
 """
 
 # mypy: allow-untyped-defs
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor

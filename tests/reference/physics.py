@@ -16,8 +16,6 @@ with the seat δ_0 + F_0 Σ Y_n²/k_n and the torque T of a dry bearing (Dahl), 
 """
 
 # mypy: allow-untyped-defs
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -13,8 +13,6 @@ Units: penetration in d, displacement in μ (E*/G*) d, force in μ K_N d^(3/2), 
 """
 
 # mypy: allow-untyped-defs
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -2,8 +2,6 @@
 """The yardstick itself, measured against closed forms, conservation laws and a second, cruder integrator."""
 
 # mypy: allow-untyped-defs
-from __future__ import annotations
-
 from functools import cache
 from math import pi, sqrt
 from typing import Any

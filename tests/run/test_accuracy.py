@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Accuracy by request: the error that a run reports, against its distance from the independent integrator."""
 
-from __future__ import annotations
-
 from time import monotonic
 from typing import Any
 
@@ -45,7 +43,6 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(
         monkeypatch.setitem(POINTS, name, MORE[name])  # where the reference looks it up
     run = accurate(name, 0.005)
     true = trajectory_error(name, run)
-    assert run.error_estimate is not None
     assert run.error_estimate <= 0.005
     # required; at 18 points measured 0.69 to 1.16 times; where the contact opens, the estimate is three times larger
     assert true / 3.0 <= run.error_estimate / (3.0 if opens(run) else 1.0) <= 3.0 * true
@@ -60,7 +57,6 @@ def test_a_step_that_is_too_coarse_is_refused_with_the_largest_that_would_do() -
     allowed = float(str(refusal.value).partition("It must be about ")[2].split()[0])
     run = pr.simulate(point.motor, point.drive, step=allowed, **settings)
     assert run.provenance["run"]["step_s"] == allowed
-    assert run.error_estimate is not None
     assert run.error_estimate < 1e-3  # the advice is on the safe side: the error of a coarse step is overestimated
 
 
@@ -108,7 +104,6 @@ def test_a_default_run_states_its_error_within_a_factor_of_three(name: str) -> N
     point = POINTS[name]
     run = pr.simulate(point.motor, point.drive, duration=DURATION, **point.load)
     true = trajectory_error(name, run)
-    assert run.error_estimate is not None
     assert true / 3.0 <= run.error_estimate / (3.0 if opens(run) else 1.0) <= 3.0 * true
     assert run.accurate is (run.to_dict()["accurate"])
     assert run.speed_error_rad_s is not None
@@ -121,12 +116,10 @@ def test_a_default_run_whose_estimated_error_exceeds_one_per_cent_says_so() -> N
     motor = pr.load_motor("andersen2002").updated({"mount": None})
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=17e3, phase_deg=90.0)
     run = pr.simulate(motor, drive, duration=2e-3)
-    assert run.error_estimate is not None
     assert run.error_estimate < 0.01
     assert run.accurate is False
     assert any("estimated error exceeds 1 %: the mean rotor speed" in caution for caution in run.cautions)
     fine = pr.simulate(motor, drive, duration=2e-3, step=run.provenance["run"]["step_s"] / 4.0)
-    assert run.speed_error_rad_s is not None
     assert abs(fine.mean_rotor_speed_rad_s - run.mean_rotor_speed_rad_s) <= run.speed_error_rad_s
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The capacitance between the groups: against closed forms, and against the independent integrator."""
 
-from __future__ import annotations
-
 from math import atan, pi
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The motor by each contact law, against one whose contact is a row of 200 elements (``tests/reference/row.py``)."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

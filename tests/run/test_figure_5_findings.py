@@ -6,8 +6,6 @@ contact that neither opens nor slips θU/|D + s|, where s is the contact's stiff
 the tip's share in the mode. The rotor is held.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from math import pi, sqrt

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The one way to run a bench: the second attempt of a run whose steps collapsed at a switching edge."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

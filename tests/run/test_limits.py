@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Strain, stress and temperature of the ceramic, and the warnings about them in every kind of result."""
 
-from __future__ import annotations
-
 import json
 from math import pi
 
@@ -25,7 +23,6 @@ def drive(voltage: float) -> pr.TwoPhaseDrive:
 def test_the_strain_of_a_half_wave_is_its_curvature_times_the_distance_of_the_outer_fibre() -> None:
     """The first mode of a beam whose ceramic and tip hardly count is sin(pi x / L)."""
     structure = MOTOR.structure
-    assert structure is not None
     patches = tuple(patch.model_copy(update={"thickness_m": 1e-5}) for patch in structure.patches)
     bare = structure.model_copy(
         update={

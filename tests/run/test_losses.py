@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Stribeck friction, a dry bearing and a compliance in series with the contact: each against its own yardstick."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cache
 from math import hypot, pi
@@ -22,7 +20,7 @@ from pyspice_runner.motor.contact import (
 )
 from pyspice_runner.run.audit import delivering
 from pyspice_runner.run.waveforms import Waveforms
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 from tests.reference.damped import integrate_damped
 from tests.reference.integrator import ReferenceRun, integrate
 from tests.runs import simulated
@@ -257,8 +255,7 @@ def test_friction_that_falls_makes_a_compliance_along_the_rotor_jump() -> None:
 @pytest.mark.parametrize("speed", [0.0, 20.0, 30.0])
 def test_the_plate_motor_has_the_steady_state_of_a_reference_with_a_penetration_of_its_own(speed: float) -> None:
     """The stall force is μ F₀; before the rate was exact, the force was 1.4 % and 7 % too small at 20 and 30 rad/s."""
-    motor = pr.load_motor("bimodal40")
-    drive = pr.default_drive(motor)
+    motor, drive = recommended("bimodal40")
     state = pr.steady_state(motor, drive, speed=speed)
     period, periods = drive.period, 2000  # 49 ms: 16 decay times of its slowest mode
     end, begin = periods * period, (periods - 20) * period
@@ -295,8 +292,7 @@ def test_a_loss_that_is_negative_has_its_sentence_with_the_largest_share() -> No
 
 
 def test_a_stalled_motor_whose_friction_delivers_power_says_so_and_the_brush_does_not() -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     spring, brush = (pr.steady_state(motor, drive, speed=0.0, contact=law) for law in ("spring-slider", "brush"))
     assert spring.friction_loss_w < 0.0 < brush.friction_loss_w
     assert any(text.startswith("Friction delivers") for text in spring.cautions)

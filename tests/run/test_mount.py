@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mount with soft springs keeps the mean normal force at the preload; one with rigid springs keeps the distance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

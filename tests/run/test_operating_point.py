@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operating points: their parameters by path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

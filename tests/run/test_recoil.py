@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recoil of the modes on the carrier: against its exact elimination, and against the independent integrator."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Long runs: what is recorded, progress, and what is left of a run that was interrupted."""
 
-from __future__ import annotations
-
 import json
 import signal
 from pathlib import Path

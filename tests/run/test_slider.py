@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor with a slider runs as the same motor with a rotor, and its results are in N and m/s."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -116,7 +114,6 @@ def test_a_map_has_force_and_speed() -> None:
     result: WorkingPoints = points.piezomotor
     assert points["load.speed"].attrs["units"] == "m/s"
     best = result.best
-    assert best is not None
     assert best["force_n"] == best["torque_n_m"]
     assert "force" in result.summary()
     assert result.plot(panel="torque").get_ylabel() == "force on the slider in N"

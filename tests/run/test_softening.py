@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A ceramic that softens and loses more with amplitude, against Duffing's oscillator in closed form."""
 
-from __future__ import annotations
-
 from math import pi
 from pathlib import Path
 
@@ -27,7 +25,6 @@ def free(motor: pr.Motor, frequency: float) -> float:
     drive = pr.TwoPhaseDrive(voltage=VOLTAGE, frequency=frequency, phase_deg=180.0)
     state = pr.steady_state(motor, drive, speed=0.0, contact=None)
     assert state.converged
-    assert state.waveforms is not None
     return float(np.abs(state.waveforms.tip_x_m).max() / abs(MODE.tip_x))
 
 
@@ -42,7 +39,6 @@ def test_the_closed_form_without_softening_is_the_linear_resonance() -> None:
 
 def test_at_a_fold_two_amplitudes_meet() -> None:
     found = folds(MODE, FORCE, 0.975 * MODE.frequency_hz, 1.01 * MODE.frequency_hz)
-    assert found is not None
     down, up = found
     assert down < up < MODE.frequency_hz
     low, middle, _ = amplitudes(MODE, FORCE, up)
@@ -76,7 +72,6 @@ def test_the_deck_jumps_at_the_folds(tmp_path: Path) -> None:
     found = measured("softening", tmp_path)
     low, high, sweep = 0.975 * MODE.frequency_hz, 1.01 * MODE.frequency_hz, 0.05
     folded = folds(MODE, FORCE, low, high)
-    assert folded is not None
     span = high - low
     up = low + span * found["time_up_s"] / sweep
     down = high - span * (found["time_down_s"] / sweep - 1.0)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A transducer: its file, admittance, runs, steady state and library, against closed forms and hand-written decks."""
 
-from __future__ import annotations
-
 import json
 from math import pi
 from pathlib import Path

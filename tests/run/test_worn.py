@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor with a worn tip: against the independent integrator, and in every analysis that takes or rejects it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

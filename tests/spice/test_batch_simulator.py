@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The engine as a PySpice simulator, used as PySpice's own are."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -90,7 +88,6 @@ def test_saved_vectors_are_returned_in_the_order_of_the_request() -> None:
     simulator.save("source", "v(out)")
     assert ".save v(out) i(L1) source\n" in str(simulator)
     simulator.transient(step_time=1 @ u_us, end_time=0.1 @ u_ms)
-    assert simulator.result is not None
     assert list(simulator.result.raw.vectors) == ["time", "v(out)", "i(l1)", "v(source)"]
 
 

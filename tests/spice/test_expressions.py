@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The equations of a subcircuit, and expressions in C and Verilog-A, against closed forms of the contact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import exp, sqrt, tanh
 

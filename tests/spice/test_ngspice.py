@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The runner: only a verified run gives a result, and no run leaves files or processes behind."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import re
@@ -21,6 +19,7 @@ import pytest
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.spice import ngspice, process
 from pyspice_runner.spice.ngspice import SpiceRun, find_ngspice, run_deck
+from tests.processes import working_in
 
 GOOD = """a low-pass
 V1 in 0 SIN(0 2 1k) AC 1
@@ -63,7 +62,6 @@ def fails(deck: str, *, vectors: tuple[str, ...] = (), **arguments: float) -> Si
     with pytest.raises(SimulationError) as caught:
         run_deck(deck, vectors=vectors, **arguments)
     error = caught.value
-    assert error.deck is not None
     assert error.deck.read_text() == deck
     assert [path.name for path in error.deck.parent.iterdir()] == ["deck.cir"]
     assert str(error).endswith(f"The netlist is kept as {error.deck}.")
@@ -76,20 +74,6 @@ def message(error: SimulationError) -> str:
     assert "\n" not in text
     assert len(text) < 400
     return text
-
-
-def processes_in(folder: Path) -> list[int]:
-    """Processes that work in or under a folder."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal():
-            try:
-                cwd = (entry / "cwd").readlink()
-            except OSError:
-                continue  # ended meanwhile, a zombie, or another user's
-            if cwd.is_relative_to(folder):
-                found.append(int(entry.name))
-    return found
 
 
 def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
@@ -216,27 +200,13 @@ def test_a_complaint_of_ngspice_is_an_error_that_quotes_it(name: str) -> None:
     assert words[-1] in error.log
 
 
-SILENT = {
-    "unknown parameter of a subcircuit": (
-        deck(".subckt res p n r=1k", "R1 p n {r}", ".ends", "V1 a 0 1", "X1 a 0 res m=2 rr = {1 + (2==2)}"),
-        (
-            "Subcircuit res has no parameter rr, and ngspice would ignore it without a message on the line of x1; "
-            "it has r."
-        ),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", SILENT)
-def test_faults_that_ngspice_ignores_are_found_before_the_run(name: str) -> None:
-    netlist, sentence = SILENT[name]
-    assert message(fails(netlist)) == sentence
-
-
-@pytest.mark.parametrize("name", SILENT)
-def test_ngspice_ignores_these_faults(name: str, tmp_path: Path) -> None:
-    """The reason for looking; should a later ngspice speak up, this says so."""
-    (tmp_path / "deck.cir").write_text(SILENT[name][0])
+def test_an_unknown_parameter_of_a_subcircuit_is_found_before_the_run_and_ngspice_ignores_it(tmp_path: Path) -> None:
+    """The second is the reason for looking; should a later ngspice speak up, this says so."""
+    netlist = deck(".subckt res p n r=1k", "R1 p n {r}", ".ends", "V1 a 0 1", "X1 a 0 res m=2 rr = {1 + (2==2)}")
+    assert message(fails(netlist)) == (
+        "Subcircuit res has no parameter rr, and ngspice would ignore it without a message on the line of x1; it has r."
+    )
+    (tmp_path / "deck.cir").write_text(netlist)
     done = subprocess.run(
         [find_ngspice(), "-b", "-n", "-r", "out.raw", "deck.cir"],
         cwd=tmp_path, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL,
@@ -371,7 +341,7 @@ def test_timeout_ends_ngspice_and_its_children(fake: Callable[..., Path], scratc
     started = time.monotonic()
     assert message(fails(GOOD, timeout=0.3)) == "ngspice did not finish within 0.3 s and was stopped."
     assert time.monotonic() - started < 100.0  # and not the 300 s that its child sleeps
-    wait_until(lambda: not processes_in(scratch))  # a killed grandchild is reaped by init in its own time
+    wait_until(lambda: not working_in(scratch))  # a killed grandchild is reaped by init in its own time
 
 
 RUN = "run_deck(sys.stdin.read(), vectors=[])"
@@ -401,19 +371,17 @@ def test_a_signal_to_a_script_ends_ngspice(
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as python:  # fmt: skip
         try:
-            assert python.stdin is not None
             python.stdin.write(ENDLESS)
             python.stdin.close()
             wait_until(lambda: any(folder.joinpath("out.raw").exists() for folder in scratch.iterdir()))
-            assert processes_in(scratch)
+            assert working_in(scratch)
             python.send_signal(number)
             assert python.wait(timeout=60) == -number
-            assert python.stderr is not None
             assert python.stderr.read().rstrip().endswith(last)
-            wait_until(lambda: not processes_in(scratch))
+            wait_until(lambda: not working_in(scratch))
         finally:  # what a test that failed leaves behind would run for hours
             python.kill()
-            for left in processes_in(scratch):
+            for left in working_in(scratch):
                 os.kill(left, signal.SIGKILL)
     assert run == RUN_IN_A_THREAD or list(scratch.iterdir()) == []
 

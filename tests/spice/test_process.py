@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Processes of ngspice that stay for the next deck, and a transient that pauses at samples."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -69,7 +67,6 @@ def test_a_deck_that_fails_has_the_message_of_a_run_of_its_own_and_spoils_no_oth
     with pytest.raises(SimulationError, match=r"left out the vector v\(none\)") as caught:
         run(DECK.format("1k"), vectors=["v(none)"])
     for error in (faulty.value, caught.value):  # the netlists are kept
-        assert error.deck is not None
         shutil.rmtree(error.deck.parent)
     assert run(DECK.format("1k")).raw.points > 100
 
@@ -107,7 +104,6 @@ with KeptProcesses() as kept:
 """
     environment = os.environ | {"TMPDIR": str(tmp_path), "PIEZOMOTOR_ENGINE": "native"}
     owner = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, env=environment, text=True)
-    assert owner.stdout is not None
     ours = int(owner.stdout.readline())
     owner.send_signal(signal.SIGKILL)
     owner.wait()

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A raw file is read as it was written, or rejected: no wrong array and no other exception."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is looked for in a netlist before ngspice runs; that ngspice does pass over it, test_ngspice.py shows."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

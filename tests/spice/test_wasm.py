@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ngspice as WebAssembly: its installation, and what differs from the native program."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

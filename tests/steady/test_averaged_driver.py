@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +11,10 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.cli import run as command
 from pyspice_runner.spice import Engine
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
-MOTOR = pr.load_motor(BEAM40)
-DRIVE = pr.default_drive(MOTOR)
+MOTOR, DRIVE = recommended(BEAM40)
 OMEGA, CLAMPED = 2.0 * np.pi * DRIVE.frequency, MOTOR.piezo.capacitance_a_f
 
 
@@ -46,19 +44,6 @@ def llcc(parallel: float = 1e-9) -> pr.Driver:
 
 INDUCTOR = behind("inductor", 55.0, inductance=12e-3, resistance=60.0)
 ADDED = {"cable.capacitance": 2e-10, "cable.inductance": 5e-7}  # 2 m of RG 174
-
-
-def envelope(run: Any, signal: str) -> tuple[Any, Any]:
-    """Return times in s and the amplitude of a signal's fundamental, by the mean over the period around each."""
-    period, time = 1.0 / DRIVE.frequency, run.time_s
-    turned = 2.0 * getattr(run, signal) * np.exp(-1j * OMEGA * time)
-    summed = np.concatenate(([0.0], np.cumsum(0.5 * (turned[1:] + turned[:-1]) * np.diff(time))))
-    at = time[time > period]
-
-    def until(when: Any) -> Any:
-        return np.interp(when, time, summed.real) + 1j * np.interp(when, time, summed.imag)
-
-    return at - 0.5 * period, np.abs(until(at) - until(at - period)) / period
 
 
 def test_a_step_of_the_stage_at_a_motor_that_does_not_move_is_that_of_the_circuit() -> None:
@@ -186,9 +171,6 @@ def test_a_loop_behind_an_inductor_is_that_of_the_full_motor() -> None:
         for engine in ENGINES
     )
     full = pr.track(MOTOR, tracker, driver=driver, speed=20.0)
-    assert ours.loop is not None
-    assert theirs.loop is not None
-    assert full.loop is not None
     assert ours.loop.phase_margin_deg == pytest.approx(theirs.loop.phase_margin_deg, abs=0.05)
     assert ours.loop.crossover_hz == pytest.approx(theirs.loop.crossover_hz, rel=1e-3)
     assert ours.loop.phase_margin_deg == pytest.approx(full.loop.phase_margin_deg, abs=2.0)

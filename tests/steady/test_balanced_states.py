@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Quantities and their derivatives by harmonic balance, against steady states by ngspice."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import pyspice_runner as pr

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plate motor does what it was designed for, at its drive and over its tolerances."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from runpy import run_path
@@ -38,7 +36,6 @@ def test_it_has_the_force_speed_and_efficiency_of_its_page() -> None:
     assert stall.stable
     assert moving.stable
     limits = MOTOR.limits
-    assert limits is not None
     assert moving.quantities["ceramic_stress_pa"] < limits.dynamic_strength_pa
     assert moving.quantities["temperature_rise_k"] < 0.5 * limits.curie_temperature_c - limits.ambient_c
 
@@ -63,7 +60,6 @@ def test_plate_theory_gives_the_modes_of_three_dimensions() -> None:
 @pytest.mark.soak
 def test_elements_of_twice_the_size_hardly_change_the_modes_that_move_the_tip() -> None:
     stated = stated_solid(SETS / "bimodal40.toml")
-    assert stated is not None
     coarse = solve_stator(stated.model_copy(update={"element_m": 2.0 * stated.element_m}))
     moving = [index for index in range(4) if index != TORSION - 1]
     # measured 2e-4; the torsional mode shears the thickness, which is then one element, and changes by 1.4 %

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Branches of steady states through folds: near the contact resonance the motor remembers where it came from."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import ceil
 

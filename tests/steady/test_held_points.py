@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Held shafts: determined torques against runs that settle from rest, and the cautions of averaged models."""
 
-from __future__ import annotations
-
 import pytest
 
 import pyspice_runner as pr

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The derivative along a trace, against periods that ngspice maps from perturbed states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -131,9 +129,7 @@ def test_runs_with_other_points_in_time_are_differentiated_apart() -> None:
     plant = Plant(PAPER, PAPERS_DRIVE, Load(2.0), Law())
     period_map = PeriodMap(PAPERS_DRIVE.period, STEPS)
     (trace,) = period_map.traces([Copy(plant, start_point(plant).state)])
-    assert trace is not None
     course = trace.course
-    assert course is not None
     later = replace(
         course, time=course.time[1:], states=course.states[:, 1:], normal=course.normal[:, 1:], first=course.first - 1,
         friction=course.friction[:, 1:], penetration_um=course.penetration_um[:, 1:],

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Many motors in the decks of a period map, which run side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -96,16 +94,12 @@ def test_sliders_that_touch_nothing_are_left_out_of_the_circuit(flat: float, gue
     plant = Plant(motor, pr.TwoPhaseDrive(voltage=200.0, frequency=51.7e3, phase_deg=90.0), Load(3.0), Law("brush", 8))
     point = start_point(plant)
     (whole,) = PeriodMap(plant.drive.period, 64).traces([point.copy(point.state)])
-    assert whole is not None
-    assert whole.reach is not None
     assert 1 < whole.reach < 8
     assert not whole.states[plant.places["contact"]][whole.reach :].any()
     assert whole.states[plant.places["contact"]][whole.reach - 1].any()
     point.reach = whole.reach if guess == "exact" else 1
     (part,) = PeriodMap(plant.drive.period, 64).traces([point.copy(point.state)])
-    assert part is not None
     assert part.reach == whole.reach
-    assert part.course is not None
     assert part.course.plant.order == plant.order - (8 - whole.reach if guess == "exact" else 0)
     # ngspice iterates to 1e-6
     assert (np.abs(part.states - whole.states).max(axis=1) <= 1e-6 * point.scale).all()

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small signals about a running motor, against transients whose drive or load is modulated, and steady states."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence
@@ -32,7 +30,7 @@ from pyspice_runner.steady.small_signals import INPUTS, OUTPUTS, SmallSignals, _
 from pyspice_runner.steady.steady import steady_states
 from pyspice_runner.trackers.loop import running_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 
 pytestmark = pytest.mark.xdist_group("small signals")  # they are shared
 
@@ -129,7 +127,6 @@ def modulated(
         finer: number of its steps in one of the steady state.
     """
     state, period = signals(FAST).state, 1.0 / DRIVE.frequency
-    assert state.solution is not None
     step = PeriodMap(period, finer * round(period / state.step_s))
     frequencies = {number: DRIVE.frequency / number for number in numbers}
     copy = Copy(state.solution.plant, state.solution.state)
@@ -226,8 +223,7 @@ def test_short_steps_of_a_transient_show_the_extrapolated_transfer_functions() -
 
 def test_the_slow_gain_is_that_of_two_steady_states() -> None:
     """Measured 0.05 %; test_every_effect.py has the motor with every effect."""
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     found = small_signals(motor, drive, frequencies=[0.01], speed=15.0)
     ends = [Point.of(motor, drive.updated({"voltage": drive.voltage + step}), speed=15.0) for step in (-2.0, 2.0)]
     low, high = (state.torque_n_m for state in steady_states(ends))
@@ -257,9 +253,7 @@ def test_slow_modulation_follows_the_steady_states() -> None:
 @pytest.mark.soak
 def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states() -> None:
     """Two modes meet: the drive of the set is near the frequency of the greatest speed."""
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended(BEAM40)
     found = small_signals(motor, drive, frequencies=[0.02])
     up, down = (
         pr.steady_state(motor, drive.updated({"frequency": drive.frequency + shift}), accuracy=2e-5).speed_rad_s
@@ -281,9 +275,7 @@ def test_where_effects_cancel_a_transfer_function_is_that_of_steady_states() -> 
 @pytest.mark.parametrize("name", ["bimodal40", PLATE40])
 def test_the_small_signals_of_recommended_drives_are_accurate(name: str) -> None:
     """That of plate40 to the phase has a peak in a hundredth of a step, which takes a quarter of it."""
-    motor = pr.load_motor(name)
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended(name)
     found = small_signals(motor, drive, frequencies=[0.02, *np.geomspace(10.0, 3e3, 6)])
     assert not any("transfer functions" in caution for caution in found.cautions)
     # differences over a phase or a voltage have errors of 1 to 50 %, because the steady states have errors
@@ -315,7 +307,6 @@ def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> No
     bands = np.ones((6, 3), complex)
     carriers = {"current_a": 1j, "current_b": 1j, "motional_a": 1j, "motional_b": 0.0}
     solution = signals(FAST).state.solution
-    assert solution is not None
     found = _outputs(bands, carriers, "amplitude", solution.plant)
     assert OUTPUTS.keys() - found.keys() == {"motional_phase_b_deg"}
     partial = replace(signals(FAST), transfers={("speed", "amplitude"): np.ones(1, complex)})
@@ -367,7 +358,6 @@ def test_the_hot_admittance_of_the_flagship_is_that_of_a_transient() -> None:
     side, other = (SEVENTY.frequency * (1.0 + sign / number) for sign in (1.0, -1.0))
     found = small_signals(FLAGSHIP, SEVENTY, frequencies=[SEVENTY.frequency / number], speed=27.8)
     solution, period = found.state.solution, SEVENTY.period
-    assert solution is not None
     step = PeriodMap(period, 2 * round(period / found.state.step_s))
     probes = [(Probe("a", Tone(sign * volts, side, 0.5 * pi)),) for sign in (1.0, -1.0)]
     names = [f"i(v.{{}}.xmode{mode + 1}.vvelocity)" for mode in range(len(FLAGSHIP.modes))]

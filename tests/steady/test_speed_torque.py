@@ -4,8 +4,6 @@
 Against the independent integrator: :mod:`.test_speed_torque_reference`.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path
@@ -233,18 +231,7 @@ def test_axes_units_and_provenance(tmp_path: Path) -> None:
 
 
 def test_the_command_prints_the_names_that_others_rely_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = [
-        MOTOR.name,
-        "--set",
-        "mount=none",
-        "--voltage",
-        "100",
-        "--frequency",
-        "46e3",
-        "--phase",
-        "180",
-        "--speeds=-12,6",
-    ]
+    words = f"{MOTOR.name} --set mount=none --voltage 100 --frequency 46e3 --phase 180 --speeds=-12,6".split()
     impatient = ["--mode", "settle", "--patience", "4", "--tolerance", "1e-8", "--step", "4e-7"]
     files = ["--output", str(tmp_path / "curve.csv"), "--plot", str(tmp_path / "curve.png")]
     assert run(["speed-torque", *words, *impatient, "--json", *files]) == 0

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The fixed-speed curve against the independent, event-driven integrator with its shaft held."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

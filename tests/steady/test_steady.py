@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Steady states by shooting: against closed forms, settled runs and the decay of disturbances."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from functools import cache
@@ -24,7 +22,7 @@ from pyspice_runner.steady.period_map import PeriodMap, Trace
 from pyspice_runner.steady.shooting import NEWTON
 from pyspice_runner.steady.speed_torque import held_point
 from pyspice_runner.steady.steady import SteadyState, steady_states
-from tests.motors import BEAM40
+from tests.motors import BEAM40, friction_torque, recommended
 from validation.steady_states import staying
 
 SOFT_COMPLIANCES = Path(__file__).parents[1] / "data" / "soft_compliances.json"
@@ -34,11 +32,6 @@ pytestmark = pytest.mark.xdist_group("steady states")  # they are shared
 PAPER = pr.load_motor("andersen2002")
 MOTOR = pr.load_motor("andersen2002-unintended-mode")
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
-
-
-def friction_torque(motor: pr.Motor) -> float:
-    """μ F₀ R, N·m."""
-    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 @cache
@@ -129,7 +122,6 @@ def test_a_load_that_bursts_the_rotor_is_told(capsys: pytest.CaptureFixture[str]
 def test_a_period_of_a_steady_state_counts_as_settled() -> None:
     for state in (held(6.0), pr.steady_state(MOTOR, DRIVE)):
         waves = state.waveforms
-        assert waves is not None
         assert waves.settled
         assert not waves.cautions
         assert "not settled" not in str(waves.summary())
@@ -137,8 +129,7 @@ def test_a_period_of_a_steady_state_counts_as_settled() -> None:
 
 @pytest.mark.parametrize("sliders", [16, pytest.param(32, marks=[pytest.mark.slow, pytest.mark.soak])])
 def test_sliders_that_slip_add_no_multipliers(sliders: int) -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     few, many = (pr.steady_state(motor, drive, speed=45.0, contact=pr.Law("brush", count)) for count in (8, sliders))
     assert many.stable
     assert many.method == "newton"
@@ -186,7 +177,6 @@ def test_a_row_of_sliders_that_stick_has_the_multipliers_of_one_spring(name: str
 
 def test_one_period_of_waveforms_closes_and_balances() -> None:
     waves = held(6.0).waveforms
-    assert waves is not None
     assert waves.time_s[-1] - waves.time_s[0] == pytest.approx(1.0 / DRIVE.frequency)
     for name in ("tip_x_m", "tip_y_m", "normal_force_n", "friction_force_n", "current_a_a"):
         signal = getattr(waves, name)
@@ -207,7 +197,6 @@ def test_dry_friction_of_the_bearing_takes_its_torque_from_a_held_shaft() -> Non
     state = pr.steady_state(dry, DRIVE, speed=6.0)
     assert state.torque_n_m == pytest.approx(held(6.0).torque_n_m, rel=1e-6)
     assert state.load_torque_n_m == pytest.approx(held(6.0).load_torque_n_m - 1e-3, rel=1e-6)
-    assert state.waveforms is not None
     assert state.waveforms.energy_residual < 1e-3
     with pytest.raises(pr.ParameterError, match="dry friction is not found by shooting"):
         pr.steady_state(dry, DRIVE)

@@ -19,7 +19,7 @@ from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, Copy, Plant, driven_bench
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.speed_torque import held_point
-from tests.motors import BEAM40
+from tests.motors import BEAM40, friction_torque, recommended
 
 pytestmark = pytest.mark.xdist_group("steady states")
 
@@ -30,11 +30,6 @@ MOUNTED = MOTOR.updated({"mount.damping_n_s_per_m": 500.0})
 DRIVE = pr.TwoPhaseDrive(voltage=100.0, frequency=46e3, phase_deg=180.0)
 NETWORKS = ("none", "inductor", "llcc")
 KINDS = ("linear", "half-bridge", "full-bridge", "push-pull")
-
-
-def friction_torque(motor: pr.Motor) -> float:
-    """μ F₀ R, N·m."""
-    return motor.contact.friction * motor.contact.preload_n * motor.rotor.radius_m
 
 
 def driver(kind: str, network: Any = "none", **settings: float) -> pr.Driver:
@@ -56,8 +51,7 @@ def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | Non
 @pytest.mark.soak
 def test_a_tuned_network_does_not_make_a_steady_state_unstable() -> None:
     """The charges of the plates fade within the start of a run, all but a few ten-thousandths: they count as well."""
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     settings = {"inductance": 22e-3, "resistance": 55.4, "capacitance": 716e-12, "bleeder": 560e3}
     tuned = pr.Driver(
         kind="ideal", network="inductor", **two_phases(drive),

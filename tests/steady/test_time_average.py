@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Time averages: those of a stable motion are its means; those of unstable ones are what every analysis has."""
 
-from __future__ import annotations
-
 import pytest
 
 import pyspice_runner as pr

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Maps of steady states, and the best working point within limits."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path
@@ -101,7 +99,6 @@ def test_a_point_beyond_a_limit_of_the_motor_is_not_the_best_and_its_caution_is_
 
 def test_temperature_is_that_of_the_losses_and_a_limit() -> None:
     data = mapped()
-    assert MOTOR.limits is not None
     heat = (data["dielectric_loss_w"] + data["damping_loss_w"]).values
     expected = MOTOR.limits.ambient_c + MOTOR.limits.thermal_resistance_k_per_w * heat
     assert data["temperature_c"].values == pytest.approx(expected)

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sweeps: each result is at its place, and failures, kills and interrupts lose none."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -14,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from multiprocessing import get_context
 from pathlib import Path
 from threading import Thread
@@ -31,11 +30,9 @@ from pyspice_runner.sweeps.sweep import met
 from pyspice_runner.sweeps.task import Task, versions_here
 from tests import points, processes
 
-ROOT = Path(__file__).resolve().parents[2]
 DRIVE = pr.TwoPhaseDrive(voltage=50.0, frequency=51.7e3, phase_deg=90.0)
 MOTOR = pr.load_motor("andersen2002")
 NOMINAL = MOTOR.contact
-SHORT = {"duration": 2e-4, "speed": 1.0}  # of real runs, 0.1 s each
 AT_SPEED = ["sweep", "andersen2002", "--speed", "1"]
 COMMAND = [*AT_SPEED, "--duration", "5e-5"]
 ALONE = ["--workers", "1"]  # where a second process would show no more and takes a second to load
@@ -358,77 +355,20 @@ def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(quick: dict[s
     assert heard(over=over, **quick)[1][0] == (3, 8)
 
 
-started: list[subprocess.Popen[str]] = []
-
-
-@pytest.fixture(autouse=True)
-def _no_sweep_outlives_its_test() -> Iterator[None]:
-    """Not even that of a test that failed, which would cost all later ones time."""
-    yield
-    while started:
-        with started.pop() as sweeping:
-            sweeping.kill()
-
-
-def start(folder: Path, *words: str) -> subprocess.Popen[str]:
-    """Begin the command as a user does, in a session of its own, with temporary files in the folder."""
-    (folder / "tmp").mkdir(exist_ok=True)
-    sweeping = subprocess.Popen(
-        [sys.executable, "-m", "pyspice_runner", *COMMAND, *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder / "tmp")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    started.append(sweeping)
-    return sweeping
-
-
-def finish(process: subprocess.Popen[str]) -> None:
-    _, said = process.communicate(timeout=300.0)
-    assert process.returncode == 0, said
-
-
 def in_this_process(folder: Path, *words: str) -> None:
-    """The same, to its end, in this process, which has loaded all already."""
+    """The command to its end in this process, which has loaded all already."""
     with contextlib.chdir(folder):
         assert run([*COMMAND, *words]) == 0
-
-
-def at_work(session: int, folder: Path) -> list[str]:
-    """The processes of a session, and those of ngspice that work in a folder, by what /proc says."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            state, _, _, number = (process / "stat").read_text(errors="replace").rpartition(")")[2].split()[:4]
-            inside = (process / "cwd").resolve().is_relative_to(folder / "tmp")
-        except OSError:
-            continue  # it has just ended
-        if state != "Z" and (int(number) == session or inside):
-            found.append(process.name)
-    return found
-
-
-def wait_for(condition: Any, seconds: float = 60.0) -> bool:
-    """Return whether a condition was true at some moment of that time."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
 
 
 @pytest.mark.soak
 def test_ctrl_c_ends_all_processes_and_says_how_to_resume(tmp_path: Path) -> None:
     words = ["--over", "drive.voltage=1:50:2000", "--store", "points", "--output", "sweep.nc"]
-    sweeping = start(tmp_path, *words)
-    assert wait_for(lambda: list(tmp_path.glob("points/*/*.json")), 60.0)
-    assert at_work(sweeping.pid, tmp_path)
-    os.killpg(sweeping.pid, signal.SIGINT)  # as a terminal does
-    output, said = sweeping.communicate(timeout=30.0)
+    with processes.begun(*COMMAND, *words, cwd=tmp_path, TMPDIR=str(tmp_path)) as sweeping:
+        processes.wait_for(lambda: list(tmp_path.glob("points/*/*.json")), sweeping)
+        assert processes.working_in(tmp_path)
+        os.killpg(sweeping.pid, signal.SIGINT)  # as a terminal does
+        output, said = sweeping.communicate(timeout=30.0)
     assert (sweeping.returncode, output) == (130, "")
     told = re.fullmatch(
         r"piezomotor: interrupted; (\d+) of 2000 points are finished and kept in points; "
@@ -438,7 +378,7 @@ def test_ctrl_c_ends_all_processes_and_says_how_to_resume(tmp_path: Path) -> Non
     assert told, said
     kept = len(list(tmp_path.glob("points/*/*.json")))
     assert 0 <= kept - int(told[1]) <= 1  # one may have been stored in the moment of the interrupt
-    assert wait_for(lambda: not at_work(sweeping.pid, tmp_path))
+    processes.gone(tmp_path)
     assert not (tmp_path / "sweep.nc").exists()
 
 
@@ -452,22 +392,26 @@ def test_a_sweep_that_is_killed_and_resumed_gives_the_same_file(kills: int, valu
     def stored() -> int:
         return len(list(tmp_path.glob("points/*/*.json")))
 
+    def begin(target: str) -> AbstractContextManager[subprocess.Popen[str]]:
+        given = [*COMMAND, *words, "--store", "points", "--output", target]
+        return processes.begun(*given, cwd=tmp_path, TMPDIR=str(tmp_path))
+
     for kill in range(kills):
         before = stored()
-        sweeping = start(tmp_path, *words, "--store", "points", "--output", "killed.nc")
-        if kill % 2 == 0:  # one in two while it works, the others wherever they fall
-            wait_for(lambda: stored() > before)  # noqa: B023
-            time.sleep(moments.uniform(0.0, 0.3))
-        else:
-            time.sleep(moments.uniform(0.0, 2.0))
-        assert sweeping.poll() is None, "it was finished before it could be killed"
-        sweeping.kill()
-        sweeping.communicate()
-        assert wait_for(lambda: not at_work(sweeping.pid, tmp_path)), "workers outlive their sweep"  # noqa: B023
+        with begin("killed.nc") as sweeping:
+            if kill % 2 == 0:  # one in two while it works, the others wherever they fall
+                processes.wait_for(lambda: stored() > before, sweeping)  # noqa: B023
+                time.sleep(moments.uniform(0.0, 0.3))
+            else:
+                time.sleep(moments.uniform(0.0, 2.0))
+            assert sweeping.poll() is None, "it was finished before it could be killed"
+            sweeping.kill()
+        processes.gone(tmp_path)  # workers do not outlive their sweep
     assert 0 < stored() < 2 * values
-    other = start(tmp_path, *words, "--store", "points", "--output", "killed-0.nc")
-    in_this_process(tmp_path, *words, "--store", "points", "--output", "killed-1.nc")  # two at once, to end it
-    finish(other)
+    with begin("killed-0.nc") as other:
+        in_this_process(tmp_path, *words, "--store", "points", "--output", "killed-1.nc")  # two at once, to end it
+        _, said = other.communicate(timeout=300.0)
+    assert other.returncode == 0, said
     for number in (0, 1):
         assert (tmp_path / f"killed-{number}.nc").read_bytes() == (tmp_path / "alone.nc").read_bytes()
     assert stored() == 2 * values
@@ -481,7 +425,7 @@ def test_workers_execute_no_file_of_the_working_folder(tmp_path: Path) -> None:
     command.parent.mkdir()
     command.write_text("from pyspice_runner.__main__ import main\nif __name__ == '__main__':\n    main()\n")
     words = [sys.executable, command, *COMMAND, "--over", "drive.voltage=10", "--store", "points", "--workers", "1"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": str(processes.ROOT)}
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert not (tmp_path / "executed").exists()
     assert done.returncode == 0, done.stderr
@@ -496,22 +440,22 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
     place = tmp_path / "scheduler.json"
     common = {
         "cwd": tmp_path,
-        "env": {**os.environ, "PYTHONPATH": str(ROOT)},
+        "env": {**os.environ, "PYTHONPATH": str(processes.ROOT)},
         "stdout": subprocess.DEVNULL,
         "stderr": subprocess.DEVNULL,
     }
     dask = [sys.executable, "-m", "dask"]
     here = ["--host", "127.0.0.1", "--scheduler-file", str(place), "--local-directory", str(tmp_path)]
     quiet = ["--dashboard-address", "127.0.0.1:0"]
-    processes = []
+    running = []
     try:
-        processes.append(subprocess.Popen([*dask, "scheduler", *here[:4], "--port", "0", *quiet], **common))
-        assert wait_for(lambda: place.exists() and place.stat().st_size, 60.0)
+        running.append(subprocess.Popen([*dask, "scheduler", *here[:4], "--port", "0", *quiet], **common))
+        processes.wait_for(lambda: place.exists() and place.stat().st_size, running[0])
         worker = [*dask, "worker", *here, "--nthreads", "1", "--no-nanny", *quiet]
-        processes += [subprocess.Popen(worker, **common) for _ in range(2)]
-        yield str(json.loads(place.read_text(encoding="utf-8"))["address"]), processes[1:]
+        running += [subprocess.Popen(worker, **common) for _ in range(2)]
+        yield str(json.loads(place.read_text(encoding="utf-8"))["address"]), running[1:]
     finally:
-        for process in processes:
+        for process in running:
             process.kill()
             process.wait()
 
@@ -526,7 +470,7 @@ def test_a_dask_cluster_gives_the_same_file_and_may_lose_a_worker(
     stored = []
 
     def lose() -> None:
-        wait_for(lambda: list(tmp_path.glob("there/*/*.json")))
+        processes.wait_for(lambda: list(tmp_path.glob("there/*/*.json")), lost)
         lost.kill()
         stored.append(len(list(tmp_path.glob("there/*/*.json"))))
 
@@ -546,7 +490,7 @@ def test_a_dask_cluster_gives_the_same_file_and_may_lose_a_worker(
 def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PYTHONPATH", str(processes.ROOT))
     return tmp_path
 
 

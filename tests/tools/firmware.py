@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Firmware on a microcontroller: the same samples on this computer and on a Cortex-M4 in qemu (``make firmware``)."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

@@ -4,8 +4,6 @@
 ``python -m tests.tools.kicad`` draws the schematic again for the page that shows it.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The decks in ngspice 46, beside the system's ngspice: the same results. ``make ngspice46``."""
 
-from __future__ import annotations
-
 import os
 import re
 import resource

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cyclic tangential loading: against Cattaneo, Mindlin and Deresiewicz's closed forms, and a row of many elements."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import pairwise
 

@@ -4,8 +4,6 @@
 The drawings are tested by parsers and by geometry; ``make kicad`` runs the last test here with KiCad itself.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import warnings

@@ -5,8 +5,6 @@ The quadratures are those of ``test_corrections``. Tolerances are theirs: 1e-9 w
 the circle the lines that meet it fill a sector, at whose ends the chords shrink to nothing as a square root does.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import cos, hypot, pi, sin
 

@@ -50,7 +50,6 @@ def transient(
     ]
     told = run(folder, motor, analysis, source_lines(drive), compiled_one)
     iterations = re.search(r"Total iterations = (\d+)", told)
-    assert iterations is not None
     found = np.loadtxt(folder / "found.txt")
     return found[:, [0, 1, 3]], int(iterations[1])
 

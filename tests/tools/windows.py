@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The binary for Windows of a Functional Mock-up Unit, under wine (``make windows``)."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import zipfile

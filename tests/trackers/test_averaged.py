@@ -17,7 +17,8 @@ from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
 from pyspice_runner.trackers.tracker import CHANGED, running_resonance
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
+from tests.said import printed
 from tests.selection import mostly
 
 ENGINES: tuple[Engine, ...] = ("compiled", "spice")
@@ -44,7 +45,6 @@ def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> 
     )
     assert averaged.locked
     assert full.locked
-    assert full.lock_time_s is not None
     assert full.lock_time_s < 3e-3
     # harmonic balance leaves out the other mode and the turning rotor; 1/200 of a period is 1.8°, or 18 Hz
     assert full.end_frequency_hz == pytest.approx(chosen.frequency, abs=30.0)
@@ -59,7 +59,6 @@ def test_the_first_milliseconds_are_those_of_the_full_motor(motor: pr.Motor) -> 
 def test_the_loop_has_the_phase_margin_that_was_measured_on_the_full_motor(motor: pr.Motor) -> None:
     """63.8°, by a sine in front of the oscillator (docs/tracking.md), whose detector sees edges up to 1.8° late."""
     found = pr.track(motor, tracker(motor, bandwidth_hz=1e3, ripple_ratio=2.0), averaged=True)
-    assert found.loop is not None
     assert found.loop.phase_margin_deg == pytest.approx(63.8, abs=1.8)
     assert found.loop.crossover_hz == pytest.approx(1e3, rel=0.02)
 
@@ -74,8 +73,7 @@ CHANGING = {
 
 
 def beam40_tracked(engine: Engine, **settings: Any) -> pr.Tracking:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     chosen = pr.Tracker(
         kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0
     )
@@ -94,12 +92,8 @@ def test_the_compiled_motor_ends_where_ngspice_does(name: str) -> None:
         end, reference = (float(found.columns()[column][-1]) for found in (ours, theirs))
         assert end == pytest.approx(reference, rel=1e-3), column
     assert ours.static_phase_error_deg == pytest.approx(theirs.static_phase_error_deg, abs=0.05)
-    assert ours.loop is not None
-    assert theirs.loop is not None
     assert ours.loop.crossover_hz == pytest.approx(theirs.loop.crossover_hz, rel=1e-3)
     assert ours.loop.phase_margin_deg == pytest.approx(theirs.loop.phase_margin_deg, abs=0.05)
-    assert ours.sensing is not None
-    assert theirs.sensing is not None
     assert ours.sensing.phase_drift_deg_per_k == pytest.approx(theirs.sensing.phase_drift_deg_per_k, rel=1e-3)
     assert ours.ceramic["ceramic_stress_pa"] == pytest.approx(theirs.ceramic["ceramic_stress_pa"], rel=1e-3)
 
@@ -128,7 +122,6 @@ def test_ten_minutes_of_warm_up_take_less_than_a_second(motor: pr.Motor) -> None
     if found.ngspice_version is None:
         assert process_time() - begun < 1.0
     assert found.locked
-    assert found.temperature_k is not None
     rise = float(found.temperature_k[-1])
     assert rise > 20.0
     early = float(np.interp(0.1, found.time_s, found.frequency_hz))
@@ -214,7 +207,6 @@ def test_an_overload_of_a_loop_with_right_copies_loses_lock_and_regains_it() -> 
     found = started({"duration": 120e-3, "disturbances": load}, voltage=78.6, target_deg=-58.5)
     (lost,) = found.losses
     assert (found.locked, lost.pull_out["load"]) == (True, 0.104)
-    assert lost.regained_s is not None
     assert lost.regained_s < 60e-3
 
 
@@ -300,14 +292,11 @@ def test_what_has_no_averaged_model_is_an_error(motor: pr.Motor, changes: dict[s
 
 @pytest.mark.soak
 def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones_do_not() -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     cold = pr.Tracker(kind="pll", voltage=drive.voltage, phase_deg=drive.phase_deg, frequency=40.5e3, target_deg=-20.0)
     warm = cold.model_copy(update={"copies_drift_per_k": pr.Thermal.of(motor).capacitance_drift_per_k})
     settings: dict[str, Any] = {"disturb": "warm-up", "duration": 600.0, "averaged": True, "margin": False}
     fixed, following = (pr.track(motor, one, **settings) for one in (cold, warm))
-    assert fixed.sensing is not None
-    assert fixed.temperature_k is not None
     # the drift per kelvin is that at the end; the ratio of both currents changes by some per cent on the way
     stated = fixed.sensing.phase_drift_deg_per_k * float(fixed.temperature_k[-1])
     assert fixed.static_phase_error_deg == pytest.approx(stated, rel=0.05)
@@ -318,8 +307,7 @@ def test_fixed_copies_of_the_capacitances_move_the_phase_as_stated_and_warm_ones
 
 def test_the_flagship_is_tracked_within_its_limits_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     """100 V beside the resonance; at resonance, where 100 V stress the ceramic to 52 MPa of 41, the same amplitude."""
-    assert run(["track", "bimodal40", "--averaged", "--duration", "0.2", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed(["track", "bimodal40", "--averaged", "--duration", "0.2"], capsys)
     assert found["tracker"]["voltage"] == pytest.approx(62.3, abs=0.1)
     assert (found["locked"], found["cautions"]) == (True, [])
 
@@ -334,8 +322,7 @@ def test_the_command_states_temperature_and_check(capsys: pytest.CaptureFixture[
     assert found["temperature_k"] > 10.0
     assert found["run"]["averaged"]
     assert "against the full motor" not in told.err  # the contact opens, the error is small
-    assert run(["track", "andersen2002", "--averaged", "--mode", "bending-1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["run"]["mode"] == 0
+    assert printed(["track", "andersen2002", "--averaged", "--mode", "bending-1"], capsys)["run"]["mode"] == 0
     margins = []
     for engine in ENGINES:
         assert run(["track", "andersen2002", "--averaged", "--engine", engine, "--json"]) == 0

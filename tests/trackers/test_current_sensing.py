@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sense resistors and current transformers of a tracker, and a loop on the whole current."""
 
-from __future__ import annotations
-
 import re
 from math import atan2, degrees, pi
 from typing import Any

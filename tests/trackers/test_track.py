@@ -4,9 +4,6 @@
 Where the mode alone matters, the tip is free: then resonance and quality factor are the parameters' own.
 """
 
-from __future__ import annotations
-
-import json
 from functools import cache
 from math import atan, atan2, degrees, pi
 from pathlib import Path
@@ -24,6 +21,7 @@ from pyspice_runner.run.kernel import run_bench
 from pyspice_runner.run.point import Point, Solver
 from pyspice_runner.trackers.loop import LoopDesign, running_loop
 from pyspice_runner.trackers.tracker import Disturbances, LoopFilter, TrackedSource, propose_filter, running_resonance
+from tests.said import output, printed
 from tools.decks import average_bench
 
 pytestmark = pytest.mark.xdist_group("trackers")
@@ -208,7 +206,6 @@ def test_a_loop_gain_that_crosses_1_several_times_has_the_worst_margin() -> None
     plate = pr.load_motor(str(Path(__file__).parents[2] / "examples" / "plate40.toml"))
     tracker = pr.Tracker(kind="pll", voltage=100.0, frequency=40093.845, phase_deg=70.0, offset=0.03)
     found = pr.track(plate, tracker, duration=20e-3, averaged=True).loop
-    assert found is not None
     ones = np.flatnonzero((np.abs(found.gain[:-1]) > 1.0) != (np.abs(found.gain[1:]) > 1.0))
     assert len(ones) == 3
     margins = (np.degrees(np.angle(found.gain[ones])) + 360.0) % 360.0 - 180.0
@@ -253,7 +250,6 @@ def test_copies_that_follow_the_temperature_keep_the_phase() -> None:
         found = pr.track(motor(), following, contact=None, thermal=warm, step=0.5 * COARSE, **settings)
         errors.append(found.static_phase_error_deg)
         if not drift:
-            assert found.sensing is not None
             expected = 125.0 * found.sensing.phase_drift_deg_per_k
     # a step is 1.8° of a period, of which the mean over a run of periods sees a tenth, in both runs; measured 0.24°
     assert errors[0] - errors[1] == pytest.approx(expected, abs=0.5)
@@ -340,16 +336,14 @@ def test_errors_name_the_value(settings: dict[str, Any], sentence: str) -> None:
 def test_the_command_tracks_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["track", "andersen2002", "--contact", "none"]
     files = ["--output", str(tmp_path / "track.csv"), "--plot", str(tmp_path / "track.png")]
-    assert run([*words, "--duration", "3e-3", "--json", *files]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = printed([*words, "--duration", "3e-3", *files], capsys)
     assert found["locked"] is True
     assert {"lock_time_s", "rms_phase_error_deg", "residual_detuning_hz", "speed_lost_rad_s", "loop"} <= set(found)
     header, *rows = (tmp_path / "track.csv").read_text(encoding="utf-8").splitlines()
     assert header == "time_s,frequency_hz,phase_deg,rotor_speed_rad_s"
     assert len(rows) == found["periods"]
     assert (tmp_path / "track.png").stat().st_size > 20_000
-    assert run([*words, "--duration", "2e-3", "--reverse"]) == 0
-    shown = capsys.readouterr().out
+    shown = output([*words, "--duration", "2e-3", "--reverse"], capsys)
     assert "no" in shown.split("lock time")[0]
     assert run(["track", "andersen2002", "--tracker", "none", "--disturb", "target"]) == 2
     assert "only a pll has a target" in " ".join(capsys.readouterr().err.split())

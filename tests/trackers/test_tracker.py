@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Trackers: lag of a running stator and its filter against closed forms, circuits, errors, and decks."""
 
-from __future__ import annotations
-
 from math import atan, cos, degrees, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
@@ -58,7 +56,6 @@ def run(chosen: Tracker, disturbance: Disturbance, contact: Any, end: float, *na
     simulator.options(**bench.options)
     simulator.save(*names)
     simulator.transient(step_time=step, end_time=end, max_time=step, use_initial_condition=True)
-    assert simulator.result is not None
     return {name: np.asarray(values, float) for name, values in simulator.result.raw.vectors.items()}
 
 
@@ -159,7 +156,6 @@ def test_the_detector_and_its_mean_measure_leads_from_both_sides(target: float) 
     simulator = BatchSimulator(circuit)
     simulator.save(*(f"i(v{kind}{at})" for kind in "pm" for at in range(len(leads))))
     simulator.transient(step_time=100e-9, end_time=420e-6, max_time=100e-9, use_initial_condition=True)
-    assert simulator.result is not None
     found = {name: np.asarray(values, float) for name, values in simulator.result.raw.vectors.items()}
     late = found["time"] >= 20e-6
     for at, lead in enumerate(leads):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Libraries and decks keep to the dialect of behavioral/CONVENTIONS.md, in ngspice's modes and in another parser."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

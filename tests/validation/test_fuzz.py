@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A few of the inputs of `make fuzz` for every entry point; the fuzzer detects each kind of failure."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hidden variants of the flagship and their calibrations: how they are drawn and judged, and the record."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -4,8 +4,6 @@
 The reference is ``tests/reference/row.py``: the same elastic theory with a thousand elements, converged to 1e-4 in ψ₂.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Loops designed without options in the full motor: the record, the designs again, and a case again."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

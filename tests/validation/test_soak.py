@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The random cases of the soak: what is drawn is valid, and motors that once failed, by their numbers."""
 
-from __future__ import annotations
-
 import pytest
 
 from validation.soak import SEED, case, outcome_of

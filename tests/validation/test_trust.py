@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Stated against true errors of the averaged motor: the record, and cases of it again."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report opened in a browser: drawn, moving, usable without a mouse, complete, and quick to show itself."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -34,7 +32,7 @@ from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.units import engineering
 from pyspice_runner.view import charts
 from pyspice_runner.view.datasheet import Report, datasheet, downloads, parameter_rows
-from tests.motors import BEAM40
+from tests.motors import BEAM40, recommended
 from tests.motors import motor as motor_without_a_beam
 from tests.view.pages import PHONE, first_paint_share, opened
 from validation.fuzz.nasty import ATTEMPTS
@@ -103,7 +101,6 @@ def test_every_chart_is_drawn_with_every_line(desktop: tuple[Page, list[str]]) -
         )
         assert seen == wanted > 0, name
         size = page.locator(f"#{name} .main-svg").first.bounding_box()
-        assert size is not None
         assert size["width"] > 600
         assert size["height"] > 250
         assert re.search(r'd="M[\d.,-]+L', drawn_path(page, name)), name
@@ -233,9 +230,7 @@ def test_a_motor_without_a_beam_says_why_no_shape_moves(report: Report) -> None:
 
 @pytest.mark.soak
 def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report: Report) -> None:
-    motor = pr.load_motor("bimodal40")
-    drive = pr.default_drive(motor)
-    assert isinstance(drive, pr.TwoPhaseDrive)
+    motor, drive = recommended("bimodal40")
     tracker = pr.Tracker(
         kind="pll", voltage=drive.voltage, frequency=drive.frequency, phase_deg=drive.phase_deg, offset=0.01
     )
@@ -243,7 +238,6 @@ def test_the_page_has_the_loop_gain_of_a_tracker_and_the_numbers_of_track(report
     assert tracking.loop is not None
     # as small signals of the full motor estimate it; those of the averaged motor have no error
     tracking = replace(tracking, loop=replace(tracking.loop, margin_error_deg=0.3))
-    assert tracking.loop is not None
     tracked = replace(report, tracking=tracking)
     page = datasheet(tracked)
     section = unescape(page.partition('<section id="tracker"')[2].partition("</section>")[0])
@@ -403,8 +397,7 @@ def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Pa
 def test_the_headline_is_that_of_steady_states(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rotor of beam40 still accelerates when the run ends."""
     monkeypatch.setattr("pyspice_runner.view.datasheet.SPEEDS", 5)
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     report = pr.report(motor, drive, duration=1e-3)
     figures = {name: value or np.nan for name, value in report.key_figures.items()}
     # the averaged motor is within 1 % of speed and power here; the curve bends a little between its last points
@@ -440,11 +433,9 @@ def test_what_is_not_settled_is_not_a_headline(report: Report) -> None:
 
 @pytest.mark.soak
 def test_dry_friction_of_the_bearing_lowers_the_speed_without_load_or_stops_the_rotor() -> None:
-    motor = pr.load_motor(BEAM40)
-    drive = pr.default_drive(motor)
+    motor, drive = recommended(BEAM40)
     rough = motor.updated({"rotor.bearing_friction_n_m": 1e-3})
     free = no_load_state(rough, drive)
-    assert free is not None
     held = pr.speed_torque(rough, drive, speeds=[free.speed_rad_s])
     assert abs(held["load_torque_n_m"].item()) < 0.02e-3  # of the 1 mN·m; the error of the torque is 0.01 mN·m
     assert no_load_state(motor.updated({"rotor.bearing_friction_n_m": 0.05}), drive) is None

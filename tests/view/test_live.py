@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live page in Chromium, without a network: ngspice runs in it, and its numbers are those of the package."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import subprocess

@@ -7,8 +7,6 @@ The circuit: 1 nF with a loss tangent of 0.01, and two motional arms. `admittanc
 The layouts are those of real exports and of the makers' documentation; the values are ours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Real exports of real instruments, which are not part of this project: skipped where their folder is not there."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Three hundred files that went wrong: each is read right, or refused with one clear sentence."""
 
-from __future__ import annotations
-
 import os
 import random
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What headings mean."""
 
-from __future__ import annotations
-
 from math import pi
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One device between the ports of a two-port measurement."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

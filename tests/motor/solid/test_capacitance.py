@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The clamped capacitances of solids, against the closed form of a gap by conformal mapping."""
 
-from __future__ import annotations
-
 from math import log, pi, sqrt, tanh
 from pathlib import Path
 from typing import Any

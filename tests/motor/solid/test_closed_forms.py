@@ -5,8 +5,6 @@ A bar in the plane has two groups side by side; a block in three dimensions has 
 group A on top, group B below, poled so that equal voltages stretch both.
 """
 
-from __future__ import annotations
-
 from math import cosh, pi, sin, sinh, sqrt, tan
 from typing import Any
 

@@ -6,8 +6,6 @@ elements and materials of ``[solid]``: a block by its quarter, what is round by 
 themselves only. With both electrodes at rest the modes are those of the short circuit; |Z| follows from all of them.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A stator whose mesh is read from a file of gmsh."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterable

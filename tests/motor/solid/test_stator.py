@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A motor from a ``[solid]``: its modes, supports, stress and cache, and what a wrong table is told."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from math import pi, sqrt
@@ -398,7 +396,6 @@ def test_a_feedback_electrode_and_its_group_together_are_the_group_from_which_it
         (tmp_path / "plate.toml").write_text(f"{text.replace(corner, parts)}\n{cable}", encoding="utf-8")
         motors[group] = pr.load_motor(tmp_path / "plate.toml")
     cut, whole, electrode = motors["feedback"], motors["A"], motors["feedback"].feedback
-    assert electrode is not None
     other = 1.0 - electrode.share_a  # V, on the charge of the strip at 1 V on both it and its group
     for one, both in zip(cut.modes, whole.modes, strict=True):
         force = electrode.couplings_n_per_v[one.name]
