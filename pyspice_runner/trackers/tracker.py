@@ -486,7 +486,7 @@ def sensed_velocity(motor: Motor, tracker: Tracker, mode: int) -> complex:
     A feedback electrode also senses modes that are close: on a ring it shows the wave where it is, with a phase. Each
     mode is taken with the loaded quality factor of the tracked one.
     """
-    if tracker.sense == "current":
+    if tracker.sense == "current" or motor.feedback is None:
         return complex(sensed_modes(motor, mode)[mode])
     stator, lag = motor.stator, running_resonance(motor, tracker, mode=mode)
     omega = 2.0 * pi * motor.modes[mode].frequency_hz

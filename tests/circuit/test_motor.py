@@ -376,6 +376,18 @@ def test_an_electrode_that_is_not_possible_is_refused_and_what_has_none_says_so(
     ):
         with pytest.raises(ParameterError, match=words):
             sensed(couplings_n_per_v={coupling: 10.0})
-    for ending, what in ((".va", "A .va file"), (".fmu", "The averaged motor")):
-        with pytest.raises(ParameterError, match=f"{what} has no feedback electrode"):
-            pr.export_motor(sensed(), tmp_path / f"motor{ending}")
+    with pytest.raises(ParameterError, match=r"A \.va file has no feedback electrode"):
+        pr.export_motor(sensed(), tmp_path / "motor.va")
+    with pytest.raises(ParameterError, match="loads the electrode below"):
+        pr.export_motor(sensed(resistance_ohm=1e3), tmp_path / "motor.fmu")
+
+
+def test_an_open_electrode_stiffens_and_couples_the_modes_that_it_senses() -> None:
+    """The averaged motor takes it so: the admittance of the groups is that on a large resistance."""
+    motor = sensed(resistance_ohm=1e9, couplings_n_per_v={"mode-3": 0.02, "mode-4": -0.03})
+    omega = 2.0 * np.pi * np.linspace(39e3, 41.5e3, 101)
+    opened = motor.with_open_electrode
+    assert opened.feedback is None
+    ours, full = (one.stator.admittance(omega) for one in (opened, motor))
+    assert np.abs(ours - full).max() < 1e-3 * np.abs(full).max()  # what the damping couples is left out
+    assert np.abs(motor.updated({"feedback": None}).stator.admittance(omega) - full).max() > 0.1 * np.abs(full).max()
