@@ -106,7 +106,7 @@ _REMARKS = {
     "Arms": "Seen at group A with group B shorted. It also has `tip_x`, `tip_y`, `recoil_kg` and `recoil_x_kg`.",
     "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
-    "Contacts": "`[[contacts]]`: several contacts of one stator; those of a `[ring]` follow from it.",
+    "Contacts": "`[[contacts]]`: several contacts of one stator. A `[ring]` sets its own.",
     "Lining": "[Explanation](contact.md#a-lining-or-rough-surfaces)",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",

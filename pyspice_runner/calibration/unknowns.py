@@ -145,7 +145,8 @@ def _unknown(motor: Motor, drive: Stated, path: str, width: float | None, size: 
 def _range(motor: Motor, path: str) -> tuple[float, float]:
     section, _, key = path.partition(".")
     if section != "modes":
-        return _limits(type(getattr(motor, section)), key)
+        low, high = _limits(type(getattr(motor, section)), key)
+        return low, min(high, motor.contact.stiffest) if key == "normal_stiffness_n_per_m15" else high
     key = key.partition(".")[2]
     return _limits(Ringing if key in Ringing.model_fields else Mode, key)
 

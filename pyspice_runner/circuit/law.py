@@ -389,8 +389,8 @@ def _of_profile(law: Law, contact: Contact) -> dict[str, float]:
         given = f"exponent = {contact.exponent:g}" if lining else f"worn_flat_radius_m = {worn_flat:g} m"
         taken = " or ".join(name for name in LAWS if not (lining and Law(name).row))
         raise ParameterError(
-            f"contact.{given} is not valid with the contact {law.name}, whose spring is that of a new tip by Hertz: it "
-            f"must be {taken}, or a law without a spring. Choose one of these, or set it to {1.5 if lining else 0}."
+            f"contact.{given} is not valid with the contact {law.name}, whose spring is Hertz's of a new tip: "
+            f"it must be {taken}, or a law without a spring. Choose one of these, or set it to {1.5 if lining else 0}."
         )
     return {"exponent": contact.exponent} if lining else {"flat": 1e6 * contact_law.flat_length(contact)}
 

@@ -321,9 +321,10 @@ class MotorSubCircuit(Assembly):
             self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
 
     def _own_values(self, values: Mapping[str, float], one: Touching) -> dict[str, str]:
-        """Return the parameters of one of several contacts that differ from those of the X line, as expressions.
+        """Return the parameters in which one of several contacts differs from the X line, as expressions.
 
-        Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes that for the name.
+        Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes the new value for
+        that name in the expressions behind it.
         """
         found = {"preload": f"{{{one.share!r}*{PRELOAD_ALL}}}"}
         for item in self.settable:
@@ -344,7 +345,7 @@ class MotorSubCircuit(Assembly):
     def _add_carried(self, suffix: str, along_x: tuple[str, str, float], *, approach: bool) -> dict[str, str]:
         """Move another contact with the carrier, or the approach, as the first; return the nodes that it then has.
 
-        ``along_x`` are its node x, that of the first, and the direction of the carrier's x.
+        ``along_x`` is its node x, the node x of the first contact, and the direction of the carrier's x at the contact.
         """
         x, first, forward = along_x
         moved: dict[str, str] = {}

@@ -19,7 +19,7 @@ by the method of dimensionality reduction. β = 0 is Hertz's contact; a small pe
 second law holds for any axisymmetric profile (Ciavarella; Jäger) and is the paper's spring for β = 0.
 
 Another exponent p than 3/2 gives F_N = K_N δ^p and the same F_T, with κ = μ K_t K_N^(1/p). p = 1 is a lining, which is
-linear along the tangent, too; p = 2 to 3.5 are rough surfaces (Back, Burdekin, Cowley, 1973).
+also linear along the tangent; p = 2 to 3.5 are rough surfaces (Back, Burdekin, Cowley, 1973).
 
 Sources: Andersen, Helbo and Blanke (2002), eqs. (4), (13)–(18), corrected as ``docs/physics.md`` shows;
 K. L. Johnson, *Contact Mechanics*, Cambridge 1985, §4.2 and §7.2; V. L. Popov, M. Heß, E. Willert, *Handbook of Contact

@@ -40,7 +40,7 @@ class Touching:
 
 
 def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:
-    """Return the contact that stands for several equal ones in parallel, which bear a preload in N together."""
+    """Return the contact that stands for several equal ones in parallel under a common preload in N."""
     if multiplicity == 1:
         return contact if preload_n == contact.preload_n else contact.model_copy(update={"preload_n": preload_n})
     changed = {"preload_n": preload_n}
@@ -98,6 +98,11 @@ def check_places(contact: Contact, places: Sequence[ContactPlace], modes: Sequen
     if len(set(names)) != len(names):
         raise ValueError(f"two contacts share a name in {names}; give each its own")
     shares_of(places)
+    if places[0].direction != 1:
+        raise ValueError(
+            f"contacts.{names[0]}.direction = {places[0].direction} is not valid: the first contact defines forward, "
+            "with direction = 1; specify the others relative to it"
+        )
     for place in places:
         for axis in ("tip_x", "tip_y"):
             if unknown := [*getattr(place, axis).keys() - known]:

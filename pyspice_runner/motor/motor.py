@@ -514,7 +514,8 @@ class Motor(Shown, Parameters):
         check_places(self.contact, self.contacts, self.modes)
         if any(value for axis in self.piezo.motion for value in axis):
             raise ValueError(
-                "piezo.motion_x_a_m_per_v and its like are of one contact: set them to 0 with [[contacts]]"
+                "piezo.motion_x_a_m_per_v and the other motions per volt are for one contact: set them to 0 with "
+                "[[contacts]]"
             )
 
     def _check_motion(self) -> None:

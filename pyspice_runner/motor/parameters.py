@@ -407,7 +407,7 @@ class Contact(Parameters):
                 f"effective_radius_m = {self.effective_radius_m:g} m; lower it"
             )
         power = "2/3" if self.exponent == HERTZ else f"1/{self.exponent:g}"
-        stiffest = STIFFEST_HERTZ * 1e6 ** (self.exponent - HERTZ)
+        stiffest = self.stiffest
         if self.normal_stiffness_n_per_m15 > stiffest:
             raise ValueError(
                 f"normal_stiffness_n_per_m15 = {self.normal_stiffness_n_per_m15:g} must be at most {stiffest:.3g} "
@@ -431,6 +431,11 @@ class Contact(Parameters):
                 f"{SOFTNESS[1]:g}, so specify [contact.materials] or correct the one that is off"
             )
         return self
+
+    @property
+    def stiffest(self) -> float:
+        """Maximum of K_N in N/m^p for the exponent p."""
+        return float(STIFFEST_HERTZ * 1e6 ** (self.exponent - HERTZ))
 
 
 MOST_CONTACTS = 64  # eight points suffice on each wave of a ring (docs/ring.md); waves that do the same are one

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
 
-``law.*`` are the own parameters of the contact's law. ``contact.*``, ``contact.materials.*``, ``rotor.*`` or
-``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
+``law.*`` are the own parameters of the contact's law. ``contact.*``, ``contact.materials.*``, ``contact.lining.*``,
+``rotor.*`` or ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
 :meth:`~pyspice_runner.motor.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
 ``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft,
-other ``load.*`` that of a transducer;
-``run.*`` are the settings of an analysis.
+other ``load.*`` that of a transducer; ``run.*`` are the settings of an analysis.
 """
 
 from __future__ import annotations
@@ -73,7 +72,7 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     if section == "drive" and (of_part := drive.of_part(key)):
         return Parameter(path, *of_part)
     refuse_source(path)
-    if path.startswith("contact.materials."):
+    if motor.materials and path.startswith(f"contact.{motor.materials.TABLE}."):
         section, key = "materials", path.rpartition(".")[2]
     if section == "modes":
         which, _, key = key.partition(".")
@@ -85,7 +84,8 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     fields = getattr(type(owner), "model_fields", {})
     if key not in fields and not (section == "modes" and owner and key in _DERIVED):
         parts = [*motor, *((f"modes.{number}", mode) for number, mode in enumerate(motor.modes)), ("drive", drive)]
-        parts = [("contact.materials" if name == "materials" else name, part) for name, part in parts]
+        table = motor.materials.TABLE if motor.materials else ""
+        parts = [(f"contact.{table}" if name == "materials" else name, part) for name, part in parts]
         every = [f"{name}.{key}" for name, part in parts for key in getattr(type(part), "model_fields", ())]
         raise unknown(path, [*every, *LOADS, *(f"run.{name}" for name in run)])
     nominal = getattr(owner, key)

@@ -65,7 +65,9 @@ def tip_path(run: Waveforms, periods: int, ax: Axes) -> None:
     x, y = label_of("tip_x_m", run.linear), label_of("tip_y_m", run.linear)
     state_path(ax, x.scale * run.tip_x_m[last], y.scale * run.tip_y_m[last], run.contact_state[last])
     periods = min(round(float(np.ptp(run.time_s)) / run.drive_period_s), periods)
-    dress(ax, x, y, f"Path of the tip, last {periods} drive periods" if periods > 1 else "Path of the tip in a period")
+    tip = "first of several tips" if run.of_contacts else "tip"
+    title = f"Path of the {tip}, last {periods} drive periods" if periods > 1 else f"Path of the {tip} in a period"
+    dress(ax, x, y, title)
 
 
 def state_path(ax: Axes, x: Array, y: Array, state: Array, **look: Any) -> None:
@@ -85,7 +87,13 @@ def forces(run: Waveforms, periods: int, ax: Axes) -> None:
         (run.normal_force_n[last], {"color": BLUE, "label": "normal force"}),
         (run.friction_force_n[last], {"color": VERMILION, "linestyle": "--", "label": "friction"}),
     ]
-    draw_lines(ax, (LABELS["time_us"], time), LABELS["force_n"], lines, "Contact forces")
+    draw_lines(
+        ax,
+        (LABELS["time_us"], time),
+        LABELS["force_n"],
+        lines,
+        "Contact forces, sums" if run.of_contacts else "Contact forces",
+    )
 
 
 def of_groups(run: Waveforms, quantity: str, title: str, ax: Axes) -> None:

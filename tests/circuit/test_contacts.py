@@ -93,6 +93,7 @@ def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
     [
         ({"contacts.p2.share": 0.3}, "sum to 0.3"),
         ({"contacts.p2.contact.preload_n": 1.0}, "specify share"),
+        ({"contacts.p1.direction": -1}, "the first contact defines forward"),
         ({"contacts.p2.contact.friction": -1.0}, "contacts.p2.contact.friction = -1"),
         ({"modes.0.tip_x": 1.0}, "follows from contacts.0"),
         ({"contacts.p9.height_m": 0.0}, "no parameter 'contacts.p9.height_m'"),

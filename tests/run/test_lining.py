@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.calibration.unknowns import unknowns_of
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.motor.contact import stiffnesses_at_preload
+from pyspice_runner.run.paths import parameter
 from pyspice_runner.steady.speed_torque import held_point
 from tests.reference.integrator import integrate
 from tests.selection import mostly
@@ -72,3 +74,13 @@ def test_a_lining_loses_along_the_normal_and_has_neither_pressure_nor_brush(tmp_
     assert "* PAR  exponent  " in pr.export_motor(LOSSY, tmp_path / "motor.lib").read_text(encoding="ascii")
     with pytest.raises(pr.ParameterError, match=r"exponent = 1 is not valid with the contact brush.* or set it to 1.5"):
         pr.simulate(LOSSY, DRIVE, duration=1e-4, contact="brush")
+
+
+def test_a_lining_has_paths_and_its_own_range_of_stiffness():
+    motor = lined(1.0)
+    assert parameter("contact.lining.stiffness_ratio", motor, DRIVE, {}).nominal == 1.2
+    with pytest.raises(pr.ParameterError, match=r"Did you mean 'contact\.lining\.stiffness_ratio'"):
+        parameter("contact.lining.stiffness_rato", motor, DRIVE, {})
+    for one, stiffest in ((HERTZ, 1e13), (motor, 1e10)):  # the same force at a micrometre
+        (unknown,) = unknowns_of(one, DRIVE, ["contact.normal_stiffness_n_per_m15"])
+        assert unknown.high == pytest.approx(stiffest)
