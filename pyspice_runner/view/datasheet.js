@@ -115,10 +115,10 @@
     return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
   }
 
-  // the motor to play with is a page of its own, with its own content security policy
+  // the motor or transducer to play with is a page of its own, with its own content security policy
   async function playground() {
     const frame = document.createElement("iframe");
-    frame.title = "Live model of the motor";
+    frame.title = "Live model";
     frame.srcdoc = await unpacked("live-page");
     document.getElementById("live").replaceChildren(frame);
     document.getElementById("start-live").disabled = true;
@@ -129,10 +129,8 @@
     library.textContent = await unpacked("plotly");
     document.head.append(library);
     const button = document.getElementById("start-live");
-    if (button) {
-      button.addEventListener("click", playground);
-      button.disabled = false;
-    }
+    button.addEventListener("click", playground);
+    button.disabled = false;
     for (const chart of all(".chart")) {
       await draw(chart);
       await new Promise((done) => setTimeout(done)); // the page answers between two charts

@@ -393,7 +393,7 @@ def datasheet(report: Report) -> str:
             "plotly.js": get_plotlyjs_version(),
         },
         plotly=packed(get_plotlyjs().encode()),
-        live="" if report.motor.is_transducer else packed(live_page(report.motor, []).encode()),
+        live=packed(live_page(report.motor, []).encode()),
         script=script,
         style=style,
     )

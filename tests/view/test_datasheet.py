@@ -388,6 +388,8 @@ def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Pa
         "electrical",
     ]
     shown = page.inner_text("body")
+    page.click("#start-live")  # the page that it opens has tests of its own
+    page.wait_for_function("document.querySelector('#live iframe')?.srcdoc.includes('Live model of the transducer')")
     page.close()
     assert {"without load", "under load"} <= {line.split("\t")[0] for line in shown.splitlines()}
     assert not re.search("rotor|torque|speed|tip ", shown)
