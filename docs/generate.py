@@ -66,7 +66,7 @@ def parameters_page() -> str:
     mode = vars(motor.modes[2]) | {"frequency_hz": motor.modes[2].frequency_hz}
     patch, materials = vars(structure.patches[0]), _plain(stated["contact"]["materials"])
     sections: list[tuple[str, type[Any], str, Mapping[str, Any], list[str]]] = [
-        ("Solid", Solid, "solid", _plain(stated["solid"]), _own(Solid, "boxes", "electrodes", "supports", "contact")),
+        ("Solid", Solid, "solid", _plain(stated["solid"]), _own(Solid, *_TABLES)),
         ("Boxes", Box, "solid.boxes.N", {}, _own(Box)),
         ("Electrodes", Electrode, "solid.electrodes.N", {}, _own(Electrode, *_AREA)),
         ("Supports", Support, "solid.supports.N", {}, _own(Support, *_AREA)),
@@ -96,6 +96,7 @@ def parameters_page() -> str:
     return "\n".join([_HEAD, *(_section(*section) for section in sections)])
 
 
+_TABLES = ("boxes", "electrodes", "supports", "contact", "materials")
 _AREA = ("from_m", "to_m", "region")
 _REMARKS = {
     "Electrodes": "Also `from_m`, `to_m` and `region`, as a box.",

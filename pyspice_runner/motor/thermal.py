@@ -98,7 +98,7 @@ def heat_capacity_of_boxes(solid: Solid) -> float:
     planes = [np.unique(corners[:, :, axis]) for axis in range(3)]
     per_volume = np.zeros([len(each) - 1 for each in planes])
     for box, ends in zip(solid.boxes, corners, strict=True):
-        card = materials()[box.material]
+        card = solid.material(box)
         inside = tuple(slice(*np.searchsorted(each, ends[:, axis])) for axis, each in enumerate(planes))
         per_volume[inside] = card.density_kg_m3 * card.specific_heat_j_per_kg_k
     return float(np.einsum("xyz,x,y,z->", per_volume, *map(np.diff, planes)))

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.solid.elements import Array, Indices, Part, plate_matrix
-from pyspice_runner.motor.solid.materials import materials
 from pyspice_runner.motor.solid.parameters import Box, Placed, Solid, Support
 from pyspice_runner.motor.solid.places import Places, places_of
 
@@ -113,7 +112,7 @@ def regions_of(solid: Solid) -> tuple[Array, list[Indices], list[Indices], Array
 
 def _parts(solid: Solid, shape: Places, cells: Indices, box: Box, base: int) -> list[Part]:
     """Return the cells of a box as parts: of a plate those between the same electrodes."""
-    card = materials()[box.material]
+    card = solid.material(box)
     matrix, ceramic = card.matrix(box.polarisation), bool(card.stress_constants_c_m2.any())
     if solid.theory == "solid":
         return [Part(cells, matrix, card.density_kg_m3, ceramic=ceramic)]

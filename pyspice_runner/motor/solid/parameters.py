@@ -10,18 +10,20 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.document import read_bytes
 from pyspice_runner.motor.parameters import Parameters, quantity
 from pyspice_runner.motor.refusal import as_table, build, quoted
-from pyspice_runner.motor.solid.materials import materials
+from pyspice_runner.motor.solid.materials import Material, material_of, materials
 
 Point = tuple[float, float, float]
 Sense = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 LARGEST = 1.0  # m, of a coordinate
 MOST_BYTES = 2**27  # of a mesh file
+COMPLIANCE, CHARGE = "1e-12 m²/N", "1e-12 C/N"  # units of a card
 
 
 class MeshFile(Parameters):
@@ -38,6 +40,69 @@ def mesh_file(path: Path) -> MeshFile:
     """Return the file of a mesh. Raise ParameterError if it cannot be read."""
     content = read_bytes(str(path), "mesh", MOST_BYTES, "the path of a .msh file, from the folder of the motor's TOML")
     return MeshFile(path=str(path), sha256=hashlib.sha256(content).hexdigest())
+
+
+class Compliance(Parameters):
+    """Compliance of a ceramic at constant field, poled along axis 3."""
+
+    s11: float = quantity("s₁₁ᴱ", COMPLIANCE, gt=0.0, le=1e4)
+    s12: float = quantity("s₁₂ᴱ", COMPLIANCE, ge=-1e4, le=1e4)
+    s13: float = quantity("s₁₃ᴱ", COMPLIANCE, ge=-1e4, le=1e4)
+    s33: float = quantity("s₃₃ᴱ", COMPLIANCE, gt=0.0, le=1e4)
+    s44: float = quantity("s₄₄ᴱ", COMPLIANCE, gt=0.0, le=1e4)
+
+
+class Charge(Parameters):
+    """Charge constants of a ceramic."""
+
+    d31: float = quantity("d₃₁", CHARGE, ge=-5e3, le=5e3)
+    d33: float = quantity("d₃₃", CHARGE, ge=-5e3, le=5e3)
+    d15: float = quantity("d₁₅", CHARGE, ge=-5e3, le=5e3)
+
+
+class Permittivity(Parameters):
+    """Relative permittivity of a ceramic at constant stress."""
+
+    k11: float = quantity("ε₁₁ᵀ/ε₀", "1", ge=1.0, le=1e5)
+    k33: float = quantity("ε₃₃ᵀ/ε₀", "1", ge=1.0, le=1e5)
+
+
+class Card(Parameters):
+    """A material of the user's own: a metal or glass by its modulus, a ceramic by the other three tables."""
+
+    name: str = Field(description="name", min_length=1, max_length=20)
+    density_kg_m3: float = quantity("density", "kg/m³", ge=100.0, le=3e4)
+    specific_heat_j_per_kg_k: float = quantity("specific heat", "J/(kg·K)", gt=0.0, le=1e4)
+    youngs_modulus_pa: float | None = quantity("Young's modulus", "Pa", ge=1e8, le=2e12, default=None)
+    poisson: float | None = quantity("Poisson's ratio", "1", ge=0.0, le=0.49, default=None)
+    compliance: Compliance | None = None
+    charge: Charge | None = None
+    permittivity: Permittivity | None = None
+    source: str = Field(default="", description="where the values are from", max_length=500)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        metal = [value is not None for value in (self.youngs_modulus_pa, self.poisson)]
+        ceramic = [value is not None for value in (self.compliance, self.charge, self.permittivity)]
+        if not ((all(metal) and not any(ceramic)) or (all(ceramic) and not any(metal))):
+            raise ValueError(
+                "youngs_modulus_pa and poisson of a metal, or compliance, charge and permittivity of a ceramic, are "
+                "needed; specify those of one of them"
+            )
+        if ceramic[0] and not self._is_stable():
+            raise ValueError("compliance with charge and permittivity gives no stable material; correct them")
+        return self
+
+    def _is_stable(self) -> bool:
+        try:
+            made = self.material()
+        except np.linalg.LinAlgError:
+            return False
+        return bool(min(np.linalg.eigvalsh(each)[0] for each in (made.stiffness_pa, made.permittivity_f_m)) > 0.0)
+
+    def material(self) -> Material:
+        """Return the material in the e-form."""
+        return material_of(self.name, self.model_dump(exclude_none=True))
 
 
 class Placed(Parameters):
@@ -92,7 +157,7 @@ class Box(Placed):
     """A block of one material. Where two boxes overlap, the later one counts."""
 
     material: str = Field(
-        description="name of a material of the library",
+        description="name of a material of the library, or of solid.materials",
         max_length=20,
         json_schema_extra={"made_of": "letters, digits and -"},
     )
@@ -103,8 +168,6 @@ class Box(Placed):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if self.material not in materials():
-            raise ValueError(f"material = {quoted(self.material)} is not known; there are {', '.join(materials())}")
         for axis, low, high in zip("xyz", *self.corners, strict=True) if self.region is None else ():
             if low == high:
                 raise ValueError(f"from_m and to_m have the same {axis} = {low:g} m; a box has a volume")
@@ -170,9 +233,18 @@ class Solid(Parameters):
     boxes: Annotated[tuple[Box, ...], Field(min_length=1, max_length=100)]
     electrodes: Annotated[tuple[Electrode, ...], Field(min_length=2, max_length=100)]
     supports: Annotated[tuple[Support, ...], Field(max_length=100)] = ()
+    materials: Annotated[tuple[Card, ...], Field(max_length=100)] = ()
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        own = [card.name for card in self.materials]
+        for name in own:
+            if name in materials():
+                raise ValueError(f"materials.{name} is a material of the library; choose another name")
+        known = ", ".join([*own, *materials()])
+        for index, box in enumerate(self.boxes):
+            if box.material not in (*own, *materials()):
+                raise ValueError(f"boxes.{index}.material = {quoted(box.material)} is not known; there are {known}")
         if self.lowest_hz >= self.highest_hz:
             raise ValueError(f"lowest_hz = {self.lowest_hz:g} Hz must lie below highest_hz = {self.highest_hz:g} Hz")
         for group in ("A", "B", "ground"):
@@ -182,6 +254,11 @@ class Solid(Parameters):
         if self.theory == "plate":
             self._check_plate()
         return self
+
+    def material(self, box: Box) -> Material:
+        """Return the material of a box."""
+        own = next((card for card in self.materials if card.name == box.material), None)
+        return materials()[box.material] if own is None else own.material()
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -216,7 +293,7 @@ class Solid(Parameters):
         if {self.contact.normal[1], self.contact.tangent[1]} != {"x", "y"}:
             raise ValueError("contact: normal and tangent of a plate lie in its plane, along x and y")
         for index, box in enumerate(self.boxes):
-            if materials()[box.material].stress_constants_c_m2.any() and box.polarisation[1] != "z":
+            if self.material(box).stress_constants_c_m2.any() and box.polarisation[1] != "z":
                 raise ValueError(f"boxes.{index}: a plate is poled along z; correct it, or use theory solid")
 
 
@@ -233,6 +310,8 @@ def solid_from(entry: Any, where: str, folder: Path = Path()) -> Solid:
             raise ParameterError(f"{where}: solid.mesh: {error}") from None
     else:
         require("mesh" not in table, f"{where}: solid.mesh", table.get("mesh"), "the path of a file")
+    own = as_table(table.get("materials", {}), "solid.materials", where)
+    table["materials"] = tuple(_card(card, name, where) for name, card in own.items())
     for name, kind in (("boxes", Box), ("electrodes", Electrode), ("supports", Support)):
         given = table.get(name, [])
         if not isinstance(given, list):
@@ -241,3 +320,12 @@ def solid_from(entry: Any, where: str, folder: Path = Path()) -> Solid:
     if "contact" in table:
         table["contact"] = build(Face, table["contact"], "solid.contact", where)
     return build(Solid, table, "solid", where)
+
+
+def _card(entry: Any, name: str, where: str) -> Card:
+    path = f"solid.materials.{name}"
+    table = {**as_table(entry, path, where), "name": name}
+    for part, kind in (("compliance", Compliance), ("charge", Charge), ("permittivity", Permittivity)):
+        if part in table:
+            table[part] = build(kind, table[part], f"{path}.{part}", where)
+    return build(Card, table, path, where)

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.refusal import quoted
 from pyspice_runner.motor.solid.elements import Array, Indices
-from pyspice_runner.motor.solid.materials import materials
 from pyspice_runner.motor.solid.parameters import LARGEST, Box, Electrode, MeshFile, Placed, Solid, mesh_file
 
 MOST_CELLS = 20_000  # about 350,000 unknowns, beyond the memory of most machines
@@ -110,7 +109,7 @@ class _Blocks:
 
 def electrode_edges(solid: Solid, axis: int) -> Array:
     """Return the coordinates in m along an axis of faces of electrodes, and of their edges within the ceramic."""
-    ceramic = [box for box in solid.boxes if materials()[box.material].stress_constants_c_m2.any()]
+    ceramic = [box for box in solid.boxes if solid.material(box).stress_constants_c_m2.any()]
     ends = [corner[axis] for box in ceramic or solid.boxes for corner in box.corners]
     pairs = [tuple(corner[axis] for corner in item.corners) for item in solid.electrodes]
     return np.unique(

@@ -17,13 +17,17 @@ from pyspice_runner.motor.load import SETS, changed_motor
 from pyspice_runner.motor.refusal import build
 from pyspice_runner.motor.solid import stator
 from pyspice_runner.motor.solid.elements import assemble, factor
+from pyspice_runner.motor.solid.materials import cards
 from pyspice_runner.motor.solid.parameters import Box, Face, Solid, Support, solid_from
 from pyspice_runner.motor.solid.stator import Stator, solve_stator
+from pyspice_runner.motor.thermal import heat_capacity_of_boxes
 from pyspice_runner.view.datasheet import parameter_rows
 from tools.stators import solids, write_stators
 
 PLATE = Path(__file__).parents[3] / "examples" / "plate40.toml"
 POINT = {"from_m": [0.0, 0.0, 0.0], "to_m": [0.0, 0.0, 0.003]}
+CARD = cards()["PZT-4"]
+SINGULAR = {"s11": 12.3, "s12": -12.3, "s13": -5.31, "s33": 15.5, "s44": 39.0}
 
 
 def plate(**changes: Any) -> Solid:
@@ -267,7 +271,11 @@ def test_the_circuit_has_the_capacitance_matrix_of_the_solid(monkeypatch: pytest
         ({"elements": 3}, r"there is no 'solid.elements'. Did you mean 'element_m'"),
         ({"boxes": {}}, r"solid.boxes must be one or more tables \[\[solid.boxes\]\]"),
         ({"boxes": [POINT | {"material": "PZT-4"}]}, r"solid.boxes.0.from_m and to_m have the same x = 0 m"),
-        ({"boxes": [POINT | {"material": "PZT4"}]}, r"material = 'PZT4' is not known; there are PZT-4, PZT-8"),
+        ({"materials": {"PZT-4": CARD}}, r"solid.materials.PZT-4 is a material of the library; choose another name"),
+        ({"materials": {"own": CARD | {"poisson": 0.3}}}, r"own.youngs_modulus_pa and poisson of a metal, or compli"),
+        ({"materials": {"own": CARD | {"charge": {"d31": 1.0}}}}, r"own.charge.d33 is missing \(d₃₃, in 1e-12 C/N\)"),
+        ({"materials": {"own": CARD | {"compliance": SINGULAR}}}, r"with charge and permittivity gives no stable mat"),
+        ({"boxes": [POINT | {"material": "PZT4", "to_m": [0.01] * 3}]}, r"material = 'PZT4' is not known; there are"),
         ({"contact": POINT | {"normal": "+x", "tangent": "-x"}}, r"it must be at right angles to the normal"),
         ({"contact": {"from_m": [1, 2]}}, r"from_m = \[1, 2\] is not valid: it must be three coordinates in m"),
         ({"contact": POINT | {"normal": "+z", "tangent": "+x"}}, r"tangent of a plate lie in its plane"),
@@ -284,6 +292,17 @@ def test_the_circuit_has_the_capacitance_matrix_of_the_solid(monkeypatch: pytest
 def test_a_wrong_solid_is_refused_with_what_to_do(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(pr.ParameterError, match=message):
         solve_stator(plate(**changes))
+
+
+def test_a_material_of_the_file_is_one_of_the_library() -> None:
+    """Also in the mass, the sense of poling and the heat capacity."""
+    known = plate()
+    named = [box.model_dump() | ({"material": "own"} if box.material == "PZT-4" else {}) for box in known.boxes]
+    own = plate(materials={"own": CARD}, boxes=named)
+    assert solve_stator(own).frequencies_hz.tolist() == solve_stator(known).frequencies_hz.tolist()
+    assert heat_capacity_of_boxes(own) == heat_capacity_of_boxes(known)
+    dense = plate(materials={"own": CARD | {"density_kg_m3": 3e4}}, boxes=named)
+    assert heat_capacity_of_boxes(dense) > 3.5 * heat_capacity_of_boxes(known)  # all but the tip
 
 
 def test_a_slip_at_the_edge_of_an_electrode_is_no_gap(tmp_path: Path) -> None:
