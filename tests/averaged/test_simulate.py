@@ -15,7 +15,7 @@ from pyspice_runner.averaged.simulate import simulate_averaged
 from pyspice_runner.steady.speed_torque import held_point
 from tests.circuit.batch import measured
 from tests.motors import BEAM40, recommended
-from tests.runs import simulated
+from tests.runs import simulated, unestimated
 from tests.selection import mostly
 
 FAST = pr.TwoPhaseDrive(voltage=300.0, frequency=54e3, phase_deg=90.0)
@@ -247,7 +247,7 @@ def test_a_burst_of_few_periods_is_not_trusted(cycles: int, trusted: bool) -> No
     full = pr.simulate(motor, shape, duration=end, signals=["rotor_speed_rad_s"])
     turned = float(np.trapezoid(full.rotor_speed_rad_s, full.time_s))
     course = {"voltage": [(0.0, 70.0), (length, 70.0), (length + 1e-7, 0.0)]}
-    run = simulate_averaged(motor, drive, end, courses=course)
+    run = unestimated(simulate_averaged(motor, drive, end, courses=course))
     assert (abs(run.rotor_position_rad[-1] / turned - 1.0) < 0.02) == trusted
     assert trusted or not run.trusted
     assert any(f"on for {cycles} periods only" in caution for caution in run.cautions) != trusted
@@ -419,6 +419,7 @@ def test_an_averaged_motor_whose_damping_exceeds_its_limit_is_not_trusted(
 def test_a_run_says_what_has_not_settled_as_a_longer_run_shows(name: str, duration: float, settled: bool) -> None:
     motor, drive = recommended(name)
     run, longer = (pr.simulate_averaged(motor, drive, duration=time) for time in (duration, 10.0 * duration))
+    unestimated(run)
     change = {key: abs(float(getattr(longer, key)[-1] / getattr(run, key)[-1]) - 1.0) for key in run.to_come}
     assert (max(change.values()) < 0.02) is settled is run.settled is run.to_dict()["settled"]
     names = {"rotor_speed_rad_s": "speed", "electrical_power_w": "electrical power"}

@@ -211,7 +211,7 @@ def found_on_the_bench(name: str, truth: pr.Motor, seed: int) -> tuple[pr.Contro
 
 
 def test_a_hidden_variant_comes_back_from_the_bench_with_its_direction_and_gains() -> None:
-    found_on_the_bench("bimodal40", hidden("bimodal40", 2), 2)
+    found_on_the_bench("bimodal40", hidden("bimodal40", 5), 5)
 
 
 @pytest.mark.soak

@@ -6,6 +6,7 @@ import pytest
 
 import pyspice_runner as pr
 from tests.rings import loaded, plain, ring, with_contacts
+from tests.runs import simulated
 
 MOTORS = ("bimodal40", "examples/plate40.toml")
 DURATION = 4e-4
@@ -13,7 +14,7 @@ DURATION = 4e-4
 
 def tail(motor, **settings):
     """Return a run from rest, without its estimate."""
-    return pr.simulate(motor, pr.default_drive(motor), DURATION, **settings)
+    return simulated(motor, pr.default_drive(motor), duration=DURATION, **settings)
 
 
 @pytest.mark.parametrize("name", MOTORS)
@@ -42,9 +43,9 @@ def test_two_equal_contacts_are_one_with_twice_the_points(name):
 def test_a_ring_mirrors_with_its_phase_and_turns_with_its_electrodes(tmp_path):
     motor = ring(tmp_path)
     drive = pr.default_drive(motor)
-    ahead = pr.simulate(motor, drive, 1.5e-3)
-    behind = pr.simulate(motor, drive.updated({"phase_deg": -90.0}), 1.5e-3)
-    turned = pr.simulate(ring(tmp_path, turn=0.25 * np.pi), drive, 1.5e-3)
+    ahead = simulated(motor, drive, duration=1.5e-3)
+    behind = simulated(motor, drive.updated({"phase_deg": -90.0}), duration=1.5e-3)
+    turned = simulated(ring(tmp_path, turn=0.25 * np.pi), drive, duration=1.5e-3)
     speed = ahead.rotor_speed_rad_s
     assert speed[-1] > 0.5
     assert np.abs(speed + behind.rotor_speed_rad_s).max() < 2e-5 * speed.max()

@@ -28,6 +28,7 @@ from pyspice_runner.spice.library import definitions, read_library
 from pyspice_runner.spice.ngspice import BatchSimulator
 from tests.circuit.batch import measured
 from tests.motors import mode, motor, recommended
+from tests.runs import simulated
 from validation import soak
 
 Array = NDArray[np.float64]
@@ -312,7 +313,8 @@ def test_an_open_electrode_has_the_voltage_of_its_charge_and_the_shares_of_the_g
     shared = 0.2 * waves.voltage_a_v - 0.1 * waves.voltage_b_v  # type: ignore[union-attr]
     own = waves.feedback_v - shared  # type: ignore[union-attr]
     assert np.ptp(own) == pytest.approx(np.ptp(charge) / 3e-10, rel=2e-3)  # by the step of the period: 1e-3
-    run = pr.simulate(subject, DRIVE, 20e-3, speed=8.0, record_from=19e-3, signals=["voltage_a_v", "feedback_v"])
+    window = {"record_from": 19e-3, "signals": ["voltage_a_v", "feedback_v"]}
+    run = simulated(subject, DRIVE, duration=20e-3, speed=8.0, **window)
     for name, value in state.sensed().items():  # from rest, by another time step
         assert run.sensed()[name] == pytest.approx(value, rel=5e-3)
 
@@ -326,7 +328,7 @@ def test_the_energy_balance_counts_what_the_resistance_takes(drive: Any) -> None
     assert abs(state.balance_residual) < 0.05 * taken
     assert state.waveforms.energy_residual < 0.05 * taken  # type: ignore[union-attr]
     if drive is DRIVE:
-        assert pr.simulate(subject, drive, 1e-3).energy_residual < 0.05 * taken
+        assert simulated(subject, drive, duration=1e-3).energy_residual < 0.05 * taken
         settled = pr.speed_torque(subject, drive, speeds=[8.0], mode="settle", tolerance=0.01)
         assert abs(float(settled["balance_residual"][0])) < 0.1 * taken
         assert float(settled["torque_n_m"][0]) == pytest.approx(state.torque_n_m, rel=0.02)

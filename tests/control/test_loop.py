@@ -14,6 +14,7 @@ import pyspice_runner as pr
 from pyspice_runner.cli import run
 from pyspice_runner.control.loop import PHASES_OF_PLANT, LoopController, dead_band
 from tests.motors import BEAM40, recommended
+from tests.runs import unestimated
 
 PLATE = str(Path(__file__).resolve().parents[2] / "examples" / "plate40.toml")
 
@@ -123,8 +124,9 @@ def test_a_position_loop_rests_within_a_step_of_the_encoder_and_a_hunting_one_ha
     # an ideal encoder has no step, hence no dead zone unless it is given
     for lines, target, zone in ((5000, 0.05, None), (5000, -0.05, None), (0, 0.05, None), (0, 0.05, 2e-3)):
         controller = LoopController(loop, lambda time, target=target: target * (time > 1e-3), zone)
-        run = pr.simulate_controlled(
-            motor, still, controller, 0.3, sample_time=0.5e-3, electronics=pr.Electronics(encoder_lines=lines)
+        electronics = pr.Electronics(encoder_lines=lines)
+        run = unestimated(
+            pr.simulate_controlled(motor, still, controller, 0.3, sample_time=0.5e-3, electronics=electronics)
         )
         tail = run.position_rad[-100:]
         hunts = any("The rotor hunts: it turns back" in caution for caution in run.cautions)
@@ -163,6 +165,7 @@ def test_gains_against_the_drive_or_of_a_changing_sign_have_a_caution(motor: pr.
     for frequency in (40.0e3, 40.7e3):
         at = pr.TwoPhaseDrive(voltage=100.0, frequency=frequency, phase_deg=62.0)
         loop = pr.control_loop(motor, at, **design)  # type: ignore[arg-type]
+        unestimated(loop.simulated)
         told[loop.gains["proportional"] > 0.0] = " ".join(loop.cautions)
     assert "-3.67 rad/s, against the sign of the phase of 62°: the gains are negative" in told[False]
     assert "changes its sign below the drive: 1.7 rad/s at 62.5 V, -0.0475 rad/s at 75 V, -1.83 rad/s" in told[False]

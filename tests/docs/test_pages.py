@@ -52,7 +52,7 @@ def snippets(page: Path) -> list[str]:
 
 
 # pages whose commands or Python take 4 to 12 s
-LONG = {"drive", "impedance", "other_tools", "speed_torque", "steady_state", "sweeps", "tracking"}
+LONG = {"drive", "impedance", "other_tools", "ring", "speed_torque", "steady_state", "sweeps", "tracking"}
 LONG |= {
     "tutorial_driver",
     "tutorial_impedance",

@@ -15,6 +15,7 @@ from pyspice_runner.motor.circuit_file import circuit_toml, load_circuit
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import TransducerError
 from tests.circuit.batch import measured
+from tests.runs import simulated
 
 # resistance, inductance, capacitance of the arm, C0: two bolt-clamped transducers and an air transducer, as their
 # makers' spectra give them
@@ -148,7 +149,7 @@ def test_power_is_that_of_a_hand_written_deck(tmp_path: Path, name: str) -> None
     (folder := tmp_path / "deck").mkdir()
     by_hand = 5.0 * measured("\n".join(deck), folder)["current"]
     duration = 7.0 * device.decay_s
-    run = pr.simulate(device, pr.OnePhaseDrive(voltage=10.0, frequency=frequency), duration)
+    run = simulated(device, pr.OnePhaseDrive(voltage=10.0, frequency=frequency), duration=duration)
     assert run.electrical()["power_w"] == pytest.approx(by_hand, rel=0.01)
     assert run.energy_residual < 1e-3
     steady = pr.transducer_state(device, pr.OnePhaseDrive(voltage=10.0, frequency=frequency))

@@ -12,6 +12,7 @@ from pyspice_runner.steady.copies import Plant
 from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import differentiable
 from tests.rings import RADIUS, ring, with_contacts
+from tests.runs import simulated
 from tests.steady.test_monodromy import TOLERANCE, along_and_by_copies
 
 FLAGSHIP = pr.load_motor("bimodal40")
@@ -96,7 +97,7 @@ def test_a_ring_settles_to_its_steady_state(tmp_path):
     motor, periods = ring(tmp_path, points=4), 240
     drive = pr.default_drive(motor)
     state = pr.steady_state(motor, drive, speed=5.0)
-    run = pr.simulate(motor, drive, periods * drive.period, speed=5.0)  # 8 decay times, e^-8 = 3e-4
+    run = simulated(motor, drive, duration=periods * drive.period, speed=5.0)  # 8 decay times, e^-8 = 3e-4
     last = run.time_s > (periods - 20) * drive.period
     assert RADIUS * run.friction_force_n[last].mean() == pytest.approx(state.torque_n_m, abs=1e-3 * SLIDING)
     assert run.normal_force_n[last].mean() == pytest.approx(state.normal_force_n, rel=1e-3)

@@ -133,7 +133,7 @@ def test_wrong_requests_say_what_is_allowed() -> None:
 def test_the_command_prints_the_best_point_and_draws_the_map(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["map", MOTOR.name, "--over", "drive.frequency=44500,46000", "--over", "contact.preload_n=4,5"]
+    words = ["map", MOTOR.name, "--over", "drive.frequency=44500,46000", "--over", "contact.preload_n=5,6"]
     words += ["--objective", "power", "--speed", "5", "--limit", "current_a=1"]
     files = ["--output", str(tmp_path / "map.nc"), "--plot", str(tmp_path / "map.png")]
     assert run([*words, "--json", *files]) == 0
