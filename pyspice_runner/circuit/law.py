@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from math import ceil, sqrt
 from pathlib import Path
 from typing import Any
@@ -110,7 +110,7 @@ class Law:
                     f"law.{name} = {value:g}{unit} is not valid: it must be {item.least:g} to {item.greatest:g}{unit}."
                 )
 
-    @property
+    @cached_property
     def _library(self) -> Library:
         """The library with the number of sliders and the parameters that its header gives."""
         return read_own_law(self.name) if is_own(self.name) else read_library(LAWS[self.name])
@@ -127,22 +127,22 @@ class Law:
             raise ParameterError(f"law.{name} is not a parameter of the contact law {self.name}; {has}.")
         return self.own[name]
 
-    @property
+    @cached_property
     def forms(self) -> frozenset[str]:
         """The forms in which the law exists: ``spice``, and of built-in laws ``verilog-a``, ``averaged`` and ``c``."""
         return frozenset({"spice"}) if is_own(self.name) else self._library.forms
 
-    @property
+    @cached_property
     def spring(self) -> bool:
         """Whether the law has a tangential spring of its own, with which one in series has a place."""
         return self._library.spring
 
-    @property
+    @cached_property
     def row(self) -> bool:
         """Whether the law is a row of sliders, whose number can be chosen."""
         return not is_own(self.name) and len(self._library.sliders) > 1
 
-    @property
+    @cached_property
     def sliding(self) -> bool:
         """Whether the states of the law are sliders."""
         return self.row or len(self._library.sliders) == 1

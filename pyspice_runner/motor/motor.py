@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial, wraps
+from functools import cached_property, partial, wraps
 from math import inf, pi, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
 from weakref import ref
@@ -384,12 +384,12 @@ class Motor(Shown, Parameters):
             self._check_contact()
         return self
 
-    @property
+    @cached_property
     def is_transducer(self) -> bool:
         """Whether it has neither contact nor rotor."""
         return "rotor" not in self.__dict__
 
-    @property
+    @cached_property
     def groups(self) -> tuple[str, ...]:
         """Names of its electrical groups."""
         return GROUPS[:1] if self.piezo.capacitance_b_f is None else GROUPS
@@ -532,8 +532,7 @@ class Motor(Shown, Parameters):
                     "the capacitances: make it softer, or set both to 0"
                 )
 
-    @property
-    @derived
+    @cached_property
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
         if self.is_transducer:
@@ -541,8 +540,7 @@ class Motor(Shown, Parameters):
         motion = motion_rows(self.contacts, self.modes) if self.contacts else None
         return Stator.of_modes(self.modes, self.piezo, self.touching, self.feedback, motion, self.rotor.radius_m)
 
-    @property
-    @derived
+    @cached_property
     def touching(self) -> tuple[Touching, ...]:
         """The contacts of a motor, one or several."""
         return touching_of(self.contact, self.contacts, self.rotor.radius_m)
@@ -552,20 +550,17 @@ class Motor(Shown, Parameters):
         """Share of the preload on each contact at rest."""
         return np.array([one.share for one in self.touching])
 
-    @property
-    @derived
+    @cached_property
     def loaded_stator(self) -> Stator:
         """The matrices of a transducer under its load."""
         return self.stator.loaded(np.array(self.load_motion), self.tool, self.load_resistance_n_s_per_m)
 
-    @property
-    @derived
+    @cached_property
     def carried_stator(self) -> Stator:
         """The matrices of the stator on its carrier."""
         return self.stator.with_carrier(self.mount)
 
-    @property
-    @derived
+    @cached_property
     def pressed_stator(self) -> Stator:
         """The matrices of stator, carrier and rotor, which the contact couples at its operating point, where it sticks.
 
@@ -622,8 +617,7 @@ class Motor(Shown, Parameters):
         """Return the motor with the modes that its stator has on its carrier, which then shake it no more."""
         return self._of_stator(self.stator.on_carrier(self.mount))
 
-    @property
-    @derived
+    @cached_property
     def with_open_electrode(self) -> Motor:
         """The motor without its feedback electrode, with the modes that it has while that is open."""
         return self._of_stator(self.stator.with_open_electrode())
@@ -668,8 +662,7 @@ class Motor(Shown, Parameters):
         """Time in s from rest until the power of a transducer is within 0.2 % of its end; 0 for a motor."""
         return _SETTLED * self.loaded_stator.decay_s if self.is_transducer else 0.0
 
-    @property
-    @derived
+    @cached_property
     def cautions(self) -> tuple[str, ...]:
         """What is not known of the motor, and where the theory of its beam or ring ends; every result repeats it."""
         of_theory: tuple[str, ...] = ()

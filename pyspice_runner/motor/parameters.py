@@ -8,6 +8,7 @@ unit (SI throughout). The origin of a value is stated in the parameter set.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
@@ -49,6 +50,22 @@ class Parameters(BaseModel):
             f"{type(self).__name__}: {name} cannot be assigned. The method updated of the motor or the drive returns a "
             "changed copy."
         )
+
+    # what cached properties hold follows from the fields, so that only these are listed, copied and pickled
+
+    def __iter__(self) -> Generator[tuple[str, Any], None, None]:
+        """Yield the names and values of the fields."""
+        yield from [item for item in super().__iter__() if item[0] in type(self).model_fields]
+
+    def __copy__(self) -> Self:
+        """Return a copy of the fields, also for ``model_copy``."""
+        copied = super().__copy__()
+        object.__setattr__(copied, "__dict__", dict(self))
+        return copied
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return the fields for pickle."""
+        return super().__getstate__() | {"__dict__": dict(self)}
 
 
 class Beam(Parameters):

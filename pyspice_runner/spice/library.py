@@ -102,10 +102,10 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
         if key not in known:
             raise ParameterError(f"Subcircuit {name} has no parameter {key!r}; it has {', '.join(known)}.")
         parameter = known[key]
-        unit = parameter.unit.removesuffix("1")
-        valid = isinstance(value, str) or parameter.least <= value <= parameter.greatest
-        allowed = f"{parameter.least:g} to {parameter.greatest:g} {unit}".rstrip()
-        require(valid, f"Subcircuit {name}: {key}", value, allowed, unit=unit)
+        if not isinstance(value, str) and not parameter.least <= value <= parameter.greatest:
+            unit = parameter.unit.removesuffix("1")
+            allowed = f"{parameter.least:g} to {parameter.greatest:g} {unit}".rstrip()
+            require(False, f"Subcircuit {name}: {key}", value, allowed, unit=unit)
 
 
 def check_name(name: str) -> str:
