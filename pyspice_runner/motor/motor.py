@@ -28,7 +28,7 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
-from pyspice_runner.motor.contacts import Touching, check_places, motion_rows, resolved, touching_of
+from pyspice_runner.motor.contacts import AtRest, Touching, check_places, motion_rows, resolved, touching_of
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.parameters import (
     HERTZ,
@@ -474,11 +474,8 @@ class Motor(Shown, Parameters):
                 f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
                 f"{self.mount.mass_kg:g} kg, which contains the stator, must exceed it: correct one of them"
             )
-        depths = [
-            contact_law.static_penetration(one.contact) + one.contact.series_compliance_m_per_n * one.contact.preload_n
-            for one in self.touching
-        ]
-        seat = float(np.max(depths + self.deflections_m))
+        compressed = np.diag(stator.residual)[1::2] * self.at_rest.preload_n  # what is in series
+        seat = float(np.max(self.at_rest.depth_m + compressed + self.deflections_m))
         deepest = DEEPEST_SLIDER_M if self.slider else 0.1 * self.rotor.radius_m
         if seat > deepest:
             most = "" if self.slider else f"a tenth of rotor.radius_m = {self.rotor.radius_m:g} m"
@@ -545,10 +542,10 @@ class Motor(Shown, Parameters):
         """The contacts of a motor, one or several."""
         return touching_of(self.contact, self.contacts, self.rotor.radius_m)
 
-    @property
-    def preload_shares(self) -> Array:
-        """Share of the preload on each contact at rest."""
-        return np.array([one.share for one in self.touching])
+    @cached_property
+    def at_rest(self) -> AtRest:
+        """The contacts under the preload."""
+        return AtRest.of(self.touching)
 
     @cached_property
     def loaded_stator(self) -> Stator:
@@ -592,7 +589,7 @@ class Motor(Shown, Parameters):
     @property
     def deflections_m(self) -> Array:
         """Bending of the stator under the preload at each contact, in m."""
-        return np.asarray(self.contact.preload_n * (self.stator.flexibility[1::2, 1::2] @ self.preload_shares))
+        return np.asarray(self.contact.preload_n * (self.stator.flexibility[1::2, 1::2] @ self.stator.share))
 
     @property
     def sway_m(self) -> float:
@@ -600,7 +597,7 @@ class Motor(Shown, Parameters):
 
         The crown of the rotor is above the tip at rest. Of several contacts it is the largest.
         """
-        sways = -self.contact.preload_n * (self.stator.flexibility[::2, 1::2] @ self.preload_shares)
+        sways = -self.contact.preload_n * (self.stator.flexibility[::2, 1::2] @ self.stator.share)
         return float(sways[np.abs(sways).argmax()])
 
     def approach_m(self, preload_n: float) -> float:

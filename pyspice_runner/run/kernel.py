@@ -83,7 +83,6 @@ def transient(
     *,
     step: float,
     duration: float,
-    longest: float | None = None,
     record_from: float = 0.0,
     timeout: float | None = None,
     progress: Callable[[float], object] | None = None,
@@ -92,7 +91,7 @@ def transient(
 ) -> Outcome:
     """Run a bench from its initial state.
 
-    Steps are uniform unless ``longest`` (s) lets ngspice choose them. Points are recorded from ``record_from`` (s) on.
+    Points are recorded from ``record_from`` (s) on.
     ``progress`` is called some times a second with the time in s that the run has reached. With ``keep_partial`` an
     interrupted run returns its points, as ``partial`` of :class:`Interrupted`.
 
@@ -106,7 +105,7 @@ def transient(
     """
 
     def run(step: float) -> Outcome:
-        timing = transient_timing(step, duration, longest, record_from)
+        timing = transient_timing(step, duration, record_from=record_from)
         return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
 
     try:
@@ -120,7 +119,10 @@ def transient(
 def transient_timing(
     step: float, duration: float, longest: float | None = None, record_from: float = 0.0
 ) -> dict[str, Any]:
-    """Return PySpice's arguments of a transient from the initial state, as of :func:`transient`."""
+    """Return PySpice's arguments of a transient from the initial state, as of :func:`transient`.
+
+    Steps are uniform unless ``longest`` (s) lets ngspice choose them.
+    """
     return {
         "step_time": step, "end_time": duration, "start_time": record_from, "max_time": longest or step,
         "use_initial_condition": True,
