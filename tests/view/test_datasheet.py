@@ -26,6 +26,7 @@ from pyspice_runner.calibration.result import (
 )
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.motor.circuit_file import circuit_toml
+from pyspice_runner.motor.drive import OnePhaseDrive
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import Provenance
 from pyspice_runner.steady.speed_torque import no_load_state
@@ -375,7 +376,7 @@ def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Pa
     (file := tmp_path / "air.toml").write_text(
         circuit_toml(circuit) + '[load]\nmode = "arm1"\nresistance_ohm = 643.2\n'
     )
-    report = pr.report(pr.load_motor(file), pr.OnePhaseDrive(voltage=50.0, frequency=39947.0))
+    report = pr.report(pr.load_motor(file), OnePhaseDrive(voltage=50.0, frequency=39947.0))
     assert report.key_figures["power_w"] == pytest.approx(0.5 * 50.0**2 / (2.0 * 643.2), rel=1e-4)
     assert report.run.electrical()["power_w"] == pytest.approx(report.key_figures["power_w"], rel=0.01)
     assert json.loads(json.dumps(report.to_dict()))["speed_torque"] == []
