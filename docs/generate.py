@@ -12,7 +12,7 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.motor.load import SETS, Arm
-from pyspice_runner.motor.motor import Lining, Materials
+from pyspice_runner.motor.materials import Lining, Materials
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,

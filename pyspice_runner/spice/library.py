@@ -24,7 +24,7 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
-from pyspice_runner.errors import ParameterError, did_you_mean, require
+from pyspice_runner.errors import ParameterError, did_you_mean, located, require
 from pyspice_runner.units import linear_words
 
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
@@ -242,10 +242,8 @@ class Header:
 
     def number(self, key: str, text: str) -> float:
         """Return the value of a parameter. Raise ParameterError if it is not a SPICE number."""
-        try:
+        with located(f"{self.where}, parameter {key}"):
             return number(text)
-        except ParameterError as error:
-            raise ParameterError(f"{self.where}, parameter {key}: {error}") from None
 
 
 def definitions(*libraries: Library) -> str:

@@ -9,7 +9,6 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.drivers.design import design_driver
 from pyspice_runner.motor.circuit_file import circuit_toml
-from pyspice_runner.motor.drive import OnePhaseDrive
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.steady.transducer import transducer_state
 from tests.circuit.batch import measured
@@ -24,8 +23,8 @@ def air(tmp_path_factory: pytest.TempPathFactory) -> pr.Motor:
     return pr.load_motor(path)
 
 
-def drive_of(motor: pr.Motor) -> OnePhaseDrive:
-    return OnePhaseDrive(voltage=20.0, frequency=motor.modes[0].frequency_hz)
+def drive_of(motor: pr.Motor) -> pr.TwoPhaseDrive:
+    return pr.default_drive(motor).updated({"voltage": 20.0})
 
 
 def test_power_behind_a_coil_is_that_of_a_hand_written_deck(air: pr.Motor, tmp_path: Path) -> None:

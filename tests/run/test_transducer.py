@@ -203,8 +203,7 @@ def test_from_a_spectrum_to_a_driver_and_a_loop_in_lock(tmp_path: Path, name: st
 @pytest.mark.parametrize("which", ["one group", "two groups"])
 def test_run_ends_in_the_steady_state(which: str, loaded: pr.Motor, tmp_path: Path) -> None:
     device = loaded if which == "one group" else written(tmp_path, TWO)
-    kind = OnePhaseDrive if which == "one group" else pr.TwoPhaseDrive
-    drive = kind(voltage=20.0, frequency=device.modes[0].frequency_hz)
+    drive = pr.default_drive(device).updated({"voltage": 20.0, "frequency": device.modes[0].frequency_hz})
     run = pr.simulate(device, drive, 12e-3)
     assert run.energy_residual < 1e-3
     assert run.energy.load > 0.0
