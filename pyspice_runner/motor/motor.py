@@ -7,11 +7,10 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property, partial, wraps
+from dataclasses import dataclass, field
+from functools import cached_property, wraps
 from math import inf, pi, sqrt
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar
-from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,33 +59,29 @@ from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]
 _Arguments = ParamSpec("_Arguments")
-_Owner = TypeVar("_Owner")
 _Found = TypeVar("_Found")
 _SETTLED = 7.0  # time constants, after which a power is within 0.2 % of its end
 _MOST_KEPT = 256  # facts of one motor
-_kept: dict[int, tuple[ref[Any], dict[Any, Any]]] = {}  # by the identity of a motor
 
 
-def _forget(kept: dict[int, Any], key: int, _: ref[Any]) -> None:
-    """Drop the facts of a motor that is gone, also while Python ends and the module has lost its names."""
-    kept.pop(key, None)
+@dataclass(eq=False)
+class _Facts:
+    """What functions have derived from a motor, by function and arguments."""
+
+    found: dict[Any, Any] = field(default_factory=dict)
 
 
 def derived(
-    function: Callable[Concatenate[_Owner, _Arguments], _Found],
-) -> Callable[Concatenate[_Owner, _Arguments], _Found]:
+    function: Callable[Concatenate[Motor, _Arguments], _Found],
+) -> Callable[Concatenate[Motor, _Arguments], _Found]:
     """Keep what a function derives from a motor and from further hashable values, while the motor is in use.
 
     A motor does not change; the caller must not change the result.
     """
 
     @wraps(function)
-    def call(motor: _Owner, /, *values: _Arguments.args, **named: _Arguments.kwargs) -> _Found:
-        key = id(motor)
-        entry = _kept.get(key)
-        if entry is None or entry[0]() is not motor:
-            entry = _kept[key] = ref(motor, partial(_forget, _kept, key)), {}
-        facts, name = entry[1], (function, values, *named.items())
+    def call(motor: Motor, /, *values: _Arguments.args, **named: _Arguments.kwargs) -> _Found:
+        facts, name = motor.facts.found, (function, values, *named.items())
         if name in facts:
             return facts[name]  # type: ignore[no-any-return]
         found = function(motor, *values, **named)
@@ -286,6 +281,11 @@ class Motor(Shown, Parameters):
         else:
             self._check_contact()
         return self
+
+    @cached_property
+    def facts(self) -> _Facts:
+        """What :func:`derived` keeps."""
+        return _Facts()
 
     @cached_property
     def is_transducer(self) -> bool:

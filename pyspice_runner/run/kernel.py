@@ -23,10 +23,9 @@ _COLLAPSED = "timestep too small"  # in the log of a run whose steps fell below 
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """A verified run of a bench."""
+class Outcome(SpiceRun):
+    """A verified run of a bench; the vectors of the raw file are views of it."""
 
-    result: SpiceRun  # the result of ngspice; its vectors are views of the raw file
     deck: str = field(repr=False)  # the netlist that was run
     # the requested vectors that follow from others, by name.
     signals: Mapping[str, Derived] = field(default_factory=dict, repr=False)
@@ -36,28 +35,18 @@ class Outcome:
         """Hash of the deck."""
         return hashlib.sha256(self.deck.encode()).hexdigest()
 
-    @property
-    def seconds(self) -> float:
-        """Wall time in s that ngspice took."""
-        return self.result.seconds
-
-    @property
-    def ngspice_version(self) -> str:
-        """Version of ngspice."""
-        return self.result.ngspice_version
-
     def vectors(self, every: int = 1) -> dict[str, Array]:
         """Return every ``every``-th point of the real vectors by name, ``time`` first."""
-        raw = self.result.raw.vectors if every == 1 else self.result.raw.thinned(every)
+        raw = self.raw.vectors if every == 1 else self.raw.thinned(every)
         return self._signals({name: np.asarray(values, dtype=float) for name, values in raw.items()})
 
     def phasors(self) -> dict[str, NDArray[np.complex128]]:
         """Return the complex vectors of an AC analysis by name."""
-        return {name: np.asarray(values, dtype=complex) for name, values in self.result.raw.vectors.items()}
+        return {name: np.asarray(values, dtype=complex) for name, values in self.raw.vectors.items()}
 
     def last(self) -> dict[str, float]:
         """Return the value of every vector at the end of the run: its final state, if the states were recorded."""
-        ends = {name: values[-1:].real for name, values in self.result.raw.vectors.items()}
+        ends = {name: values[-1:].real for name, values in self.raw.vectors.items()}
         return {name: float(values[0]) for name, values in self._signals(ends).items()}
 
     def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
@@ -163,5 +152,6 @@ def run_bench(
     try:
         result = ready.verified(analysis, **how, **arguments)
     except Interrupted as interrupt:
-        raise Interrupted(str(interrupt), Outcome(interrupt.partial, ready.deck, signals)) from None
-    return Outcome(result, ready.deck, signals)
+        done = Outcome(**vars(interrupt.partial), deck=ready.deck, signals=signals)
+        raise Interrupted(str(interrupt), done) from None
+    return Outcome(**vars(result), deck=ready.deck, signals=signals)
