@@ -12,7 +12,7 @@ from typing import Any
 
 import pyspice_runner as pr
 from pyspice_runner.motor.load import SETS, Arm
-from pyspice_runner.motor.motor import Lining, Materials
+from pyspice_runner.motor.materials import Lining, Materials
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,
@@ -63,8 +63,8 @@ def parameters_page() -> str:
     stated = tomllib.loads((SETS / f"{SET}.toml").read_text(encoding="utf-8"))
     ring = tomllib.loads((SETS / "ring60.toml").read_text(encoding="utf-8"))
     ceramic = [name for name in Patch.model_fields if f"ceramic.{name}" in beam.provenance]
-    mode = vars(motor.modes[2]) | {"frequency_hz": motor.modes[2].frequency_hz}
-    patch, materials = vars(structure.patches[0]), _plain(stated["contact"]["materials"])
+    mode = dict(motor.modes[2]) | {"frequency_hz": motor.modes[2].frequency_hz}
+    patch, materials = dict(structure.patches[0]), _plain(stated["contact"]["materials"])
     sections: list[tuple[str, type[Any], str, Mapping[str, Any], list[str]]] = [
         ("Solid", Solid, "solid", _plain(stated["solid"]), _own(Solid, *_TABLES)),
         ("Boxes", Box, "solid.boxes.N", {}, _own(Box)),
@@ -74,20 +74,20 @@ def parameters_page() -> str:
         ("Ring", Ring, "ring", _plain(ring["ring"]), _own(Ring)),
         ("Modes", Mode, "modes.N", mode, _own(Mode)),
         ("Arms", Arm, "arms.N", {}, _own(Arm, "tip_x", "tip_y", "recoil_kg", "recoil_x_kg")),
-        ("Beam", Beam, "beam", vars(structure.beam), _own(Beam)),
+        ("Beam", Beam, "beam", dict(structure.beam), _own(Beam)),
         ("Patches", Patch, "patches.N", patch, _own(Patch, *ceramic)),
         ("Ceramic", Patch, "ceramic", patch, ceramic),
-        ("Tip", Tip, "tip", vars(structure.tip), _own(Tip)),
-        ("Damping", Damping, "damping", vars(structure.damping), _own(Damping)),
-        ("Piezo", Piezo, "piezo", vars(motor.piezo), _own(Piezo)),
-        ("Contact", Contact, "contact", vars(motor.contact), _own(Contact)),
+        ("Tip", Tip, "tip", dict(structure.tip), _own(Tip)),
+        ("Damping", Damping, "damping", dict(structure.damping), _own(Damping)),
+        ("Piezo", Piezo, "piezo", dict(motor.piezo), _own(Piezo)),
+        ("Contact", Contact, "contact", dict(motor.contact), _own(Contact)),
         ("Materials", Materials, "contact.materials", materials, _own(Materials)),
         ("Contacts", ContactPlace, "contacts.N", {}, _own(ContactPlace)),
         ("Lining", Lining, "contact.lining", {}, _own(Lining)),
-        ("Rotor", Rotor, "rotor", vars(motor.rotor), _own(Rotor)),
+        ("Rotor", Rotor, "rotor", dict(motor.rotor), _own(Rotor)),
         ("Slider", Slider, "slider", {}, _own(Slider)),
-        ("Mount", Mount, "mount", vars(motor.mount), _own(Mount)),
-        ("Limits", Limits, "limits", vars(motor.limits), _own(Limits)),
+        ("Mount", Mount, "mount", dict(motor.mount), _own(Mount)),
+        ("Limits", Limits, "limits", dict(motor.limits), _own(Limits)),
         ("Load", ToolLoad, "load", {}, _own(ToolLoad)),
         ("Feedback", Feedback, "feedback", {}, _own(Feedback)),
         ("Two-phase drive", pr.TwoPhaseDrive, "drive", _plain(stated["drive"]), _own(pr.TwoPhaseDrive)),

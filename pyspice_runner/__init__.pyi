@@ -26,7 +26,6 @@ from .impedance.readers import read_spectrum as read_spectrum
 from .impedance.spectrum import Spectrum as Spectrum
 from .motor.circuit_file import load_circuit as load_circuit
 from .motor.drive import Load as Load
-from .motor.drive import OnePhaseDrive as OnePhaseDrive
 from .motor.drive import ShaftLoad as ShaftLoad
 from .motor.drive import TwoPhaseDrive as TwoPhaseDrive
 from .motor.drive import TwoToneDrive as TwoToneDrive
@@ -41,12 +40,10 @@ from .steady.branch import steady_branch as steady_branch
 from .steady.small_signals import small_signals as small_signals
 from .steady.speed_torque import speed_torque as speed_torque
 from .steady.steady import steady_state as steady_state
-from .steady.transducer import transducer_state as transducer_state
 from .steady.working_points import working_points as working_points
 from .sweeps.plan import Tolerance as Tolerance
 from .sweeps.sweep import sweep as sweep
 from .trackers.track import track as track
-from .trackers.tracker import Disturbance as Disturbance
 from .trackers.tracker import Tracker as Tracker
 from .view.datasheet import report as report
 

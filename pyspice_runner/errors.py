@@ -8,7 +8,8 @@ what to do.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -81,6 +82,15 @@ def quoted(value: Any) -> str:
     except (ValueError, RecursionError):  # such as an integer of five thousand digits, which Python does not write
         return f"{type(value).__name__} too large to be shown"
     return text if len(text) <= 60 else text[:57] + "…"
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """Put a place in front of the message of a ParameterError that is raised in the block."""
+    try:
+        yield
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
 
 
 def require(valid: object, name: str, value: object, allowed: str, *, unit: str = "") -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import pyspice_runner as pr
-from pyspice_runner.trackers.tracker import CHANGED
+from pyspice_runner.trackers.tracker import CHANGED, Disturbance
 from validation.campaign import Campaign, Key
 
 SEED, RANDOM = 49, 32
@@ -58,7 +58,7 @@ def outcome(key: Key) -> dict[str, Any]:
     kind = list(spans)[int(rng.integers(len(spans)))]
     value = float(rng.uniform(*spans[kind]))
     events = [
-        pr.Disturbance(**{"kind": kind, "begin_s": begin, CHANGED[kind]: to, "drift_time_s": 5e-3})
+        Disturbance(**{"kind": kind, "begin_s": begin, CHANGED[kind]: to, "drift_time_s": 5e-3})
         for begin, to in ((BEGIN, value), (END, 0.0))
     ]
     runs = {}

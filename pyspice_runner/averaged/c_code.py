@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from pyspice_runner.averaged.library import (
     ALL_TERMS,
     HARMONICS,
-    OTHER_POWER,
     PHASES,
     Terms,
     averaged_phase,
     default_two_phase,
 )
+from pyspice_runner.circuit.law import OTHER_POWER
 from pyspice_runner.circuit.motor import mode_values, rounded, spring_values
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
@@ -114,7 +114,7 @@ def header(terms: Terms) -> str:
     """Return ``piezomotor_averaged.h`` with the units and ranges of the contact's exponent."""
     text = (data_path("behavioral") / HEADER).read_text(encoding="utf-8")
     for name, (unit, *ends) in OTHER_POWER.items() if terms.exponent != HERTZ else ():
-        own = f'ENTRY({name}, "{unit.format(terms.exponent)}", {", ".join(ends)},'
+        own = f'ENTRY({name}, "{unit.format(f"{terms.exponent:g}")}", {", ".join(ends)},'
         text = re.sub(rf'ENTRY\({name}, "\S+", \S+, \S+,', own, text).replace("the Hertz law", "the power law")
     return text
 

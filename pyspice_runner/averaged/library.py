@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.law import LAWS, ContactLaw, Law, law_of
+from pyspice_runner.circuit.law import LAWS, ContactLaw, Law, law_of, of_power
 from pyspice_runner.circuit.motor import (
     CROWN,
     MOUNTED,
@@ -53,8 +53,6 @@ CHECKED_HARMONICS = 2  # above those of the model; the check node gives the resp
 DEEPEST_M = 5e-4  # static penetration: half of the largest in piezomotor_averaged_phase.lib
 _CONTACT = "piezomotor_averaged_contact"
 _PHASE = "piezomotor_averaged_phase"
-# unit and range of what depends on the exponent, as of piezomotor_lining; those in the libraries are Hertz's
-OTHER_POWER = {"normal_stiffness": ("N/m^{:g}", "1e3", "1e25"), "compliance": ("m/N^(1/{:g})", "1e-14", "1e-2")}
 _OF_BENDING = ("stiffness", "tip_x", "tip_y")
 _OF_PHASE = ("slider", "normal", "friction", "fx", "fy", "open", "slip", "motion", "bound")  # outputs of a phase
 
@@ -107,7 +105,7 @@ def require_averaged(motor: Motor) -> Motor:
             f"contacts: exponent = {given} has no averaged model: it must be the same at all contacts. Set it, or use "
             "the full motor."
         )
-    penetration = max(contact_law.static_penetration(one.contact) for one in motor.touching)
+    penetration = motor.at_rest.depth_m.max()
     if penetration > DEEPEST_M:
         raise ParameterError(
             f"contact.preload_n = {motor.contact.preload_n:g} N presses the tip {1e3 * penetration:.3g} mm into the "
@@ -207,11 +205,9 @@ def averaged_phase(terms: Terms) -> Library:
 
 def _of_power(item: LibraryParameter, exponent: float) -> LibraryParameter:
     """Return a parameter of the contact with unit and range for an exponent."""
-    if exponent == HERTZ or item.name not in OTHER_POWER:
+    if exponent == HERTZ:
         return item
-    unit, least, greatest = OTHER_POWER[item.name]
-    meaning = item.meaning.replace("the Hertz law", "the power law")
-    return replace(item, unit=unit.format(exponent), least=float(least), greatest=float(greatest), meaning=meaning)
+    return replace(of_power(item, f"{exponent:g}"), meaning=item.meaning.replace("the Hertz law", "the power law"))
 
 
 def _carry(node: str, last: str, start: str) -> tuple[str, ...]:

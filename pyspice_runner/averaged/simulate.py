@@ -155,7 +155,7 @@ def averaged_ceramic(motor: Motor, amplitudes: Sequence[float], curves: Mapping[
     ``amplitudes`` of the modes in m are those at the end; the curves are named as in :data:`COLUMNS`.
     """
     normal_force, heat = (float(curves[name][-1]) for name in ("normal_force_n", "heat_w"))
-    bent = np.abs(motor.preload_shares @ motor.stator.contact[1::2]) * normal_force / motor.stator.stiffness
+    bent = np.abs(motor.stator.preload_motion) * normal_force / motor.stator.stiffness
     total = [static + moved for static, moved in zip(bent.tolist(), amplitudes, strict=True)]
     rise = temperature_rise(motor, heat)
     return stated(motor, {**peak_of_amplitudes(motor, total), "temperature_rise_k": rise}, curves["rotor_speed_rad_s"])

@@ -40,7 +40,8 @@ class LibraryFunction:
     """The equations of a library."""
 
     states: tuple[str, ...]  # nodes whose capacitors hold the state
-    nodes: tuple[str, ...]  # all nodes, and the rate of each state as ``rate_NODE``
+    rates: tuple[str, ...]  # names of their rates, ``rate_NODE``
+    nodes: tuple[str, ...]  # all nodes and rates
     _program: tuple[tuple[str, CodeType, int], ...]  # node or parameter, its value, how often it is evaluated
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -138,7 +139,8 @@ def library_function(library: Library) -> LibraryFunction:
     given = {*library.defaults, *library.pin_names, *known.capacitances, *(name for name, *_ in program), *_FUNCTIONS}
     if missing := {name for _, code, _ in program for name in code.co_names} - given:
         raise ValueError(f"{library.name} reads {', '.join(sorted(missing))}, which cannot be translated.")
-    return LibraryFunction(tuple(known.capacitances), tuple(name for name, *_ in program), program)
+    states, nodes = tuple(known.capacitances), tuple(name for name, *_ in program)
+    return LibraryFunction(states, nodes[len(nodes) - len(states) :], nodes, program)
 
 
 @cache

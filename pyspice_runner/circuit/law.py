@@ -10,10 +10,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from math import ceil, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +47,8 @@ WORN_FORCE = (
     "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
     "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
 )
+# parameters that another exponent than Hertz's changes: unit and range; SOFTNESS over the stiffest lining, 1e13 N/m
+OTHER_POWER = {"normal_stiffness": ("N/m^{}", "1e3", "1e25"), "compliance": ("m/N^(1/{})", "1e-14", "1e-2")}
 REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
 
 
@@ -110,7 +111,7 @@ class Law:
                     f"law.{name} = {value:g}{unit} is not valid: it must be {item.least:g} to {item.greatest:g}{unit}."
                 )
 
-    @property
+    @cached_property
     def _library(self) -> Library:
         """The library with the number of sliders and the parameters that its header gives."""
         return read_own_law(self.name) if is_own(self.name) else read_library(LAWS[self.name])
@@ -127,22 +128,22 @@ class Law:
             raise ParameterError(f"law.{name} is not a parameter of the contact law {self.name}; {has}.")
         return self.own[name]
 
-    @property
+    @cached_property
     def forms(self) -> frozenset[str]:
         """The forms in which the law exists: ``spice``, and of built-in laws ``verilog-a``, ``averaged`` and ``c``."""
         return frozenset({"spice"}) if is_own(self.name) else self._library.forms
 
-    @property
+    @cached_property
     def spring(self) -> bool:
         """Whether the law has a tangential spring of its own, with which one in series has a place."""
         return self._library.spring
 
-    @property
+    @cached_property
     def row(self) -> bool:
         """Whether the law is a row of sliders, whose number can be chosen."""
         return not is_own(self.name) and len(self._library.sliders) > 1
 
-    @property
+    @cached_property
     def sliding(self) -> bool:
         """Whether the states of the law are sliders."""
         return self.row or len(self._library.sliders) == 1
@@ -207,6 +208,8 @@ def _width(depth: float, flat: float) -> float:
 
 def motor_library_of(law: Law, motor: Motor) -> Library:
     """Return the library of the contacts of a motor: one for all, with what any of them needs."""
+    if not motor.contacts:
+        return contact_library(law, motor.contact)
     contacts = [one.contact for one in motor.touching]
     needs = {
         "worn_flat_radius_m": max(contact.worn_flat_radius_m for contact in contacts),
@@ -320,11 +323,15 @@ def lined(library: Library) -> Library:
         factor = "max(max(V(factor),1m)**({exponent-1}),31.6m)"  # not below that of Hertz's contact, √1m
         lines["Bfriction"] = lines["Bfriction"].replace("sqrt(max(V(factor),1m))", factor)
     library = _on_other(library, lines, "lining", "exponent")
-    wide: dict[str, dict[str, Any]] = {
-        "normal_stiffness": {"unit": "N/m^exponent", "greatest": 1e25},
-        "compliance": {"unit": "m/N^(1/exponent)", "least": 1e-14},  # SOFTNESS over the stiffest lining, 1e13 N/m
-    }
-    return replace(library, parameters=tuple(replace(one, **wide.get(one.name, {})) for one in library.parameters))
+    return replace(library, parameters=tuple(of_power(item, "exponent") for item in library.parameters))
+
+
+def of_power(item: LibraryParameter, exponent: str) -> LibraryParameter:
+    """Return a parameter of a Hertz contact as that of a lining, with the exponent as its unit shows it."""
+    if item.name not in OTHER_POWER:
+        return item
+    unit, least, greatest = OTHER_POWER[item.name]
+    return replace(item, unit=unit.format(exponent), least=float(least), greatest=float(greatest))
 
 
 def _on_other(library: Library, lines: dict[str, str], ending: str, parameter: str) -> Library:

@@ -43,7 +43,6 @@ from pyspice_runner.circuit.state import (
     motor_states,
     plate_nodes,
     plates_of,
-    preload_motion,
     pushes,
     start_values,
     static_places,
@@ -363,7 +362,7 @@ class MotorSubCircuit(Assembly):
 
     def _add_modes(self, warm: tuple[str, ...]) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
-        pressed = preload_motion(self._motor) if self._law else ()
+        pressed = self._motor.stator.preload_motion if self._law else ()
         suffixes = [one.suffix for one in self._motor.touching] if not self._motor.is_transducer else [""]
         shaking = written_stator(self._motor, self._discretisation, self._mount).carrier_recoil.T.tolist()
         pins = [*self._motor.groups, *[self._common] * (3 - len(self._motor.groups))]
@@ -532,7 +531,7 @@ def touching_values(
     motor: Motor, law: Law, one: Touching, discretisation: Discretisation | None, library: Library | None = None
 ) -> dict[str, float]:
     """Return the parameters of an instance of a law at one contact, and those that only other contacts need."""
-    places = static_places(motor, law, discretisation)[[other.name for other in motor.touching].index(one.name)]
+    places = static_places(motor, law, discretisation)[motor.touching.index(one)]
     bent = float(-places[1]) + one.contact.series_compliance_m_per_n * one.contact.preload_n
     values = contact_values(
         law, one.contact, radius=one.radius_m, preload=one.contact.preload_n, deflection=bent + one.height_m,

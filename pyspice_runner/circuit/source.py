@@ -20,7 +20,7 @@ from PySpice.Spice.Netlist import Circuit
 from pyspice_runner.circuit.evaluated import Derived
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.circuit.state import Discretisation, stems
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, located
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.document import read_document
@@ -349,11 +349,9 @@ def read_waveform(path: str | Path, frequency: float) -> Waveform:
             raise ParameterError(
                 f"{path}, line {number}: {','.join(row)[:60]!r} must have a number for each column."
             ) from None
-    try:
-        time, voltage_a, voltage_b = np.array(found, dtype=float).reshape(-1, len(COLUMNS)).T
+    time, voltage_a, voltage_b = np.array(found, dtype=float).reshape(-1, len(COLUMNS)).T
+    with located(str(path)):
         return Waveform(time, voltage_a, voltage_b, frequency)
-    except ParameterError as error:
-        raise ParameterError(f"{path}: {error}") from None
 
 
 def _numbers(name: str, values: ArrayLike) -> NDArray[np.float64]:

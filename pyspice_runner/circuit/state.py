@@ -143,20 +143,9 @@ def static_places(motor: Motor, law: Law | None, discretisation: Discretisation 
     if law is None:
         return np.zeros((1, 2))
     flexibility = written_stator(motor, discretisation).flexibility[:, 1::2]
-    bent = flexibility @ motor.preload_shares
+    bent = flexibility @ motor.stator.share
     bent[np.abs(bent) < ROUNDING * np.trace(flexibility[1::2])] = 0.0  # where the shares of several cancel
     return np.asarray(-motor.contact.preload_n * bent.reshape(-1, 2) + 0.0)
-
-
-def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
-    """Return the sideways displacement in m of the first tip under the preload, where the rotor's crown stands."""
-    return float(static_places(motor, law, discretisation)[0, 0])
-
-
-@derived
-def preload_motion(motor: Motor) -> Array:
-    """Return what the modes move the contacts towards the rotor, weighted by their shares of the preload."""
-    return np.asarray(motor.preload_shares @ motor.stator.contact[1::2])
 
 
 @dataclass(frozen=True)
@@ -226,7 +215,7 @@ class State:
 def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> tuple[State, ...]:
     """Return the states of a motor, of some kinds or of all; ``law`` is ``None`` for a free tip."""
     modes = list(enumerate(motor.modes))
-    rest = -preload_motion(motor) * motor.contact.preload_n if law else np.zeros(len(modes))
+    rest = -motor.stator.preload_motion * motor.contact.preload_n if law else np.zeros(len(modes))
     states = [
         State(
             f"displacement_{at + 1}", "mode", f"v({{0}}.xmode{at + 1}.elastic)", "displacements_m", at,

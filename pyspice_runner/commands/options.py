@@ -19,6 +19,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW
 from pyspice_runner.commands import common
+from pyspice_runner.errors import located
 from pyspice_runner.motor.drive import DRIVES, OnePhaseDrive
 from pyspice_runner.result import Result
 from pyspice_runner.spice import Engine
@@ -396,10 +397,8 @@ class Call:
             same = path.lower()  # SPICE does not distinguish case
             if same in values:
                 raise pr.ParameterError(f"--part {path} is given twice, with different capitalisation. Give it once.")
-            try:
+            with located(f"--part {path}"):
                 values[same] = common.number(text)
-            except pr.ParameterError as error:
-                raise pr.ParameterError(f"--part {path}: {error}") from None
         return values
 
     def pick(self, names: str, **renamed: str) -> dict[str, Any]:

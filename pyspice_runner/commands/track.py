@@ -10,7 +10,7 @@ import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, DRIVER, DRIVERS, LOAD, PHASE, TARGETS, Call, command, option
 from pyspice_runner.errors import require
-from pyspice_runner.trackers.tracker import CHANGED, DisturbanceKind, TrackerKind, running_resonance
+from pyspice_runner.trackers.tracker import CHANGED, Disturbance, DisturbanceKind, TrackerKind, running_resonance
 
 START_OFFSET = 0.03  # relative to the centre
 FARTHEST_DEG = 60.0  # of a target
@@ -105,7 +105,7 @@ def track(call: Call) -> None:
     call.deliver(result, motor.name)
 
 
-def _event(text: str, call: Call) -> pr.Disturbance:
+def _event(text: str, call: Call) -> Disturbance:
     """Return the disturbance that KIND=VALUE@BEGIN names; a drift takes ``--drift-time``."""
     kind, _, rest = text.partition("=")
     value, _, begin = rest.partition("@")
@@ -115,7 +115,7 @@ def _event(text: str, call: Call) -> pr.Disturbance:
     values: dict[str, Any] = {name: common.number(value, units), "begin_s": common.number(begin, "Begin, s")}
     if kind == "temperature":
         values |= {"drift_time_s": call.drift_time, "thermal": pr.Thermal.of(call.loaded) if call.all_drift else None}
-    return pr.Disturbance(**{"kind": kind, **values})
+    return Disturbance(**{"kind": kind, **values})
 
 
 def _usual_voltage(

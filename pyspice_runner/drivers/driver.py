@@ -27,7 +27,7 @@ from pyspice_runner.circuit.motor import instantiate
 from pyspice_runner.circuit.source import GROUPS, UNIFORM_POINTS, Pins, Source, transient_options
 from pyspice_runner.drivers.own_device import DRIVEN, MOSFET, is_reference, read_driver, read_mosfet
 from pyspice_runner.drivers.parts import CABLE, MOSFETS, WINDING_CAPACITANCE, Passed, passed, ratings
-from pyspice_runner.errors import ParameterError, did_you_mean, require
+from pyspice_runner.errors import ParameterError, did_you_mean, located, require
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import two_phasors
 from pyspice_runner.motor.motor import Motor
@@ -617,10 +617,8 @@ class Driver(Stated, Source):
             phase_deg = self.phase_deg if group == "b" else 0.0
             driven = dict(zip(DRIVEN, (self.amplitude(group), self.frequency, phase_deg), strict=True))
             values |= {name: value for name, value in driven.items() if name in values}
-        try:
+        with located(f"Driver: {label} of group {group.upper()}"):
             check_parameters(library.name, library.parameters, values)
-        except ParameterError as error:
-            raise ParameterError(f"Driver: {label} of group {group.upper()}: {error}") from None
         return Part(instance, label, group, library, values)
 
     def _setting(self, label: str, name: str, group: str, default: float) -> float:

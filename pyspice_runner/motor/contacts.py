@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.contact import limit_ratio, static_penetration
 from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode
 from pyspice_runner.motor.refusal import build
 
@@ -37,6 +38,27 @@ class Touching:
     multiplicity: int = 1  # number of equal points
     direction: int = 1  # -1 if the x of the stator points backward there
     height_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class AtRest:
+    """The contacts of a motor under its preload: arrays with an element for each."""
+
+    preload_n: Array
+    friction: Array  # coefficient
+    radius_m: Array  # of the rotor there
+    depth_m: Array  # static penetration
+    limit_m: Array  # limit of stick
+
+    @classmethod
+    def of(cls, touching: Sequence[Touching]) -> AtRest:
+        """Return the values of contacts."""
+        rows = []
+        for one in touching:
+            depth = static_penetration(one.contact)
+            limit = limit_ratio(one.contact) * depth
+            rows.append((one.contact.preload_n, one.contact.friction, one.radius_m, depth, limit))
+        return cls(*np.array(rows).T)
 
 
 def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:

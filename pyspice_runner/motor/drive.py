@@ -7,6 +7,7 @@ from cmath import exp, rect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import chain
 from math import pi, radians, sin, sqrt
 from operator import attrgetter
@@ -70,12 +71,12 @@ class Drive(Stated):
         """Description of the drive for captions."""
         raise NotImplementedError
 
-    @property
+    @cached_property
     def frequencies(self) -> tuple[float, ...]:
         """Frequencies present, in Hz."""
         return tuple(sorted(set(map(attrgetter("frequency"), chain(*self.tones)))))
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Time in s after which both voltages repeat; for frequencies without a short one, that of the lowest."""
         base = Fraction(self.frequencies[0])
@@ -106,12 +107,12 @@ class TwoPhaseDrive(Drive):
         ratio = f", B {self.ratio_b:g} times A" if self.ratio_b != 1.0 else ""
         return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz, {self.phase_deg:g}° apart{ratio}"
 
-    @property
+    @cached_property
     def voltage_b(self) -> float:
         """Amplitude of group B in V."""
         return self.ratio_b * self.voltage
 
-    @property
+    @cached_property
     def tones(self) -> tuple[tuple[Tone, ...], ...]:
         """One sine for each group."""
         return (
@@ -128,10 +129,10 @@ class OnePhaseDrive(TwoPhaseDrive):
         """Amplitude and frequency."""
         return f"{self.voltage:g} V at {self.frequency / 1e3:g} kHz"
 
-    @property
+    @cached_property
     def tones(self) -> tuple[tuple[Tone, ...], ...]:
         """The sine of group A."""
-        return super().tones[:1]
+        return ((Tone(self.voltage, self.frequency, 0.0),),)
 
 
 def ideal_drive(voltage_a: float, voltage_b: float, phase_deg: float, frequency: float) -> TwoPhaseDrive:
@@ -172,7 +173,7 @@ class TwoToneDrive(Drive):
         common = f"{self.voltage_1:g} V at {self.frequency_1 / 1e3:g} kHz"
         return f"{common} ± {self.voltage_2:g} V at {self.frequency_2 / 1e3:g} kHz, {self.phase_deg:g}°"
 
-    @property
+    @cached_property
     def tones(self) -> tuple[tuple[Tone, ...], ...]:
         """The two sines whose sum drives a group, for each group."""
         common = Tone(self.voltage_1, self.frequency_1, 0.0)

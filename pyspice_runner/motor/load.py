@@ -35,23 +35,22 @@ from typing import Any
 
 import numpy as np
 
-from pyspice_runner.errors import ParameterError, did_you_mean, require
+from pyspice_runner.errors import ParameterError, did_you_mean, located, require
 from pyspice_runner.motor import beam as beam_model
 from pyspice_runner.motor.circuit_file import circuit_of
 from pyspice_runner.motor.document import parse_toml, read_document
 from pyspice_runner.motor.drive import DRIVES
 from pyspice_runner.motor.equivalent import EquivalentCircuit
 from pyspice_runner.motor.groups import GROUPS
+from pyspice_runner.motor.materials import SOURCES, Source
 from pyspice_runner.motor.motor import (
     ALIASES,
     KINDS,
     MOVED,
     OF_FILES,
     SECTIONS,
-    SOURCES,
     Motor,
     Provenance,
-    Source,
     Structure,
     assemble,
     with_constants,
@@ -358,10 +357,8 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
         tip=build(Tip, plain["tip"], "tip", where),
         damping=build(Damping, plain["damping"], "damping", where),
     )
-    try:
+    with located(where):
         modes = beam_model.resonator_modes(structure.beam, structure.patches, structure.tip, structure.damping)
-    except ParameterError as error:
-        raise ParameterError(f"{where}: {error}") from error
     capacitance_a, capacitance_b = beam_model.clamped_capacitances(structure.beam, structure.patches)
     capacitances = {"capacitance_a_f": capacitance_a, "capacitance_b_f": capacitance_b}
     return structure, [mode.model_dump() for mode in modes], capacitances
@@ -371,10 +368,8 @@ def _from_solid(
     plain: dict[str, Any], where: str, folder: Path
 ) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
     solid = solid_from(plain["solid"], where, folder)
-    try:
+    with located(where):
         stator = stator_of(solid)
-    except ParameterError as error:
-        raise ParameterError(f"{where}: {error}") from error
     modes = stator.tables(solid.quality_factor)
     for mode in modes:
         for name in ("recoil_kg", "recoil_x_kg"):
@@ -406,10 +401,8 @@ def _from_ring(plain: dict[str, Any], where: str) -> tuple[Ring, list[dict[str, 
             f"{where}: a [ring] turns a [rotor] whose radius_m is ring.contact_radius_m = {ring.contact_radius_m:g} m. "
             "Specify [contact] and that rotor."
         )
-    try:
+    with located(where):
         wave = wave_of(ring)
-    except ParameterError as error:
-        raise ParameterError(f"{where}: {error}") from error
     modes, couplings = ring_modes(ring, wave)
     plain["contacts"] = ring_contacts(ring, wave)
     covered = ring.waves_a, ring.waves_b, ring.waves_feedback
@@ -508,10 +501,8 @@ def _check_drive(entry: Any, where: str) -> None:
     table = as_table(entry, "drive", where)
     kind = table.get("kind", "two-phase")
     require(kind in list(DRIVES), f"{where}: drive.kind", kind, f"one of {', '.join(DRIVES)}")
-    try:
+    with located(f"{where}: [drive]"):
         DRIVES[kind](**{name: value for name, value in table.items() if name != "kind"})
-    except ParameterError as error:
-        raise ParameterError(f"{where}: [drive]: {error}") from error
 
 
 def _strip(value: Any, path: str, provenance: dict[str, Provenance], where: str) -> Any:

@@ -7,11 +7,10 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial, wraps
+from dataclasses import dataclass, field
+from functools import cached_property, wraps
 from math import inf, pi, sqrt
-from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
-from weakref import ref
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +27,9 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
-from pyspice_runner.motor.contacts import Touching, check_places, motion_rows, resolved, touching_of
+from pyspice_runner.motor.contacts import AtRest, Touching, check_places, motion_rows, resolved, touching_of
 from pyspice_runner.motor.groups import GROUPS
+from pyspice_runner.motor.materials import SOURCES, Lining, Materials, Source
 from pyspice_runner.motor.parameters import (
     HERTZ,
     MIN_CAPACITANCE,
@@ -59,33 +59,29 @@ from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]
 _Arguments = ParamSpec("_Arguments")
-_Owner = TypeVar("_Owner")
 _Found = TypeVar("_Found")
 _SETTLED = 7.0  # time constants, after which a power is within 0.2 % of its end
 _MOST_KEPT = 256  # facts of one motor
-_kept: dict[int, tuple[ref[Any], dict[Any, Any]]] = {}  # by the identity of a motor
 
 
-def _forget(kept: dict[int, Any], key: int, _: ref[Any]) -> None:
-    """Drop the facts of a motor that is gone, also while Python ends and the module has lost its names."""
-    kept.pop(key, None)
+@dataclass(eq=False)
+class _Facts:
+    """What functions have derived from a motor, by function and arguments."""
+
+    found: dict[Any, Any] = field(default_factory=dict)
 
 
 def derived(
-    function: Callable[Concatenate[_Owner, _Arguments], _Found],
-) -> Callable[Concatenate[_Owner, _Arguments], _Found]:
+    function: Callable[Concatenate[Motor, _Arguments], _Found],
+) -> Callable[Concatenate[Motor, _Arguments], _Found]:
     """Keep what a function derives from a motor and from further hashable values, while the motor is in use.
 
     A motor does not change; the caller must not change the result.
     """
 
     @wraps(function)
-    def call(motor: _Owner, /, *values: _Arguments.args, **named: _Arguments.kwargs) -> _Found:
-        key = id(motor)
-        entry = _kept.get(key)
-        if entry is None or entry[0]() is not motor:
-            entry = _kept[key] = ref(motor, partial(_forget, _kept, key)), {}
-        facts, name = entry[1], (function, values, *named.items())
+    def call(motor: Motor, /, *values: _Arguments.args, **named: _Arguments.kwargs) -> _Found:
+        facts, name = motor.facts.found, (function, values, *named.items())
         if name in facts:
             return facts[name]  # type: ignore[no-any-return]
         found = function(motor, *values, **named)
@@ -147,104 +143,6 @@ class Ringing(Parameters):
     frequency_hz: float = quantity("natural frequency", "Hz", ge=LOWEST_FREQUENCY, le=HIGHEST_FREQUENCY)
     quality_factor: float = quantity("mechanical quality factor", "1", gt=LOWEST_QUALITY, le=HIGHEST_QUALITY)
 
-
-class Materials(Parameters):
-    """Materials of tip and rotor, or slider, from which K_N and K_t follow (paper eqs. 4 and 13–15)."""
-
-    TABLE: ClassVar[str] = "materials"
-    # constants of the contact that cannot be changed alone, and what to change
-    ONLY: ClassVar[dict[str, str]] = {"effective_radius_m": "tip_radius_m", "poisson": "tip_poisson"}
-    tip_radius_m: float = quantity("radius of the tip's cap", "m", gt=1e-6, le=10.0)
-    tip_youngs_modulus_pa: float = quantity("Young's modulus of the tip", "Pa", ge=1e8, le=2e12)
-    tip_poisson: float = quantity("Poisson's ratio of the tip", "1", ge=0.0, lt=0.5)
-    rotor_youngs_modulus_pa: float = quantity("Young's modulus of the rotor, or of the slider", "Pa", ge=1e8, le=2e12)
-    rotor_poisson: float = quantity("Poisson's ratio of the rotor, or of the slider", "1", ge=0.0, lt=0.5)
-    on_face: bool = Field(default=False, description="whether the tip runs on the flat face of a rotor, not on its rim")
-
-    def constants(self, rotor_radius_m: float) -> dict[str, float]:
-        """Return K_N, K_t1, K_t2, R* and the tip's ν under the names of :class:`Contact`.
-
-        A flat slider and the face of a rotor have an infinite radius.
-        """
-        tip = self.tip_youngs_modulus_pa, self.tip_poisson
-        rotor = self.rotor_youngs_modulus_pa, self.rotor_poisson
-        modulus = contact_law.effective_modulus(*tip, *rotor)
-        radius = contact_law.effective_radius(self.tip_radius_m, inf if self.on_face else rotor_radius_m)
-        return {
-            "normal_stiffness_n_per_m15": contact_law.normal_stiffness(modulus, radius),
-            "tangential_compliance_tip_m_per_n23": contact_law.tangential_compliance(*tip, modulus, radius),
-            "tangential_compliance_rotor_m_per_n23": contact_law.tangential_compliance(*rotor, modulus, radius),
-            "effective_radius_m": radius,
-            "poisson": self.tip_poisson,
-        }
-
-
-class Lining(Parameters):
-    """A lining, or rough surfaces: F_N = K δ^p, from which the contact's constants follow.
-
-    K is that in all, per area, or of a layer of thickness h: E A/h of one that bulges freely, or with Poisson's ratio
-    that of a wide one that is bonded, E (1 − ν)/((1 + ν)(1 − 2ν)) A/h, and E/(2 + 2ν) A/h along the tangent.
-    The loss factor η is that of small vibrations under the preload at the frequency f where 2π f δ₀ is
-    ``contact.restitution_velocity_m_s``, with the static penetration δ₀; it grows in proportion to f.
-    """
-
-    TABLE: ClassVar[str] = "lining"
-    ONLY: ClassVar[dict[str, str]] = {"exponent": "exponent"}
-    exponent: float = quantity("exponent p", "1", ge=1.0, le=3.5, default=1.0)
-    stiffness_n_per_m: float | None = quantity("K, N/m^p", "N/m", ge=1e3, le=1e25, default=None)
-    stiffness_n_per_m3: float | None = quantity("K/A, N/m^(p+2)", "N/m³", ge=1e6, le=1e36, default=None)
-    youngs_modulus_pa: float | None = quantity("E of a layer", "Pa", ge=1e4, le=2e12, default=None)
-    thickness_m: float | None = quantity("its thickness h", "m", ge=1e-8, le=0.1, default=None)
-    poisson: float | None = quantity("its ν, if bonded", "1", ge=0.0, le=0.49, default=None)
-    area_m2: float | None = quantity("area A", "m²", ge=1e-14, le=1.0, default=None)
-    tangential_stiffness_n_per_m: float | None = quantity("along the tangent", "N/m", ge=1.0, le=1e13, default=None)
-    stiffness_ratio: float | None = quantity("normal over tangential", "1", ge=0.1, le=100.0, default=None)
-    loss_factor: float | None = quantity("loss factor η", "1", ge=1e-3, le=1.0, default=None)
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        ways = (
-            ("stiffness_n_per_m", "stiffness_n_per_m3", "youngs_modulus_pa"),
-            ("stiffness_ratio", "tangential_stiffness_n_per_m", "poisson"),
-        )
-        given = {name for names in ways for name in names if getattr(self, name) is not None}
-        for names in ways:
-            if len(found := sorted(given.intersection(names))) != 1:
-                raise ValueError(
-                    f"specify one of {', '.join(names)}; there are {' and '.join(found) or 'none of them'}"
-                )
-        layer, per_area = {"youngs_modulus_pa"}, {"stiffness_n_per_m3", "youngs_modulus_pa"}
-        for name, users in (("area_m2", per_area), ("thickness_m", layer), ("poisson", layer)):
-            stated = getattr(self, name) is not None
-            if stated != bool(given & users) and (stated or name != "poisson"):
-                raise ValueError(f"{name} belongs to {' or '.join(sorted(users))}: specify both, or leave out both")
-        if self.exponent != 1.0 and given & {"youngs_modulus_pa", "tangential_stiffness_n_per_m"}:
-            raise ValueError(f"exponent = {self.exponent:g} must be 1 with {' and '.join(sorted(given))}")
-        return self
-
-    def constants(self, _: float) -> dict[str, float]:
-        """Return exponent, K_N, K_t and, of one with a loss factor, the restitution, as :class:`Contact` names them."""
-        area, ratio = self.area_m2 or 0.0, self.stiffness_ratio or 0.0
-        normal = self.stiffness_n_per_m or (self.stiffness_n_per_m3 or 0.0) * area
-        if self.youngs_modulus_pa is not None and self.thickness_m is not None:
-            normal = self.youngs_modulus_pa * area / self.thickness_m
-            if (poisson := self.poisson) is not None:
-                normal *= (1.0 - poisson) / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
-                ratio = 2.0 * (1.0 - poisson) / (1.0 - 2.0 * poisson)
-        if self.tangential_stiffness_n_per_m:
-            ratio = normal / self.tangential_stiffness_n_per_m
-        found = {
-            "exponent": self.exponent, "normal_stiffness_n_per_m15": normal,
-            "tangential_compliance_tip_m_per_n23": ratio / normal ** (1.0 / self.exponent),
-            "tangential_compliance_rotor_m_per_n23": 0.0,
-        }  # fmt: skip
-        # a small vibration has the loss factor a ω δ₀/p, so that a v = p η
-        loss = {"restitution": contact_law.restitution(self.exponent * self.loss_factor)} if self.loss_factor else {}
-        return found | loss
-
-
-Source = Materials | Lining  # of the contact's constants
-SOURCES: tuple[type[Source], ...] = (Materials, Lining)
 
 OF_FILES = ("beam.", "ceramic.", "patches.", "tip.", "damping.", "arms.", "solid.", "ring.")  # read on loading
 OF_GROUP_B = ("coupling_b_n_per_v", "capacitance_b_f", "motion_x_b_m_per_v", "motion_y_b_m_per_v")  # of one group: 0
@@ -384,12 +282,17 @@ class Motor(Shown, Parameters):
             self._check_contact()
         return self
 
-    @property
+    @cached_property
+    def facts(self) -> _Facts:
+        """What :func:`derived` keeps."""
+        return _Facts()
+
+    @cached_property
     def is_transducer(self) -> bool:
         """Whether it has neither contact nor rotor."""
         return "rotor" not in self.__dict__
 
-    @property
+    @cached_property
     def groups(self) -> tuple[str, ...]:
         """Names of its electrical groups."""
         return GROUPS[:1] if self.piezo.capacitance_b_f is None else GROUPS
@@ -474,11 +377,8 @@ class Motor(Shown, Parameters):
                 f"the modes' recoil_kg shakes {shaken:.3g} kg, the sum of recoil_kg²/mass_kg, and mount.mass_kg = "
                 f"{self.mount.mass_kg:g} kg, which contains the stator, must exceed it: correct one of them"
             )
-        depths = [
-            contact_law.static_penetration(one.contact) + one.contact.series_compliance_m_per_n * one.contact.preload_n
-            for one in self.touching
-        ]
-        seat = float(np.max(depths + self.deflections_m))
+        compressed = np.diag(stator.residual)[1::2] * self.at_rest.preload_n  # what is in series
+        seat = float(np.max(self.at_rest.depth_m + compressed + self.deflections_m))
         deepest = DEEPEST_SLIDER_M if self.slider else 0.1 * self.rotor.radius_m
         if seat > deepest:
             most = "" if self.slider else f"a tenth of rotor.radius_m = {self.rotor.radius_m:g} m"
@@ -532,8 +432,7 @@ class Motor(Shown, Parameters):
                     "the capacitances: make it softer, or set both to 0"
                 )
 
-    @property
-    @derived
+    @cached_property
     def stator(self) -> Stator:
         """The matrices of the free stator, without its carrier."""
         if self.is_transducer:
@@ -541,31 +440,27 @@ class Motor(Shown, Parameters):
         motion = motion_rows(self.contacts, self.modes) if self.contacts else None
         return Stator.of_modes(self.modes, self.piezo, self.touching, self.feedback, motion, self.rotor.radius_m)
 
-    @property
-    @derived
+    @cached_property
     def touching(self) -> tuple[Touching, ...]:
         """The contacts of a motor, one or several."""
         return touching_of(self.contact, self.contacts, self.rotor.radius_m)
 
-    @property
-    def preload_shares(self) -> Array:
-        """Share of the preload on each contact at rest."""
-        return np.array([one.share for one in self.touching])
+    @cached_property
+    def at_rest(self) -> AtRest:
+        """The contacts under the preload."""
+        return AtRest.of(self.touching)
 
-    @property
-    @derived
+    @cached_property
     def loaded_stator(self) -> Stator:
         """The matrices of a transducer under its load."""
         return self.stator.loaded(np.array(self.load_motion), self.tool, self.load_resistance_n_s_per_m)
 
-    @property
-    @derived
+    @cached_property
     def carried_stator(self) -> Stator:
         """The matrices of the stator on its carrier."""
         return self.stator.with_carrier(self.mount)
 
-    @property
-    @derived
+    @cached_property
     def pressed_stator(self) -> Stator:
         """The matrices of stator, carrier and rotor, which the contact couples at its operating point, where it sticks.
 
@@ -597,7 +492,7 @@ class Motor(Shown, Parameters):
     @property
     def deflections_m(self) -> Array:
         """Bending of the stator under the preload at each contact, in m."""
-        return np.asarray(self.contact.preload_n * (self.stator.flexibility[1::2, 1::2] @ self.preload_shares))
+        return np.asarray(self.contact.preload_n * (self.stator.flexibility[1::2, 1::2] @ self.stator.share))
 
     @property
     def sway_m(self) -> float:
@@ -605,7 +500,7 @@ class Motor(Shown, Parameters):
 
         The crown of the rotor is above the tip at rest. Of several contacts it is the largest.
         """
-        sways = -self.contact.preload_n * (self.stator.flexibility[::2, 1::2] @ self.preload_shares)
+        sways = -self.contact.preload_n * (self.stator.flexibility[::2, 1::2] @ self.stator.share)
         return float(sways[np.abs(sways).argmax()])
 
     def approach_m(self, preload_n: float) -> float:
@@ -622,8 +517,7 @@ class Motor(Shown, Parameters):
         """Return the motor with the modes that its stator has on its carrier, which then shake it no more."""
         return self._of_stator(self.stator.on_carrier(self.mount))
 
-    @property
-    @derived
+    @cached_property
     def with_open_electrode(self) -> Motor:
         """The motor without its feedback electrode, with the modes that it has while that is open."""
         return self._of_stator(self.stator.with_open_electrode())
@@ -668,8 +562,7 @@ class Motor(Shown, Parameters):
         """Time in s from rest until the power of a transducer is within 0.2 % of its end; 0 for a motor."""
         return _SETTLED * self.loaded_stator.decay_s if self.is_transducer else 0.0
 
-    @property
-    @derived
+    @cached_property
     def cautions(self) -> tuple[str, ...]:
         """What is not known of the motor, and where the theory of its beam or ring ends; every result repeats it."""
         of_theory: tuple[str, ...] = ()

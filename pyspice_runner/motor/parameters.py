@@ -8,6 +8,8 @@ unit (SI throughout). The origin of a value is stated in the parameter set.
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from functools import cached_property
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
@@ -49,6 +51,22 @@ class Parameters(BaseModel):
             f"{type(self).__name__}: {name} cannot be assigned. The method updated of the motor or the drive returns a "
             "changed copy."
         )
+
+    # what cached properties hold follows from the fields, so that only these are listed, copied and pickled
+
+    def __iter__(self) -> Generator[tuple[str, Any], None, None]:
+        """Yield the names and values of the fields."""
+        yield from [item for item in super().__iter__() if item[0] in type(self).model_fields]
+
+    def __copy__(self) -> Self:
+        """Return a copy of the fields, also for ``model_copy``."""
+        copied = super().__copy__()
+        object.__setattr__(copied, "__dict__", dict(self))
+        return copied
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return the fields for pickle."""
+        return super().__getstate__() | {"__dict__": dict(self)}
 
 
 class Beam(Parameters):
@@ -185,17 +203,17 @@ class Mode(Parameters):
         le=1e3, default=None,
     )  # fmt: skip
 
-    @property
+    @cached_property
     def couplings(self) -> tuple[float, ...]:
         """Force per volt of each group in N/V."""
         return self.coupling_a_n_per_v, self.coupling_b_n_per_v
 
-    @property
+    @cached_property
     def linear(self) -> bool:
         """Whether stiffness and damping do not depend on the amplitude."""
         return self.softening_per_m2 == self.damping_growth_per_m2 == 0.0
 
-    @property
+    @cached_property
     def frequency_hz(self) -> float:
         """Undamped natural frequency √(k/m)/2π in Hz."""
         return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
@@ -257,10 +275,13 @@ class Piezo(Parameters):
     @model_serializer(mode="wrap")
     def _stated(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Return the values without those of a transducer that are not given."""
-        of_transducer = ("capacitance_b_f", "reference_hz")
-        return {name: value for name, value in write(self).items() if name not in of_transducer or value is not None}
+        found: dict[str, Any] = write(self)
+        for name in ("capacitance_b_f", "reference_hz"):
+            if found.get(name) is None:
+                found.pop(name, None)
+        return found
 
-    @property
+    @cached_property
     def capacitances(self) -> tuple[float, ...]:
         """Clamped capacitance of each group in F, the others shorted."""
         return tuple(own for own in (self.capacitance_a_f, self.capacitance_b_f) if own is not None)
@@ -502,12 +523,12 @@ class Mount(Parameters):
             )
         return self
 
-    @property
+    @cached_property
     def frequency_hz(self) -> float:
         """Undamped natural frequency √(k_c/m_c)/2π in Hz of a carrier with a free stator."""
         return sqrt(self.stiffness_n_per_m / self.mass_kg) / (2.0 * pi)
 
-    @property
+    @cached_property
     def tangential(self) -> Mount | None:
         """The carrier along the rotor, with the springs of that direction; ``None`` if it is held along it."""
         if self.tangential_stiffness_n_per_m is None or self.tangential_damping_n_s_per_m is None:

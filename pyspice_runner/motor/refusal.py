@@ -198,7 +198,7 @@ def checked(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Re
 
     @wraps(function)
     def call(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
-        plain = {name: _as_python(value) for name, value in kwargs.items()}
+        plain = dict(zip(kwargs, map(_as_python, kwargs.values()), strict=True))
         try:
             return validated(*map(_as_python, args), **plain)
         except ValidationError as error:

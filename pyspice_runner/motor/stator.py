@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import atan, floor, log10, pi, sqrt
 from typing import Self
 
@@ -60,9 +60,14 @@ class Stator:
     carriers: int = 0  # number of coordinates of the carrier, the last ones: along y, then along x
     feedback: Feedback | None = None  # electrode that loads the coordinates; M, B, K and C are those with it shorted
     sensed: Array = field(default_factory=lambda: np.zeros(0))  # its force per coordinate, shape (n,), N/V
-    # of each contact: the direction of the carrier's x there, and the radius of the rotor over that of its surface
+    # of each contact: the direction of the carrier's x there, the radius of the rotor over that of its surface, and its
+    # share of the preload
     forward: Array = field(default_factory=lambda: np.ones(1))
     lever: Array = field(default_factory=lambda: np.ones(1))
+    share: Array = field(default_factory=lambda: np.ones(1))
+    # of each mode at large amplitudes, shape (modes,), 1/m²
+    softening: Array = field(default_factory=lambda: np.zeros(0))
+    growth: Array = field(default_factory=lambda: np.zeros(0))  # of the damping
 
     @classmethod
     def of_modes(
@@ -93,6 +98,9 @@ class Stator:
             sensed=np.array([feedback.couplings_n_per_v.get(mode.name, 0.0) for mode in modes if feedback]),
             forward=np.array([float(one.direction) for one in touching] or [1.0]),
             lever=np.array([one.radius_m / radius_m for one in touching] or [1.0]),
+            share=np.array([one.share for one in touching] or [1.0]),
+            softening=np.array([mode.softening_per_m2 for mode in modes]),
+            growth=np.array([mode.damping_growth_per_m2 for mode in modes]),
         )
 
     def loaded(self, motion: Array, load: ToolLoad, resistance_n_s_per_m: float) -> Self:
@@ -144,15 +152,12 @@ class Stator:
 
     def _extended(self, count: int) -> Self:
         """Return the stator with more coordinates, so far without mass, spring, damping and motion of the contacts."""
-        n, shape = len(self.mass), (len(self.mass) + count, len(self.mass) + count)
-        mass, damping, stiffness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        contact = np.zeros((len(self.contact), n + count))
-        mass[:n, :n], damping[:n, :n], stiffness[:n, :n] = map(square, (self.mass, self.damping, self.stiffness))
-        coupling, recoil = np.zeros((n + count, self.coupling.shape[1])), np.zeros((n + count, 2))
-        contact[:, :n], coupling[:n], recoil[:n] = self.contact, self.coupling, self.recoil
+        more, none = (0, count), (0, 0)
         return replace(
-            self, mass=mass, damping=damping, stiffness=stiffness, coupling=coupling, contact=contact, recoil=recoil,
-            sensed=np.pad(self.sensed, (0, count)) if self.feedback else self.sensed,
+            self, mass=np.pad(square(self.mass), more), damping=np.pad(square(self.damping), more),
+            stiffness=np.pad(square(self.stiffness), more), coupling=np.pad(self.coupling, (more, none)),
+            contact=np.pad(self.contact, (none, more)), recoil=np.pad(self.recoil, (more, none)),
+            sensed=np.pad(self.sensed, more) if self.feedback else self.sensed,
         )  # fmt: skip
 
     def adapted(self, step: float) -> Self:
@@ -260,7 +265,12 @@ class Stator:
             sensed=shapes.T @ coupled.sensed if coupled.feedback else coupled.sensed,
         )  # fmt: skip
 
-    @property
+    @cached_property
+    def preload_motion(self) -> Array:
+        """What the coordinates move the contacts towards the rotor, weighted by their shares of the preload."""
+        return np.asarray(self.share @ self.contact[1::2])
+
+    @cached_property
     def flexibility(self) -> Array:
         """P K⁻¹ Pᵀ in m/N: static motion of the contacts per force, without R; shape (2k, 2k).
 

@@ -26,7 +26,7 @@ K. L. Johnson, *Contact Mechanics*, Cambridge 1985, eqs. 3.39, 3.49 and 3.91; J.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from math import nan, pi, sqrt
 
@@ -106,18 +106,21 @@ def peak_of_motion(motor: Motor, displacement_m: Array) -> dict[str, float]:
 
     They are NaN without a known beam, solid or ring.
     """
-    return _peak(motor, lambda shape: float(np.abs(shape @ displacement_m).max()))
+    return _peak(of_modes(motor), displacement_m)
 
 
 def peak_of_amplitudes(motor: Motor, amplitudes_m: Sequence[float]) -> dict[str, float]:
     """Return an upper bound of strain and stress: all modes at their amplitudes at once."""
-    return _peak(motor, lambda shape: float((np.abs(shape) @ np.asarray(amplitudes_m)).max()))
+    return _peak(map(np.abs, of_modes(motor)), np.asarray(amplitudes_m))
 
 
-def _peak(motor: Motor, greatest: Callable[[Array], float]) -> dict[str, float]:
-    """Return the largest strain and stress, each a function of its values per modal displacement."""
-    strain, stress = (greatest(shape) if len(shape) else nan for shape in of_modes(motor))
-    return {"ceramic_strain": strain, "ceramic_stress_pa": stress}
+def _peak(shapes: Iterable[Array], displacement_m: Array) -> dict[str, float]:
+    """Return the largest strain and stress from their values per modal displacement."""
+    found = dict.fromkeys(("ceramic_strain", "ceramic_stress_pa"), nan)
+    for name, shape in zip(found, shapes, strict=True):
+        if len(shape):
+            found[name] = float(np.abs(shape @ displacement_m).max())
+    return found
 
 
 def electrode_distance(motor: Motor, group: str) -> float | None:
@@ -252,6 +255,12 @@ def of_contact(contact: Contact, greatest_n: float, rubbing_w: float) -> dict[st
         "tensile_stress_pa": tensile_stress(contact, greatest_n),
         "wear_volume_m3_per_s": nan if rate is None else rate * rubbing_w,
     }
+
+
+def worst_contact(motor: Motor, loads: Iterable[tuple[float, float]]) -> dict[str, float]:
+    """Return the largest of each quantity of :func:`of_contact` at a point of any contact, from their loads."""
+    found = [of_contact(one.point, *load) for one, load in zip(motor.touching, loads, strict=True)]
+    return dict(zip(found[0], np.max([[*one.values()] for one in found], axis=0).tolist(), strict=True))
 
 
 def next_flat(contact: Contact) -> float:

@@ -21,8 +21,8 @@ from pyspice_runner.motor.contact import elastic_energy, penetration
 from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.drive import too_fast
 from pyspice_runner.motor.motor import Motor
-from pyspice_runner.motor.strength import exceeded, of_contact, peak_of_motion, slip_velocity, temperature_rise
-from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance, column_of_contact
+from pyspice_runner.motor.strength import exceeded, peak_of_motion, slip_velocity, temperature_rise, worst_contact
+from pyspice_runner.run.waveforms import ENERGY_BOUND, EnergyBalance, force_columns
 from pyspice_runner.run.window import Array, Window
 
 # The wattmeters integrate over the simulator's own steps: settled points balance to 1e-4. The change of the energy
@@ -52,10 +52,8 @@ def audit_run(
         )
     if contact:
         for one in motor.touching:
-            names = ("normal_force_n", "friction_force_n")
-            if motor.contacts:
-                names = (column_of_contact("normal", one.name), column_of_contact("friction", one.name))
-            findings += audit_contact(one.contact.friction, *(waves[name] for name in names))
+            normal, friction = force_columns(motor, one)
+            findings += audit_contact(one.contact.friction, waves[normal], waves[friction])
         findings += _step_finding(motor, float(np.abs(waves["normal_force_n"]).max()), "maximum", step)
     return tuple(findings)
 
@@ -90,7 +88,7 @@ def audit_point(motor: Motor, point: Mapping[str, float], step: float) -> tuple[
     normal = point["normal_force_n"]
     if normal < -SLACK * motor.contact.preload_n:
         findings.append(f"On average the contact pulls with {-normal:.3g} N, {_OUT_OF_RANGE}")
-    greatest = max(one.contact.friction * one.radius_m for one in motor.touching)
+    greatest = float((motor.at_rest.friction * motor.at_rest.radius_m).max())
     limit, preloaded = greatest * max(normal, 0.0), greatest * motor.contact.preload_n
     if abs(point["torque_n_m"]) > limit + SLACK * max(limit, preloaded):
         findings.append(
@@ -118,7 +116,7 @@ def audit_power(put_in_w: float, found_w: float, reactive_va: float) -> tuple[st
 
 def pressed_j(motor: Motor, force_n: float) -> float:
     """Return the energy in J that a normal force stores in the contact and in the bending of the stator."""
-    shares = motor.preload_shares
+    shares = motor.stator.share
     found = 0.5 * force_n**2 * float(shares @ motor.stator.flexibility[1::2, 1::2] @ shares)
     for one in motor.touching:
         own, depth = one.share * force_n, np.array([penetration(one.contact, one.share * force_n)])
@@ -171,9 +169,8 @@ def ceramic(
     forces, for the wear also the slider of the law ``spring-slider``.
     """
     states = recorded_states(samples, motor, None, discretisation, "mode")
-    courses = [scale * values for _, scale, values in states]
-    moved, velocities = courses[: len(motor.modes)], courses[len(motor.modes) :]
-    displacement = np.array([course[window.points] for course in moved])
+    moved, velocities = np.split(np.array([scale * values for _, scale, values in states]), 2)
+    displacement = moved[:, window.points]
     heat = 0.0
     for group in motor.groups:
         name, sign = source.current(group)
@@ -187,19 +184,18 @@ def ceramic(
     for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=False):
         if moved.any() and f"v(xmotor.{name})" in samples:  # power that the groups pass to the contact
             heat += window.mean(moved * np.gradient(samples[f"v(xmotor.{name})"], samples["time"]))
-    loads = [_contact_load(one, law, discretisation, samples, window) for one in motor.touching]
     found = {
         **peak_of_motion(motor, displacement),
         "temperature_rise_k": temperature_rise(motor, heat),
-        **{name: max(load[name] for load in loads) for name in loads[0]},  # at the contact that bears most
+        **worst_contact(motor, [_contact_load(one, law, discretisation, samples, window) for one in motor.touching]),
     }
     return stated(motor, found, samples["v(shaft)"])
 
 
 def _contact_load(
     one: Touching, law: Law | None, discretisation: Discretisation, samples: Mapping[str, Array], window: Window
-) -> dict[str, float]:
-    """Return pressure, tension and wear of a contact, at each of its points."""
+) -> tuple[float, float]:
+    """Return the largest normal force in N and the mean of normal force times slip velocity in W at each point."""
     nodes = (f"{node}{one.suffix}" for node in ("normal", "slider", "xcontact"))
     normal, slider, depth = (samples.get(f"v(xmotor.{node}{'.delta' * (node[0] == 'x')})") for node in nodes)
     greatest = nan if normal is None else float(normal[window.points].max())
@@ -207,7 +203,7 @@ def _contact_load(
     if law and "averaged" in law.forms and normal is not None and slider is not None and depth is not None:
         velocity = slip_velocity(one.contact, 1e-6 * slider, 1e-6 * depth, normal, discretisation.slider_time)
         rubbing = window.mean(normal * velocity)
-    return of_contact(one.point, greatest / one.multiplicity, rubbing / one.multiplicity)
+    return greatest / one.multiplicity, rubbing / one.multiplicity
 
 
 def stated(motor: Motor, found: Mapping[str, float], speed_rad_s: Array) -> dict[str, Any]:

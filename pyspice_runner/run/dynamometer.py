@@ -269,8 +269,7 @@ def stored_energy(
     free = len(stator.mass)  # a carrier moves along as many axes as it has springs
     moved, velocity = np.array([*displacements_m, *lifts_m])[:free], np.array([*velocities_m_s, *rises_m_s])[:free]
     energy = 0.5 * (velocity @ square(stator.mass) @ velocity + moved @ square(stator.stiffness) @ moved)
-    softer = np.array([mode.stiffness_n_per_m * mode.softening_per_m2 for mode in motor.modes])
-    energy -= 0.25 * softer @ moved[: len(softer)] ** 4
+    energy -= 0.25 * (motor.stator.stiffness * motor.stator.softening) @ moved[: len(motor.modes)] ** 4
     if motor.mount and lifts_m:
         energy -= motor.contact.preload_n * lifts_m[0]
     return float(energy)

@@ -23,10 +23,9 @@ _COLLAPSED = "timestep too small"  # in the log of a run whose steps fell below 
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """A verified run of a bench."""
+class Outcome(SpiceRun):
+    """A verified run of a bench; the vectors of the raw file are views of it."""
 
-    result: SpiceRun  # the result of ngspice; its vectors are views of the raw file
     deck: str = field(repr=False)  # the netlist that was run
     # the requested vectors that follow from others, by name.
     signals: Mapping[str, Derived] = field(default_factory=dict, repr=False)
@@ -36,28 +35,18 @@ class Outcome:
         """Hash of the deck."""
         return hashlib.sha256(self.deck.encode()).hexdigest()
 
-    @property
-    def seconds(self) -> float:
-        """Wall time in s that ngspice took."""
-        return self.result.seconds
-
-    @property
-    def ngspice_version(self) -> str:
-        """Version of ngspice."""
-        return self.result.ngspice_version
-
     def vectors(self, every: int = 1) -> dict[str, Array]:
         """Return every ``every``-th point of the real vectors by name, ``time`` first."""
-        raw = self.result.raw.vectors if every == 1 else self.result.raw.thinned(every)
+        raw = self.raw.vectors if every == 1 else self.raw.thinned(every)
         return self._signals({name: np.asarray(values, dtype=float) for name, values in raw.items()})
 
     def phasors(self) -> dict[str, NDArray[np.complex128]]:
         """Return the complex vectors of an AC analysis by name."""
-        return {name: np.asarray(values, dtype=complex) for name, values in self.result.raw.vectors.items()}
+        return {name: np.asarray(values, dtype=complex) for name, values in self.raw.vectors.items()}
 
     def last(self) -> dict[str, float]:
         """Return the value of every vector at the end of the run: its final state, if the states were recorded."""
-        ends = {name: values[-1:].real for name, values in self.result.raw.vectors.items()}
+        ends = {name: values[-1:].real for name, values in self.raw.vectors.items()}
         return {name: float(values[0]) for name, values in self._signals(ends).items()}
 
     def _signals(self, vectors: dict[str, Array]) -> dict[str, Array]:
@@ -83,7 +72,6 @@ def transient(
     *,
     step: float,
     duration: float,
-    longest: float | None = None,
     record_from: float = 0.0,
     timeout: float | None = None,
     progress: Callable[[float], object] | None = None,
@@ -92,7 +80,7 @@ def transient(
 ) -> Outcome:
     """Run a bench from its initial state.
 
-    Steps are uniform unless ``longest`` (s) lets ngspice choose them. Points are recorded from ``record_from`` (s) on.
+    Points are recorded from ``record_from`` (s) on.
     ``progress`` is called some times a second with the time in s that the run has reached. With ``keep_partial`` an
     interrupted run returns its points, as ``partial`` of :class:`Interrupted`.
 
@@ -106,7 +94,7 @@ def transient(
     """
 
     def run(step: float) -> Outcome:
-        timing = transient_timing(step, duration, longest, record_from)
+        timing = transient_timing(step, duration, record_from=record_from)
         return run_bench(bench, vectors, timeout, "transient", timing, progress=progress, keep_partial=keep_partial)
 
     try:
@@ -120,7 +108,10 @@ def transient(
 def transient_timing(
     step: float, duration: float, longest: float | None = None, record_from: float = 0.0
 ) -> dict[str, Any]:
-    """Return PySpice's arguments of a transient from the initial state, as of :func:`transient`."""
+    """Return PySpice's arguments of a transient from the initial state, as of :func:`transient`.
+
+    Steps are uniform unless ``longest`` (s) lets ngspice choose them.
+    """
     return {
         "step_time": step, "end_time": duration, "start_time": record_from, "max_time": longest or step,
         "use_initial_condition": True,
@@ -161,5 +152,6 @@ def run_bench(
     try:
         result = ready.verified(analysis, **how, **arguments)
     except Interrupted as interrupt:
-        raise Interrupted(str(interrupt), Outcome(interrupt.partial, ready.deck, signals)) from None
-    return Outcome(result, ready.deck, signals)
+        done = Outcome(**vars(interrupt.partial), deck=ready.deck, signals=signals)
+        raise Interrupted(str(interrupt), done) from None
+    return Outcome(**vars(result), deck=ready.deck, signals=signals)

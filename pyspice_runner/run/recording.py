@@ -37,6 +37,7 @@ from pyspice_runner.run.waveforms import (
     Array,
     EnergyBalance,
     column_of_contact,
+    force_columns,
 )
 from pyspice_runner.run.window import plate_voltage
 
@@ -170,9 +171,11 @@ class Recording:
     @property
     def _pressed(self) -> list[float]:
         """Normal force in N of each of several contacts at the start of a run from rest."""
-        depths = [contact_law.static_penetration(one.contact) + one.height_m for one in self._several]
-        pairs = zip(self._several, depths, strict=True)
-        return [float(contact_law.elastic_force(one.contact, np.array(depth))) for one, depth in pairs]
+        found = []
+        for one in self._several:
+            depth = np.array(contact_law.static_penetration(one.contact) + one.height_m)
+            found.append(float(contact_law.elastic_force(one.contact, depth)))
+        return found
 
     @property
     def _preload(self) -> float:
@@ -204,14 +207,12 @@ class _Terms:
 
     def __init__(self, recording: Recording, waves: Mapping[str, Array], samples: Mapping[str, Array]) -> None:
         motor = recording.point.motor
-        self.recording, self.motor, self.waves = recording, motor, waves
+        self.recording, self.motor, self.waves, self.samples = recording, motor, waves, samples
         self.time = waves["time_s"]
         self.displacement, self.velocity = np.split(recording._courses(samples, "mode"), 2)
         self.carrier = recording._courses(samples, "mount")  # displacement and velocity, or nothing
         self.share = recording._courses(samples, "bearing")
         self.charged = recording._courses(samples, "feedback")
-        touching = motor.touching if recording.point.law else ()  # a transducer has no law
-        self.contacts = [_Contact(recording, waves, samples, one) for one in touching]
         self.stator = motor.stator
         thermal = recording.point.thermal
         if not motor.is_transducer:
@@ -233,8 +234,7 @@ class _Terms:
         """Return all terms."""
         waves, motor, load = self.waves, self.motor, self.recording.point.load
         squared = self.displacement**2
-        per_m2 = [(mode.softening_per_m2, mode.damping_growth_per_m2) for mode in motor.modes]
-        softening, growth = np.array(per_m2).T[..., np.newaxis]
+        softening, growth = self.stator.softening[:, np.newaxis], self.stator.growth[:, np.newaxis]
         electrical = np.zeros(len(self.time))
         for group in motor.groups:
             electrical += waves[column("voltage", group, "v")] * waves[column("current", group, "a")]
@@ -256,9 +256,7 @@ class _Terms:
         mount, mount_damping = self.mount()
         return EnergyBalance(
             **of_modes,
-            contact_elastic=sum(self.elastic(one) for one in self.contacts),
-            contact_damping=sum(self.pressing(one) for one in self.contacts),
-            friction=sum(self.friction(place, one) for place, one in enumerate(self.contacts)),
+            **self.contact(),
             mount=mount,
             mount_damping=mount_damping,
             # a held speed changes by the rounding of its digits only
@@ -345,68 +343,38 @@ class _Terms:
             loss += self.work(damping[at, at] * rise**2)
         return change, loss
 
-    def elastic(self, one: _Contact) -> float:
-        """Return the change of the elastic energy of a contact and of what is in series with it."""
-        stored = contact_law.elastic_energy(one.of.contact, one.penetration)
-        return _change(stored) + self.in_series(f"stem{one.of.suffix}", one.normal)[0]
+    def contact(self) -> dict[str, float]:
+        """Return the change of the elastic energy of all contacts and what is in series, and the losses there."""
+        found = dict.fromkeys(("contact_elastic", "contact_damping", "friction"), 0.0)
+        for place, one in enumerate(self.motor.touching if self.recording.point.law else ()):
+            normal, friction = map(self.waves.__getitem__, force_columns(self.motor, one))
+            depth = self.recording._penetration(self.samples, one)
+            compressed, _ = self.in_series(f"stem{one.suffix}", normal)
+            found["contact_elastic"] += _change(contact_law.elastic_energy(one.contact, depth)) + compressed
+            elastic = contact_law.elastic_force(one.contact, depth)
+            found["contact_damping"] += float(np.trapezoid(normal - elastic, depth))
+            found["friction"] += self.friction(place, one, friction, depth)
+        return found
 
-    def pressing(self, one: _Contact) -> float:
-        """Return the loss along the normal of a contact."""
-        elastic = contact_law.elastic_force(one.of.contact, one.penetration)
-        return float(np.trapezoid(one.normal - elastic, one.penetration))
-
-    def friction(self, place: int, one: _Contact) -> float:
+    def friction(self, place: int, one: Touching, friction: Array, depth: Array) -> float:
         """Return the work of the friction force of a contact on the motion of the tip against the rotor."""
         vx, vy = self.stator.contact[2 * place : 2 * place + 2] @ self.velocity
-        x = one.x - self.recording.places[place, 0]
+        rest = self.recording.places[place, 0]
+        x = self.waves["tip_x_m"]
+        if one.suffix:
+            x = self.recording._after(rest, self.samples[f"v(xmotor.x{one.suffix})"], 1e-6)
+        x = x - rest
         if len(self.carrier):
             vy = vy + self.carrier[1]
         if len(self.carrier) > 2:
             forward = self.stator.forward[place]
             x, vx = x + forward * self.carrier[2], vx + forward * self.carrier[3]
-        radius = one.of.radius_m
-        sine = x / (radius - one.penetration)
+        radius = one.radius_m
+        sine = x / (radius - depth)
         cosine = np.sqrt(np.maximum(1.0 - sine**2, 0.0))  # a tip that ran away is for the audit
         tangential = vx * cosine + vy * sine
-        work = self.work(one.friction * (tangential - radius * self.waves["rotor_speed_rad_s"]))
-        return work + self.in_series(f"stem_x{one.of.suffix}", one.friction)[1]
-
-
-@dataclass(frozen=True)
-class _Contact:
-    """The course of a contact in a run; forces in N, lengths in m."""
-
-    recording: Recording
-    waves: Mapping[str, Array]
-    samples: Mapping[str, Array]
-    of: Touching
-
-    @cached_property
-    def penetration(self) -> Array:
-        """Penetration, 0 where it is open."""
-        return self.recording._penetration(self.samples, self.of)
-
-    @cached_property
-    def normal(self) -> Array:
-        """Normal force."""
-        several = [*contact_columns([self.of], ("normal",))] if self.recording._several else ["normal_force_n"]
-        return self.waves[several[0]]
-
-    @cached_property
-    def friction(self) -> Array:
-        """Friction force, positive where it drives the rotor forward."""
-        several = [*contact_columns([self.of], ("friction",))] if self.recording._several else ["friction_force_n"]
-        return self.waves[several[0]]
-
-    @cached_property
-    def x(self) -> Array:
-        """Tangential displacement of the tip."""
-        if not self.of.suffix:
-            return self.waves["tip_x_m"]
-        place = [one.name for one in self.recording.point.motor.touching].index(self.of.name)
-        return self.recording._after(
-            self.recording.places[place, 0], self.samples[f"v(xmotor.x{self.of.suffix})"], 1e-6
-        )
+        work = self.work(friction * (tangential - radius * self.waves["rotor_speed_rad_s"]))
+        return work + self.in_series(f"stem_x{one.suffix}", friction)[1]
 
 
 def contact_columns(several: Sequence[Touching], nodes: Sequence[str] = tuple(OF_SEVERAL)) -> dict[str, str]:

@@ -231,7 +231,7 @@ def _run(
                 after = (lambda at: tell(at + coarser.reached_s if coarser else at)) if tell else None
                 outcome = setup.run(duration, vectors, record_from=start, progress=after, keep_partial=True)
         except Interrupted as interrupt:
-            if interrupt.partial.result.raw.points < _FEWEST_KEPT:
+            if interrupt.partial.raw.points < _FEWEST_KEPT:
                 raise KeyboardInterrupt from None
             found = waveforms(interrupt.partial, complete=False)
             ended = f"The run was interrupted at {found.time_s[-1]:.4g} of {duration:g} s."

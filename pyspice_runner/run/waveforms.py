@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.errors import ParameterError
+from pyspice_runner.motor.contacts import Touching
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.window import Window, change_to_come
 from pyspice_runner.units import engineering, unit_in
@@ -60,6 +62,13 @@ def column_of_contact(node: str, name: str) -> str:
     """Return the name of the column of one of several contacts, such as ``normal_force_left_n``."""
     quantity, unit, _ = OF_SEVERAL[node]
     return "_".join(filter(None, (quantity, name, unit.lower())))
+
+
+def force_columns(motor: Motor, one: Touching) -> tuple[str, str]:
+    """Return the columns of the normal and the friction force of a contact, the only one or one of several."""
+    if motor.contacts:
+        return column_of_contact("normal", one.name), column_of_contact("friction", one.name)
+    return "normal_force_n", "friction_force_n"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
-from pyspice_runner.errors import ParameterError, did_you_mean, require
+from pyspice_runner.errors import ParameterError, did_you_mean, located, require
 from pyspice_runner.units import linear_words
 
 PREFIX = "piezomotor"  # first part of the names of a motor's parts, and name of the motor
@@ -102,10 +102,10 @@ def check_parameters(name: str, parameters: Sequence[LibraryParameter], values: 
         if key not in known:
             raise ParameterError(f"Subcircuit {name} has no parameter {key!r}; it has {', '.join(known)}.")
         parameter = known[key]
-        unit = parameter.unit.removesuffix("1")
-        valid = isinstance(value, str) or parameter.least <= value <= parameter.greatest
-        allowed = f"{parameter.least:g} to {parameter.greatest:g} {unit}".rstrip()
-        require(valid, f"Subcircuit {name}: {key}", value, allowed, unit=unit)
+        if not isinstance(value, str) and not parameter.least <= value <= parameter.greatest:
+            unit = parameter.unit.removesuffix("1")
+            allowed = f"{parameter.least:g} to {parameter.greatest:g} {unit}".rstrip()
+            require(False, f"Subcircuit {name}: {key}", value, allowed, unit=unit)
 
 
 def check_name(name: str) -> str:
@@ -242,10 +242,8 @@ class Header:
 
     def number(self, key: str, text: str) -> float:
         """Return the value of a parameter. Raise ParameterError if it is not a SPICE number."""
-        try:
+        with located(f"{self.where}, parameter {key}"):
             return number(text)
-        except ParameterError as error:
-            raise ParameterError(f"{self.where}, parameter {key}: {error}") from None
 
 
 def definitions(*libraries: Library) -> str:

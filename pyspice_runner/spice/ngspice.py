@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import dropwhile
 from pathlib import Path
 from typing import IO, Any
 
@@ -235,7 +236,7 @@ def _verified(
     Raises:
         SimulationError: if the log has a complaint, a vector is missing or not finite, or the end was not reached.
     """
-    complaint = _complaint(log)
+    complaint = list(dropwhile(lambda line: not _TROUBLE.search(line), _spoken(log)))
     if complaint:
         raise SimulationError(f"ngspice finished but complained{_quoted(complaint)}.", log=log)
     try:
@@ -271,15 +272,8 @@ def _check_end(raw: RawFile, abscissa: str, stop: float | None, unit: str, log: 
 
 def _spoken(log: str) -> list[str]:
     """Return the lines of a log that not every run has."""
-    lines = [_STEPPING.sub("", line.strip()) for line in log.splitlines()]
+    lines = map(str.strip, _STEPPING.sub("", log).splitlines())
     return [line for line in lines if line and not _CHATTER.match(line)]
-
-
-def _complaint(log: str) -> list[str]:
-    """Return the lines of a log from the first complaint on, if any."""
-    lines = _spoken(log)
-    first = next((index for index, line in enumerate(lines) if _TROUBLE.search(line)), len(lines))
-    return lines[first:]
 
 
 def _quoted(lines: Sequence[str]) -> str:

@@ -17,6 +17,7 @@ import subprocess
 import time
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import filterfalse
 from math import isfinite
 from pathlib import Path
 from typing import Self, TypeVar
@@ -54,6 +55,7 @@ _READING = (
 _QUOTED = re.compile(r"'[^'\n]*'|\"[^\"\n]*\"")
 _BRACE = re.compile(r"([{}])")
 _EQUALS = re.compile(r"[^\S\n]*=[^\S\n]*")
+_GIVEN = re.compile(r"(?<!\S)([^\s=]*)=\S*")  # a parameter of an instance, name=value
 T = TypeVar("T")
 
 
@@ -148,11 +150,6 @@ def _without_braces(line: str) -> str:
     return "".join(kept)
 
 
-def _names(words: list[str]) -> list[str]:
-    """Return the names of ``name=value`` among words."""
-    return [word.partition("=")[0] for word in words if "=" in word]
-
-
 def silent_fault(deck: str) -> str | None:
     """Return the first fault in a netlist that ngspice would ignore, as one sentence, or ``None``."""
     lines = _statements(deck)
@@ -160,13 +157,14 @@ def silent_fault(deck: str) -> str | None:
     for line in lines:
         if line.startswith(".subckt"):
             words = line.split()
-            known.setdefault(words[1] if len(words) > 1 else "", {"m"}).update(_names(words))  # m multiplies any one
+            name = words[1] if len(words) > 1 else ""
+            known.setdefault(name, {"m"}).update(_GIVEN.findall(line))  # m multiplies any one
     for line in lines:
         if not line.startswith("x"):
             continue
-        words = line.split()
-        subcircuit = next((word for word in reversed(words) if "=" not in word and word != "params:"), "")
-        for name in _names(words) if subcircuit in known else ():
+        words = _GIVEN.sub("", line.replace(" params:", " ")).split()
+        subcircuit = words[-1] if words else ""
+        for name in _GIVEN.findall(line) if subcircuit in known else ():
             if name not in known[subcircuit]:
                 has = ", ".join(sorted(known[subcircuit] - {"m"})) or "none"
                 return (
@@ -225,7 +223,7 @@ class Server:
         self._marks += 1
         mark = f"done-{self._marks}."
         try:
-            self._process.write("".join(f"{command}\n" for command in (*commands, f"echo {mark}")))
+            self._process.write("\n".join([*commands, f"echo {mark}", ""]))
         except OSError:  # a broken pipe
             raise self.failure("ngspice ended", []) from None
         output = self._listen(mark)
@@ -242,7 +240,7 @@ class Server:
             raise self.failure(f"ngspice did not answer within {self.timeout:g} s", output) from None
         if not answered:
             raise self.failure("ngspice ended", output)
-        return [line for line in output if not _ECHO.match(line)]
+        return list(filterfalse(_ECHO.match, output))
 
     def failure(self, what: str, output: Sequence[str]) -> SimulationError:
         """End ngspice and return the error to raise, with ngspice's output."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _CHUNK = 1 << 14  # points; some MB of a file, so that a pass over it stays in the cache
+_FIELD = re.compile(r"^(Plotname|Flags|No\. Variables|No\. Points): *(.*)$", re.M)
 _HEADER_LIMIT = 1 << 20  # bytes; a header lists the vectors' names, a few dozen bytes each
 
 
@@ -97,16 +98,16 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
     if marker < 0:
         raise RawFileError("the raw file has no binary part")
     header = head[:marker].decode("utf-8", errors="replace")
-    plot, flags, variables, length = (
-        _field(header, key) for key in ("Plotname", "Flags", "No. Variables", "No. Points")
-    )
+    about = dict(_FIELD.findall(header))
+    if lacking := {"Plotname", "Flags", "No. Variables", "No. Points"} - about.keys():
+        raise RawFileError(f"the raw file's header has no {min(lacking)!r}")
     try:
-        count, points = int(variables), int(length)
+        count, points = int(about["No. Variables"]), int(about["No. Points"])
         rows = header.split("\nVariables:\n", 1)[1].split("\n")
         names = [row.split()[1].lower() for row in rows if row.strip()]
     except (ValueError, IndexError) as error:
         raise RawFileError("the raw file's header is broken") from error
-    kind = np.dtype(complex) if "complex" in flags else np.dtype(float)
+    kind = np.dtype(complex) if "complex" in about["Flags"] else np.dtype(float)
     start = marker + len(b"\nBinary:\n")
     if partial and count > 0:
         points = (size - start) // (count * kind.itemsize)
@@ -123,11 +124,4 @@ def read_rawfile(path: Path, *, partial: bool = False) -> RawFile:
     with path.open("rb") as file:  # Windows deletes no file that is mapped
         pages = file.read() if os.name == "nt" else mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     table = np.frombuffer(pages, dtype=kind, count=count * points, offset=start).reshape(points, count)
-    return RawFile(plot, {name: table[:, index] for index, name in enumerate(names)}, table, pages)
-
-
-def _field(header: str, key: str) -> str:
-    match = re.search(rf"^{re.escape(key)}: *(.*)$", header, re.M)
-    if not match:
-        raise RawFileError(f"the raw file's header has no {key!r}")
-    return match.group(1).strip()
+    return RawFile(about["Plotname"].strip(), dict(zip(names, table.T, strict=True)), table, pages)

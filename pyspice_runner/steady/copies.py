@@ -194,8 +194,8 @@ class Plant:
     @property
     def friction_n(self) -> float:
         """The friction force of all contacts under the preload, at the radius of the rotor, N."""
-        forces = [one.contact.friction * one.contact.preload_n for one in self.motor.touching]
-        return float(self.motor.stator.lever @ forces)
+        rest = self.motor.at_rest
+        return float(self.motor.stator.lever @ (rest.friction * rest.preload_n))
 
     @cached_property
     def turns(self) -> bool:
@@ -264,7 +264,7 @@ class Plant:
         names = self.vectors(copy)[: len(self.states)]
         if discretisation not in self._units:
             self._units[discretisation] = np.array([[state.scale(discretisation)] for state in self.states])
-        rows = np.array([samples[name] for name in names]) * self._units[discretisation]
+        rows = np.array(list(map(samples.__getitem__, names))) * self._units[discretisation]
         return np.array([*rows, *(store.value(samples, copy) for store in self.stores)]) if self.stores else rows
 
     def pins(self, copy: str) -> dict[str, str]:

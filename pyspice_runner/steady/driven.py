@@ -8,7 +8,6 @@ therefore measured in decks whose copies have their steps in common, one of them
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil, pi, sqrt
@@ -26,7 +25,7 @@ from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, PRIMARY, Copy, Plant, copy_name, driven_bench
-from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing, worst_contact
+from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -254,7 +253,8 @@ def running(setup: Point, start: Orbit, periods: int, vectors: Sequence[str]) ->
 
 def _inside(vector: str) -> str:
     """Return the name that a vector of a run of one motor has in the first copy of a bench."""
-    return re.sub(r"^(v|i)\((v\.)?", lambda at: f"{at[1]}({'v.' if at[1] == 'i' else ''}{copy_name(0)}.", vector)
+    kind, _, name = vector.partition("(")
+    return f"{kind}({'v.' if kind == 'i' else ''}{copy_name(0)}.{name.removeprefix('v.')}"
 
 
 def _behind_network(plant: Plant, start: Orbit) -> Array:
@@ -337,4 +337,5 @@ def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, 
     worn = rubbing(plant, trace, period_map.discretisation, result["friction_loss_w"])
     result |= strength.peak_of_motion(plant.motor, modal(plant, trace)[0])
     points = np.array([one.multiplicity for one in plant.motor.touching])
-    return result | worst_contact(plant, zip((trace.normal.max(axis=1) / points).tolist(), worn, strict=True))
+    loads = zip((trace.normal.max(axis=1) / points).tolist(), worn, strict=True)
+    return result | strength.worst_contact(plant.motor, loads)

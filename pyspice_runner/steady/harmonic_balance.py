@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
 from pyspice_runner.circuit.law import PAPER_LAW, Law, motor_library_of
 from pyspice_runner.circuit.state import MICRO, static_places
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Tone
 from pyspice_runner.motor.groups import GROUPS
@@ -147,15 +146,13 @@ def response_of(stators: Stators, rate: Array, before: Complex) -> Response:
 def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
     """Return contacts and linear equations of operating points whose contacts have the library of the grid."""
     rows = []
-    most = max(len(plant.motor.modes) + len(carriers(plant.mount)) for plant in plants)
+    most = max(len(plant.moving[0]) for plant in plants)
     for plant in plants:
-        motor, several = plant.motor, [one.contact for one in plant.motor.touching]
-        radius, preloads = motor.rotor.radius_m, [contact.preload_n for contact in several]
+        motor, rest, radius = plant.motor, plant.motor.at_rest, plant.motor.rotor.radius_m
         rows.append((
-            *linear(plant, grid.omega, grid.orders, most), motor.stator.residual, preloads,
-            static_places(motor, plant.law, None)[:, 0], [one.radius_m for one in motor.touching], motor.stator.lever,
-            [sum(contact.friction * contact.preload_n for contact in several)],
-            [max(map(contact_law.static_penetration, several))], [(plant.load.speed or 0.0) * radius / grid.omega],
+            *linear(plant, grid.omega, grid.orders, most), motor.stator.residual, rest.preload_n,
+            static_places(motor, plant.law, None)[:, 0], rest.radius_m, motor.stator.lever,
+            [rest.friction @ rest.preload_n], [rest.depth_m.max()], [(plant.load.speed or 0.0) * radius / grid.omega],
             [float(plant.turns)], [motor.rotor.bearing_damping_n_m_s / radius**2],
             [(plant.load.torque or 0.0) / radius], [motor.stator.with_carrier(plant.mount).decay_s],
         ))  # fmt: skip
@@ -607,8 +604,8 @@ def balances(setup: Point) -> bool:
     """Return whether harmonic balance describes a point: paper's contact, linear modes, few harmonics of the drive."""
     if setup.source.ideal is None or not setup.law or "averaged" not in setup.law.forms:
         return False
-    soft = any(mode.softening_per_m2 or mode.damping_growth_per_m2 for mode in setup.motor.modes)
-    return not soft and tones(Plant.of(setup)) > 0
+    stator = setup.motor.stator
+    return not (stator.softening.any() or stator.growth.any()) and tones(Plant.of(setup)) > 0
 
 
 def balanced_states(setups: Sequence[Point], starts: Sequence[Balance | None]) -> list[BalancedState | None]:

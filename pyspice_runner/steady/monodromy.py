@@ -244,14 +244,14 @@ class Linearised:
         if inputs.ndim == 2:  # the same in all rows
             inputs = np.broadcast_to(inputs, (len(self.rows), *inputs.shape))
         x, y, vx, vy, shaft, *lags, friction, normal = np.moveaxis(inputs, -1, 0)
-        pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, []
+        pins, rates = {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft}, list[Any]()
         function, at = library_function(read_library("piezomotor_stem")), 0
         for name, parameters in self.stems.items():
             axis, force = ("x", friction) if name == "stem_x" else ("y", normal)
             given = parameters | {"y": pins[axis], "vy": pins[f"v{axis}"], "normal": force}
             moved = function(given | dict(zip(function.states, lags[at : at + len(function.states)], strict=True)))
             pins |= {"vx": moved["stem_vy"]} if axis == "x" else {"y": moved["stem_y"], "vy": moved["stem_vy"]}
-            rates += [moved[f"rate_{lag}"] for lag in function.states]
+            rates += map(moved.__getitem__, function.rates)
             at += len(function.states)
         return np.stack(np.broadcast_arrays(*pins.values(), *rates), axis=-1)
 
@@ -266,7 +266,7 @@ class Linearised:
         names = self.function.states
         values |= {"x": x, "y": y, "vx": vx, "vy": vy, "shaft": shaft} | dict(zip(names, states, strict=True))
         depth = np.concatenate([course.penetration_um for course in self.courses])[..., np.newaxis]
-        found = self.function.of([*FORCES, *(f"rate_{name}" for name in names)], values, {"delta": depth})
+        found = self.function.of([*FORCES, *self.function.rates], values, {"delta": depth})
         outputs = np.stack(np.broadcast_arrays(*found.values()), axis=-1)
         outputs[..., len(FORCES) :] *= self.units[: len(names)]
         return outputs
@@ -297,8 +297,7 @@ class Linearised:
             if plant.turns:
                 rotor = one.motor.rotor
                 rates[run, -1, -1] = -rotor.bearing_damping_n_m_s / rotor.inertia_kg_m2
-                radii = np.array([touching.radius_m for touching in one.motor.touching])
-                inputs[run, -1, 2 : 4 * self.count : 4] = radii / rotor.inertia_kg_m2
+                inputs[run, -1, 2 : 4 * self.count : 4] = one.motor.at_rest.radius_m / rotor.inertia_kg_m2
                 driven[run, -1, 2] = 1.0 / rotor.inertia_kg_m2
         inputs[:, self.inner, 4 * self.count :] = np.eye(len(self.inner))
         return rates[self.which], inputs[self.which], driven[self.which]
@@ -309,10 +308,10 @@ class Linearised:
         found = np.zeros((*self.states.shape, self.plant.order))
         for run, course in enumerate(self.courses):
             motor = course.plant.motor
-            soft, growth = np.array([(mode.softening_per_m2, mode.damping_growth_per_m2) for mode in motor.modes]).T
+            soft, growth = motor.stator.softening, motor.stator.growth
             stator = written_stator(motor, self.discretisation, course.plant.mount)
             moved, moving = self.states[run, :, :n], self.states[run, :, n : 2 * n]
-            stiffness, damping = (np.diag(square(one))[:n] for one in (stator.stiffness, stator.damping))
+            stiffness, damping = np.diag(square(stator.stiffness))[:n], np.diag(square(stator.damping))[:n]
             inverse = np.linalg.inv(square(stator.mass))[:, :n]
             by_place = (3.0 * soft * stiffness * moved - 2.0 * growth * damping * moving) * moved
             found[run][:, speeds, :n] = inverse * by_place[:, np.newaxis]
@@ -336,7 +335,8 @@ class Linearised:
         for place in range(len(since)):
             now = np.matmul(forward[:, first + place], now, out=since[place])
         levers = np.array([course.plant.motor.stator.lever for course in self.courses])[:, np.newaxis, :, np.newaxis]
-        normal, friction = (contact[:, first + 1 :, place : 4 * self.count : 4] for place in (3, 2))
+        of_contacts = contact[:, first + 1 :, : 4 * self.count]
+        friction, normal = of_contacts[:, :, 2::4], of_contacts[:, :, 3::4]
         forces = np.stack([normal.sum(axis=2), (levers * friction).sum(axis=2)], axis=2)
         forces = np.moveaxis(forces, 1, 0) @ since
         return list(map(Derivative, at_start, now @ at_start, forces.mean(axis=0) @ at_start, now))

@@ -14,7 +14,7 @@ import hashlib
 import os
 import shutil
 from cmath import rect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -29,7 +29,6 @@ import numpy as np
 from pyspice_runner.circuit.law import MOST_SLIDERS, reached
 from pyspice_runner.circuit.state import Discretisation, pushes, static_places
 from pyspice_runner.errors import SimulationError
-from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.drive import Tone
 from pyspice_runner.motor.groups import GROUPS
@@ -114,7 +113,7 @@ class Trace:
 
     def forces(self, plant: Plant) -> Array:
         """Return the mean normal and the mean friction force of all contacts in N, as :func:`forces_on_rotor`."""
-        return np.array([force[1:].mean() for force in forces_on_rotor(plant, self)])
+        return np.asarray(np.array(forces_on_rotor(plant, self))[:, 1:].mean(axis=1))
 
 
 @dataclass
@@ -295,8 +294,7 @@ class PeriodMap:
         copy = copy_name(number)
         names = plant.vectors(copy)
         if whole:
-            motor = plant.inside(copy)
-            names += [f"v({motor}.{name})" for name in _touching_vectors(plant)]
+            names += _touching_vectors(plant, copy)
             names += plant.pins(copy).values()
         return names
 
@@ -312,8 +310,7 @@ class PeriodMap:
             states = plant.sampled(raw, name, self.discretisation)
             contact = np.zeros((len(CONTACT), len(plant.motor.touching), len(time)))
             if whole and plant.law:
-                rows = [raw[f"v({plant.inside(name)}.{one})"] for one in _touching_vectors(plant)]
-                contact[:] = np.reshape(rows, contact.shape)
+                contact[:] = np.reshape(list(map(raw.__getitem__, _touching_vectors(plant, name))), contact.shape)
             if self.lead:
                 traces.append(self._evened(plant, name, raw, np.vstack([states, *contact]), window))
                 continue
@@ -371,9 +368,10 @@ class PeriodMap:
         return in_threads(evaluated, decks, self.workers)
 
 
-def _touching_vectors(plant: Plant) -> list[str]:
-    """Return the vectors of :data:`CONTACT` of all contacts; none of a free tip."""
-    return [name.format(one.suffix) for name in CONTACT for one in plant.motor.touching if plant.law]
+def _touching_vectors(plant: Plant, copy: str) -> list[str]:
+    """Return the vectors of :data:`CONTACT` of all contacts of a copy; none of a free tip."""
+    touching, motor = plant.motor.touching if plant.law else (), plant.inside(copy)
+    return [f"v({motor}.{name.format(one.suffix)})" for name in CONTACT for one in touching]
 
 
 class _Uneven(Exception):
@@ -444,15 +442,13 @@ def held_by_friction(plant: Plant, trace: Trace) -> bool:
     if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
         return False
     state, (_, _, along_m_s, _) = trace.contact_state, contact_motion(plant, trace)
-    contacts = [one.contact for one in plant.motor.touching]
-    elastic_m = [2.0 * contact_law.limit_ratio(one) * contact_law.static_penetration(one) for one in contacts]
     path_m = np.where(state > GROSS_SLIP, np.abs(along_m_s), 0.0).sum(axis=1) * (trace.time[1] - trace.time[0])
-    return bool(state.min() > 0.5 and np.all(path_m < GRAZE * np.array(elastic_m)))
+    return bool(state.min() > 0.5 and np.all(path_m < 2.0 * GRAZE * plant.motor.at_rest.limit_m))
 
 
 def parts_of_force(plant: Plant) -> Array:
     """Return the friction of each contact per force on the rotor, if they share it as they share the preload."""
-    shares = plant.motor.preload_shares
+    shares = plant.motor.stator.share
     return np.asarray(shares / (shares @ plant.motor.stator.lever))
 
 
@@ -463,8 +459,7 @@ def held_forces(plant: Plant, trace: Trace) -> tuple[float, float]:
     contact's tangential spring softens towards its limit, which reduces the alternating part. Contacts carry it as
     :func:`parts_of_force`.
     """
-    ratios = np.array([one.contact.friction for one in plant.motor.touching])
-    limit, friction = ratios[:, np.newaxis] * trace.normal[:, 1:], trace.friction[:, 1:]
+    limit, friction = plant.motor.at_rest.friction[:, np.newaxis] * trace.normal[:, 1:], trace.friction[:, 1:]
     part = parts_of_force(plant)[:, np.newaxis]
     return min(float(np.max((-limit - friction) / part)), 0.0), max(float(np.min((limit - friction) / part)), 0.0)
 
@@ -476,10 +471,10 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     What belongs to each contact has its number, from 0: ``normal_0`` and ``touching_0``, and ``greatest_0`` and
     ``rubbing_0`` of one of its points.
     """
-    motor, radius, shares = plant.motor, plant.motor.rotor.radius_m, plant.motor.preload_shares
+    motor, radius, shares = plant.motor, plant.motor.rotor.radius_m, plant.motor.stator.share
     x, _, vx, vy = np.array(contact_motion(plant, trace))[..., 1:]
     x = x - static_places(motor, plant.law, discretisation)[:, :1]
-    radii = np.array([[one.radius_m] for one in motor.touching])
+    radii = motor.at_rest.radius_m[:, np.newaxis]
     towards = pushes(motor, plant.law)
     for moved, tones in zip(motor.stator.residual_per_volt.T, plant.drive.tones, strict=True):
         for tone in tones:  # what is in series with the contact stores, and gives it back
@@ -502,9 +497,8 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
     if motor.feedback:
         taken = float(np.mean(trace.states[plant.places["feedback"], 1:] ** 2)) / motor.feedback.resistance_ohm
     heating = velocity[:, 1:] ** 2
-    growth = [mode.damping_growth_per_m2 for mode in motor.modes]
-    if any(growth):
-        heating *= 1.0 + np.array(growth)[:, np.newaxis] * displacement[:, 1:] ** 2
+    if motor.stator.growth.any():
+        heating *= 1.0 + motor.stator.growth[:, np.newaxis] * displacement[:, 1:] ** 2
     found = {
         **strength.peak_of_motion(motor, displacement),
         "friction": float(on_rotor.sum()) / points,
@@ -583,12 +577,6 @@ def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: 
     return found
 
 
-def worst_contact(plant: Plant, loads: Iterable[tuple[float, float]]) -> dict[str, float]:
-    """Return pressure, tension and wear at the point that has most, from those of :func:`.of_contact` at each."""
-    found = [strength.of_contact(one.point, *load) for one, load in zip(plant.motor.touching, loads, strict=True)]
-    return {name: max(load[name] for load in found) for name in found[0]}
-
-
 def _stored(plant: Plant, trace: Trace, at: int) -> float:
     """Return the energy in J in the modes and the mount."""
     (displacement, velocity), carrier = modal(plant, trace), trace.states[plant.places["mount"]][:, at].tolist()
@@ -600,7 +588,9 @@ def mean_of(several: Sequence[Mapping[str, float]], weights: Array | None = None
     """Return the mean, with weights, of the means of copies or of successive runs; of peaks the maximum."""
     values = np.array([list(found.values()) for found in several])
     found = dict(zip(several[0], np.average(values, axis=0, weights=weights).tolist(), strict=True))
-    return found | {name: max(one[name] for one in several) for name in found if name.startswith(_PEAKS)}
+    for place, name in enumerate(found):
+        found[name] = float(values[:, place].max()) if name.startswith(_PEAKS) else found[name]
+    return found
 
 
 def extrapolated(fine: Mapping[str, float], coarse: Mapping[str, float], ratio: float) -> dict[str, float]:
@@ -627,7 +617,7 @@ def quantities(plant: Plant, found: Mapping[str, float]) -> dict[str, float]:
     bearing = motor.rotor.bearing_damping_n_m_s * found["speed"] + dry
     load_torque = motor.rotor.radius_m * found["friction"] - bearing
     loads = [(found[f"greatest_{at}"], found[f"rubbing_{at}"]) for at in range(len(motor.touching))]
-    return quantities_of(motor, {**found, "load_torque": load_torque}) | worst_contact(plant, loads)
+    return quantities_of(motor, {**found, "load_torque": load_torque}) | strength.worst_contact(motor, loads)
 
 
 def of_contacts(plant: Plant, found: Mapping[str, float]) -> tuple[dict[str, Any], ...]:

@@ -442,17 +442,15 @@ def start_point(plant: Plant) -> Orbit:
             state[displacements] += displacement
             state[velocities] += velocity
         amplitudes += abs(gains[:n] @ [tone.amplitude * np.exp(1j * tone.phase) for tone in tones])
-    contacts = [one.contact for one in motor.touching]
     along, towards = motor.stator.contact[::2], motor.stator.contact[1::2]  # of the modes
     followed = along @ state[:n]  # by the tips since rest
-    state[:n] -= motor.preload_shares @ towards * preload / motor.stator.stiffness
+    state[:n] -= motor.stator.preload_motion * preload / motor.stator.stiffness
     energy = 0.5 * float(motor.stator.stiffness @ amplitudes**2)
-    depths = np.array([contact_law.static_penetration(one) for one in contacts])
+    depths, slides = motor.at_rest.depth_m, motor.at_rest.limit_m
     if plant.law:
-        energy += 0.4 * preload * float(motor.preload_shares @ depths)
+        energy += 0.4 * preload * float(motor.stator.share @ depths)
     energy = max(energy, np.finfo(float).tiny * 1e100)
     fastest = np.sqrt(2.0 * energy / motor.stator.mass)
-    slides = np.array([contact_law.limit_ratio(one) for one in contacts]) * depths
     if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip
         state[plant.sliders] = np.outer(np.clip(followed, -slides, slides), plant.law.touching)
     swift = float(np.abs(motor.stator.contact * fastest).max())
@@ -467,7 +465,7 @@ def start_point(plant: Plant) -> Orbit:
     turning = [swift / motor.rotor.radius_m] if plant.turns else []
     stem = []
     for compliance in stems(motor, plant.law).values():
-        stem += [compliance * preload / len(contacts), swift]
+        stem += [compliance * preload / len(depths), swift]
     scale = np.array([
         *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *np.repeat(slides, plant.sliders.shape[1]), *stem,
         *carrier, *sensed, *turning,
@@ -675,8 +673,7 @@ def rest(plant: Plant) -> Array:
     """Return the state of a motor at preloaded rest."""
     state, stator = np.zeros(plant.order), plant.motor.stator
     if plant.law:
-        pressed = plant.motor.preload_shares @ stator.contact[1::2]
-        state[: plant.modes] = -plant.motor.contact.preload_n * pressed / stator.stiffness
+        state[: plant.modes] = -plant.motor.contact.preload_n * stator.preload_motion / stator.stiffness
     return state
 
 

@@ -11,7 +11,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
 from math import ceil
+from operator import attrgetter
 from typing import Any, Generic, TypeVar, Unpack
 
 import numpy as np
@@ -269,7 +272,8 @@ def steady_state(
 def settled(point: Point, accuracy: float = ACCURACY, *, averages: bool = True) -> SteadyState:
     """Return the steady state of an operating point, with waveforms; for the settings see :func:`steady_states`."""
     (state,) = steady_states([point], accuracy=accuracy, waveforms=True, averages=averages)
-    check_runs([state])
+    if state.failure:
+        raise state.failure
     return state
 
 
@@ -316,10 +320,9 @@ def steady_states(
     parts = divided(ideal)
     found: dict[int, Any] = dict.fromkeys(near)
     with KeptProcesses() as processes:
-
-        def solved(part: Part[int]) -> list[SteadyState]:
-            return solve_part(part, accuracy, near, processes, waveforms=waveforms, averages=averages)
-
+        solved = partial(
+            solve_part, accuracy=accuracy, starts=near, processes=processes, waveforms=waveforms, averages=averages
+        )
         for part, states in zip(parts, in_threads(solved, parts, cores(), processes.stop), strict=True):
             found |= zip(part.setups, states, strict=True)
         for places in behind.values():
@@ -368,9 +371,9 @@ def divided(setups: Mapping[Place, Point]) -> list[Part[Place]]:
     parts: list[tuple[dict[Place, Point], tuple[int, int]]] = []
     for (period, _), curves in groups.items():
         each, most = list(curves.values()), ceil(cores() / len(groups))
-        own = [setup for curve in each for setup in curve.values()]
-        steps = 2 * ceil(0.5 * period / min(setup.step for setup in own) - 1e-9)
-        shortest = min(setup.shortest_period for setup in own)
+        own = list(chain.from_iterable(map(dict.values, each)))
+        steps = 2 * ceil(0.5 * period / min(map(attrgetter("step"), own)) - 1e-9)
+        shortest = min(map(attrgetter("shortest_period"), own))
         coarse = max(steps // 2, ceil(period / shortest * FEWEST_POINTS_PER_PERIOD))
         for first in range(min(most, len(each))):
             some: dict[Place, Point] = {}

@@ -11,7 +11,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.motor import parameters
 from pyspice_runner.motor.load import Arm
-from pyspice_runner.motor.motor import Materials
+from pyspice_runner.motor.materials import Materials
 from pyspice_runner.motor.parameters import Parameters
 
 DOCS = Path(__file__).parents[2] / "docs"

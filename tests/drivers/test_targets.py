@@ -21,7 +21,7 @@ SLOW = [pytest.param(name, marks=[pytest.mark.soak] if name != AIR else []) for 
 
 
 def spec_of(device: pr.Motor, network: str = "inductor", **target: object) -> pr.DriverSpec:
-    drive = pr.OnePhaseDrive(voltage=1.0, frequency=device.modes[0].frequency_hz)
+    drive = pr.default_drive(device).updated({"voltage": 1.0})
     return pr.DriverSpec(drive, "full-bridge", network, rail=48.0, **target)  # type: ignore[arg-type]
 
 
@@ -156,7 +156,7 @@ def test_an_llcc_filter_of_a_low_impedance_weakens_harmonics_that_a_coil_amplifi
 
 def test_a_transformer_that_no_core_takes_is_the_reason(tmp_path: Path) -> None:
     device = fitted(tmp_path, "SMBLTD45F28H")
-    drive = pr.OnePhaseDrive(voltage=1.0, frequency=device.modes[0].frequency_hz)
+    drive = spec_of(device).drive
     found = design_driver(device, pr.DriverSpec(drive, "half-bridge", rail=400.0, power=2000.0), seeks=False)
     assert found.driver is None
     assert found.reason.startswith("No core of the list takes the 10.87\N{NO-BREAK SPACE}A RMS of the primary")

@@ -10,6 +10,7 @@ import pyspice_runner as pr
 from pyspice_runner.drivers.design import design_driver
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
+from pyspice_runner.steady.transducer import transducer_state
 from tests.circuit.batch import measured
 from tests.said import output, refusal
 
@@ -22,8 +23,8 @@ def air(tmp_path_factory: pytest.TempPathFactory) -> pr.Motor:
     return pr.load_motor(path)
 
 
-def drive_of(motor: pr.Motor) -> pr.OnePhaseDrive:
-    return pr.OnePhaseDrive(voltage=20.0, frequency=motor.modes[0].frequency_hz)
+def drive_of(motor: pr.Motor) -> pr.TwoPhaseDrive:
+    return pr.default_drive(motor).updated({"voltage": 20.0})
 
 
 def test_power_behind_a_coil_is_that_of_a_hand_written_deck(air: pr.Motor, tmp_path: Path) -> None:
@@ -64,7 +65,7 @@ def test_design_gives_the_wanted_voltage_under_load(air: pr.Motor) -> None:
     assert under.a.voltage_v == pytest.approx(20.0, rel=0.02)
     assert under.b is None
     assert idle.power_w > 1.5 * under.power_w  # half the resistance
-    steady = pr.transducer_state(tool, drive_of(air)).quantities
+    steady = transducer_state(tool, drive_of(air)).quantities
     assert design.unmatched[0].power_w == pytest.approx(steady["power_w"], rel=1e-9)
     assert all("group A" in part.name for part in design.parts)
 

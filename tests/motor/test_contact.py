@@ -11,13 +11,17 @@ from scipy.integrate import quad
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as law
-from pyspice_runner.motor.motor import Materials, Motor
+from pyspice_runner.motor.materials import Materials
+from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.parameters import Contact, Mode, Mount, Rotor
 from tests.motors import mode, motor
 
 # two different bodies: a glass lens on a bronze cylinder
 E1, NU1, R1 = 72e9, 0.17, 0.031
 E2, NU2, R2 = 105e9, 0.35, 0.044
+MATERIALS = Materials(
+    tip_radius_m=R1, tip_youngs_modulus_pa=E1, tip_poisson=NU1, rotor_youngs_modulus_pa=E2, rotor_poisson=NU2
+)
 
 
 def test_a_steel_ball_on_a_steel_plate_has_the_published_indentation() -> None:
@@ -65,10 +69,7 @@ def test_the_softer_body_determines_the_modulus() -> None:
 
 
 def test_materials_give_the_constants_of_both_bodies() -> None:
-    materials = Materials(
-        tip_radius_m=R1, tip_youngs_modulus_pa=E1, tip_poisson=NU1, rotor_youngs_modulus_pa=E2, rotor_poisson=NU2
-    )
-    constants = materials.constants(R2)
+    constants = MATERIALS.constants(R2)
     modulus, radius = law.effective_modulus(E1, NU1, E2, NU2), law.effective_radius(R1, R2)
     assert constants == {
         "normal_stiffness_n_per_m15": pytest.approx(4.0 / 3.0 * modulus * sqrt(radius)),
@@ -164,9 +165,7 @@ def test_contact_adds_one_resonance_and_they_are_in_rising_order() -> None:
 # --- a worn tip ----------------------------------------------------------------------------------------------
 
 WORN = Contact(
-    **Materials(
-        tip_radius_m=R1, tip_youngs_modulus_pa=E1, tip_poisson=NU1, rotor_youngs_modulus_pa=E2, rotor_poisson=NU2
-    ).constants(R2),
+    **MATERIALS.constants(R2),
     friction=0.3, preload_n=20.0, worn_flat_radius_m=150e-6,
 )  # fmt: skip
 

@@ -13,7 +13,7 @@ import pyspice_runner as pr
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import refusal
 from pyspice_runner.motor.load import Arm
-from pyspice_runner.motor.motor import Materials
+from pyspice_runner.motor.materials import Materials
 from pyspice_runner.motor.parameters import (
     Beam,
     Contact,

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 import pyspice_runner as pr
 from pyspice_runner.motor import strength
 from pyspice_runner.motor.contact import contact_radius
-from pyspice_runner.motor.motor import Materials
+from pyspice_runner.motor.materials import Materials
 from pyspice_runner.motor.parameters import Contact
 from tests.motors import BEAM40
 

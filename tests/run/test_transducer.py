@@ -12,8 +12,10 @@ import pyspice_runner as pr
 from pyspice_runner.drivers.design import design_driver
 from pyspice_runner.export.motor import export_motor
 from pyspice_runner.motor.circuit_file import circuit_toml, load_circuit
+from pyspice_runner.motor.drive import OnePhaseDrive
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.motor.motor import TransducerError
+from pyspice_runner.steady.transducer import transducer_state
 from tests.circuit.batch import measured
 from tests.runs import simulated
 
@@ -149,10 +151,10 @@ def test_power_is_that_of_a_hand_written_deck(tmp_path: Path, name: str) -> None
     (folder := tmp_path / "deck").mkdir()
     by_hand = 5.0 * measured("\n".join(deck), folder)["current"]
     duration = 7.0 * device.decay_s
-    run = simulated(device, pr.OnePhaseDrive(voltage=10.0, frequency=frequency), duration=duration)
+    run = simulated(device, OnePhaseDrive(voltage=10.0, frequency=frequency), duration=duration)
     assert run.electrical()["power_w"] == pytest.approx(by_hand, rel=0.01)
     assert run.energy_residual < 1e-3
-    steady = pr.transducer_state(device, pr.OnePhaseDrive(voltage=10.0, frequency=frequency))
+    steady = transducer_state(device, OnePhaseDrive(voltage=10.0, frequency=frequency))
     omega = 2.0 * pi * frequency
     impedance = ohm + 1j * (omega * henry - 1.0 / (omega * farad))
     assert steady.quantities["power_w"] == pytest.approx(50.0 * (1.0 / impedance).real, rel=1e-9)
@@ -169,7 +171,7 @@ def test_from_a_spectrum_to_a_driver_and_a_loop_in_lock(tmp_path: Path, name: st
     pr.fit_spectrum(pr.Spectrum(frequency, seen[:, None, None])).save(tmp_path / "mine.toml")
     device = pr.load_motor(tmp_path / "mine.toml")
     resonance = device.modes[0].frequency_hz
-    drive = pr.OnePhaseDrive(voltage=20.0, frequency=1.002 * resonance)
+    drive = OnePhaseDrive(voltage=20.0, frequency=1.002 * resonance)
     design = design_driver(device, pr.DriverSpec(drive, "linear", "inductor", rail=60.0))
     assert design.feasible
     duration, driver = device.settled_s, design.driver
@@ -202,13 +204,12 @@ def test_from_a_spectrum_to_a_driver_and_a_loop_in_lock(tmp_path: Path, name: st
 @pytest.mark.parametrize("which", ["one group", "two groups"])
 def test_run_ends_in_the_steady_state(which: str, loaded: pr.Motor, tmp_path: Path) -> None:
     device = loaded if which == "one group" else written(tmp_path, TWO)
-    kind = pr.OnePhaseDrive if which == "one group" else pr.TwoPhaseDrive
-    drive = kind(voltage=20.0, frequency=device.modes[0].frequency_hz)
+    drive = pr.default_drive(device).updated({"voltage": 20.0, "frequency": device.modes[0].frequency_hz})
     run = pr.simulate(device, drive, 12e-3)
     assert run.energy_residual < 1e-3
     assert run.energy.load > 0.0
     assert run.settled
-    found, steady = run.electrical(), pr.transducer_state(device, drive).quantities
+    found, steady = run.electrical(), transducer_state(device, drive).quantities
     assert found.keys() <= steady.keys()
     for name, value in found.items():
         assert value == pytest.approx(steady[name], rel=2e-3), name
@@ -217,7 +218,7 @@ def test_run_ends_in_the_steady_state(which: str, loaded: pr.Motor, tmp_path: Pa
 
 
 def test_export_runs_in_plain_ngspice(loaded: pr.Motor, tmp_path: Path) -> None:
-    drive = pr.OnePhaseDrive(voltage=20.0, frequency=loaded.modes[0].frequency_hz)
+    drive = OnePhaseDrive(voltage=20.0, frequency=loaded.modes[0].frequency_hz)
     text = export_motor(loaded, tmp_path / "tool.lib").read_text()
     for ending in ("asy", "kicad_sym"):
         symbol = export_motor(loaded, tmp_path / f"tool.{ending}").read_text()
@@ -234,12 +235,12 @@ def test_export_runs_in_plain_ngspice(loaded: pr.Motor, tmp_path: Path) -> None:
     (folder := tmp_path / "deck").mkdir()
     found = measured("\n".join(deck), folder)
     assert found["check"] == 0.0
-    assert found["power"] == pytest.approx(pr.transducer_state(loaded, drive).quantities["power_w"], rel=0.01)
+    assert found["power"] == pytest.approx(transducer_state(loaded, drive).quantities["power_w"], rel=0.01)
 
 
 def test_what_needs_a_rotor_is_refused(tmp_path: Path) -> None:
     device = fitted(tmp_path, "MA40S4S")
-    drive = pr.OnePhaseDrive(voltage=1.0, frequency=40e3)
+    drive = OnePhaseDrive(voltage=1.0, frequency=40e3)
     for analysis in (pr.speed_torque, pr.steady_state, pr.small_signals):
         with pytest.raises(TransducerError, match="MA40S4S is a transducer: it has no rotor"):
             analysis(device, drive, **({"frequencies": [10.0]} if analysis is pr.small_signals else {}))

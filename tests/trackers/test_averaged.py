@@ -16,7 +16,7 @@ import pyspice_runner as pr
 from pyspice_runner.averaged.library import OPTIONS
 from pyspice_runner.cli import run
 from pyspice_runner.spice import Engine
-from pyspice_runner.trackers.tracker import CHANGED, running_resonance
+from pyspice_runner.trackers.tracker import CHANGED, Disturbance, running_resonance
 from tests.motors import BEAM40, recommended
 from tests.runs import unestimated
 from tests.said import printed
@@ -173,9 +173,7 @@ def test_a_run_that_ends_at_a_rail_or_without_lock_says_so(tracker: Any, setting
 
 def test_a_loop_that_an_overload_has_pulled_out_returns_by_a_restart() -> None:
     """0.1 N·m from 30 to 60 ms, with copies of the clamped capacitances that are 60 % too small."""
-    load = [
-        pr.Disturbance(kind="load", begin_s=at, load_torque_n_m=torque) for at, torque in ((30e-3, 0.1), (60e-3, 0))
-    ]
+    load = [Disturbance(kind="load", begin_s=at, load_torque_n_m=torque) for at, torque in ((30e-3, 0.1), (60e-3, 0))]
     chosen = {"voltage": 110.0, "target_deg": -35.0, "capacitance_error": -0.6}
     settings = {"duration": 120e-3, "disturbances": load}
     without, found = (started(settings, restart=restart, **chosen) for restart in (False, True))
@@ -205,7 +203,7 @@ def test_a_restart_returns_to_the_starting_frequency(how: dict[str, Any]) -> Non
 
 def test_an_overload_of_a_loop_with_right_copies_loses_lock_and_regains_it() -> None:
     """1.26 of the friction times the preload, at −58.5°; lock is regained under the load, 30 Hz lower."""
-    load = [pr.Disturbance(kind="load", begin_s=at, load_torque_n_m=to) for at, to in ((30e-3, 0.104), (60e-3, 0.0))]
+    load = [Disturbance(kind="load", begin_s=at, load_torque_n_m=to) for at, to in ((30e-3, 0.104), (60e-3, 0.0))]
     found = started({"duration": 120e-3, "disturbances": load}, voltage=78.6, target_deg=-58.5)
     (lost,) = found.losses
     assert (found.locked, lost.pull_out["load"]) == (True, 0.104)
@@ -214,7 +212,7 @@ def test_an_overload_of_a_loop_with_right_copies_loses_lock_and_regains_it() -> 
 
 def test_the_load_of_a_loop_has_no_hysteresis() -> None:
     """From both sides of 40.0 to 40.6 kHz, where a drive of constant frequency has two states at 70 V."""
-    load = [pr.Disturbance(kind="load", begin_s=2e-3, load_torque_n_m=0.0825)]
+    load = [Disturbance(kind="load", begin_s=2e-3, load_torque_n_m=0.0825)]
     ends = [
         started({"duration": 40e-3, "disturbances": load}, target_deg=0.0, offset=offset).end_frequency_hz
         for offset in (-0.0375, -0.01, 0.0385)
@@ -239,7 +237,7 @@ def test_a_run_has_a_sequence_of_disturbances() -> None:
     """The frequency moves with each, and returns."""
     moves = (("load", 50e-3, 30), ("supply", -0.5, 70), ("preload", 0.5, 110), ("temperature", -5e-3, 150))
     events = [
-        pr.Disturbance(**{"kind": kind, "begin_s": 1e-3 * begin, CHANGED[kind]: to, "drift_time_s": 5e-3})
+        Disturbance(**{"kind": kind, "begin_s": 1e-3 * begin, CHANGED[kind]: to, "drift_time_s": 5e-3})
         for kind, changed, at in moves for to, begin in ((changed, at), (0.0, at + 20))
     ]  # fmt: skip
     found = started({"disturbances": events, "duration": 190e-3})
@@ -251,7 +249,7 @@ def test_a_run_has_a_sequence_of_disturbances() -> None:
 
 def test_a_disturbance_begins_where_the_last_one_of_its_kind_ends() -> None:
     """The sum of 10 and 50 ms is above 60 ms by rounding. The run has an estimate of its errors."""
-    rise = pr.Disturbance(kind="temperature", begin_s=10e-3, drift=-5e-3)
+    rise = Disturbance(kind="temperature", begin_s=10e-3, drift=-5e-3)
     drifts = [rise, rise.updated({"begin_s": 60e-3, "drift": 0.0})]
     found = started({"disturbances": drifts, "duration": 0.12}, estimated=True)
     assert found.temperature_k is not None

@@ -19,6 +19,7 @@ from pyspice_runner.circuit.law import law_of
 from pyspice_runner.cli import run
 from pyspice_runner.run.kernel import run_bench
 from pyspice_runner.run.point import Point, Solver
+from pyspice_runner.trackers import tracker as events
 from pyspice_runner.trackers.loop import LoopDesign, running_loop
 from pyspice_runner.trackers.tracker import Disturbances, LoopFilter, TrackedSource, propose_filter, running_resonance
 from tests.said import output, printed
@@ -272,9 +273,9 @@ def bridged(duration: float, *supply: tuple[float, float]) -> dict[str, Any]:
     )
     chosen = pr.Tracker(kind="pll", voltage=60.0, frequency=40.684e3, offset=0.03)
     lag = running_resonance(flagship, chosen)
-    dips = tuple(pr.Disturbance(kind="supply", begin_s=at, supply_change=change) for at, change in supply)
+    dips = tuple(events.Disturbance(kind="supply", begin_s=at, supply_change=change) for at, change in supply)
     source = TrackedSource(
-        chosen, 3, propose_filter(chosen, lag), driver, Disturbances(dips or (pr.Disturbance(kind="start"),))
+        chosen, 3, propose_filter(chosen, lag), driver, Disturbances(dips or (events.Disturbance(kind="start"),))
     )
     vectors = ["v(vp_a)", "v(vn_a)", "v(tuned)", "v(force)", "v(ahead)", "i(v.xmotor.xmode4.vvelocity)"]
     return (
@@ -318,7 +319,7 @@ def test_a_loop_behind_a_bridge_keeps_lock_through_a_dip_of_the_supply() -> None
         ({"mode": 2}, "mode = 2 is not valid; andersen2002 has the modes 0 to 1."),
         ({"disturb": "load", "contact": None}, "disturb = 'load' needs a rotor"),
         ({"disturb": "load", "speed": 1.0}, "speed and disturb = 'load' exclude each other"),
-        ({"disturb": "load", "disturbances": [pr.Disturbance(kind="load")]}, "disturbances exclude each other"),
+        ({"disturb": "load", "disturbances": [events.Disturbance(kind="load")]}, "disturbances exclude each other"),
         ({"speed": 2e5}, "above which its rim bursts"),
         ({"disturb": "preload", "preload_change": -1.0}, "preload_change = -1 is not valid: it must be a"),
         ({"disturb": "temperature", "drift": 0.5}, "drift = 0.5 is not valid"),

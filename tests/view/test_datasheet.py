@@ -372,10 +372,9 @@ def without_load(curve: xarray.Dataset) -> float:
 
 def test_a_transducer_has_a_sheet_without_a_shaft(browser: Browser, tmp_path: Path) -> None:
     circuit = EquivalentCircuit((MotionalArm(643.2, 68.87e-3, 230.5e-12),), 2.402e-9, 0.0, 40e3)
-    (file := tmp_path / "air.toml").write_text(
-        circuit_toml(circuit) + '[load]\nmode = "arm1"\nresistance_ohm = 643.2\n'
-    )
-    report = pr.report(pr.load_motor(file), pr.OnePhaseDrive(voltage=50.0, frequency=39947.0))
+    load = '[load]\nmode = "arm1"\nresistance_ohm = 643.2\n'
+    (file := tmp_path / "air.toml").write_text(circuit_toml(circuit) + load)
+    report = pr.report(motor := pr.load_motor(file), pr.default_drive(motor))
     assert report.key_figures["power_w"] == pytest.approx(0.5 * 50.0**2 / (2.0 * 643.2), rel=1e-4)
     assert report.run.electrical()["power_w"] == pytest.approx(report.key_figures["power_w"], rel=0.01)
     assert json.loads(json.dumps(report.to_dict()))["speed_torque"] == []

@@ -18,6 +18,7 @@ from pyspice_runner.cli import run
 from pyspice_runner.motor.circuit_file import circuit_toml
 from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from pyspice_runner.spice.wasm import FACTS, engine_file
+from pyspice_runner.steady.transducer import transducer_state
 from pyspice_runner.view import live
 from pyspice_runner.view.live import half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
@@ -257,7 +258,7 @@ def test_a_transducer_has_the_powers_and_currents_of_its_steady_state(
 
 def check_transducer(page: Page, motor: pr.Motor, drive: pr.TwoPhaseDrive | pr.TwoToneDrive) -> None:
     """Compare small signals and the settled run of the page with the closed form of the package."""
-    wanted = pr.transducer_state(motor, drive).quantities
+    wanted = transducer_state(motor, drive).quantities
     names = {"power": "power_w", "delivered": "load_power_w", "face": "amplitude_m"}
     for group in motor.groups:
         names |= {f"current_{group}": f"current_{group}_rms_a"}

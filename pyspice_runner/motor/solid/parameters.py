@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from pyspice_runner.errors import ParameterError, require
+from pyspice_runner.errors import ParameterError, located, require
 from pyspice_runner.motor.document import read_bytes
 from pyspice_runner.motor.parameters import Parameters, quantity
 from pyspice_runner.motor.refusal import as_table, build, quoted
@@ -304,10 +304,8 @@ def solid_from(entry: Any, where: str, folder: Path = Path()) -> Solid:
     """
     table = dict(as_table(entry, "solid", where))
     if isinstance(table.get("mesh"), str):
-        try:
+        with located(f"{where}: solid.mesh"):
             table["mesh"] = mesh_file(folder / table["mesh"])
-        except ParameterError as error:
-            raise ParameterError(f"{where}: solid.mesh: {error}") from None
     else:
         require("mesh" not in table, f"{where}: solid.mesh", table.get("mesh"), "the path of a file")
     own = as_table(table.get("materials", {}), "solid.materials", where)
