@@ -171,7 +171,7 @@ def _allowed(kind: type[Any], name: str) -> str:
     if "$ref" in schema:
         return "path"
     if schema.get("type") == "object":
-        return "by name" if name == "contact" else "by mode"
+        return "by name" if name in ("contact", "law") else "by mode"
     if schema.get("type") == "array":
         return "three coordinates"
     if made_of or schema.get("type") == "string":

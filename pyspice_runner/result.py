@@ -111,7 +111,8 @@ def contact_row(run: Mapping[str, Any]) -> dict[str, str]:
     if run.get("contact") is None:
         return {}
     sliders = run.get("sliders")
-    return {"contact law": f"{run['contact']}, {sliders} sliders" if sliders else str(run["contact"])}
+    own = (f", {name}: {law['contact']}" for name, law in run.get("contacts", {}).items())
+    return {"contact law": f"{run['contact']}{f', {sliders} sliders' if sliders else ''}{''.join(own)}"}
 
 
 class Result(Shown):

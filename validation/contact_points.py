@@ -13,6 +13,7 @@ Mode n, contact point j with the radius R_j, carrier z that the preload F_0 pres
 The law of a point, N(δ) = K max(δ, 0)^p or that of a tip worn to a flat of radius b (p = 3/2), v_rel = v_tip − R_j Ω:
     F_N = N(δ),  F_T = sign(u) μ [N(δ) − N(δ − |u|/(μ κ))],  u' = v_rel in |u| ≤ μ κ δ
     flat: a from δ R* = a √(a² − b²), N = K/(2 R*^{3/2}) (2 a² + b²) √(a² − b²)
+    Coulomb's law with the creep v_c instead: F_T = μ N tanh(v_rel/v_c)
 with κ the tangential over the normal flexibility. p = 1 is a lining of linear springs, p = 3/2 Hertz and Mindlin.
 
 The classical Runge–Kutta method runs with a fixed step; sliders are put back to their limits after each step, so that
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-STIFFNESS, EXPONENT, KAPPA, FRICTION, RADIUS, DEPTH, FLAT, ROUND = range(8)
+STIFFNESS, EXPONENT, KAPPA, FRICTION, RADIUS, DEPTH, FLAT, ROUND, CREEP = range(9)
 """columns of the table of the points; DEPTH is δ_j0 + e_j"""
 MASS, DAMPING, SPRING, PRELOAD, INERTIA, BEARING, TORQUE, FREE = range(8)
 """places among the scalars"""
@@ -67,6 +68,8 @@ class Points:
     """radius in m of a worn flat"""
     round: Array | None = None
     """R* in m, of points with a flat"""
+    creep: Array | None = None
+    """m/s, of points with Coulomb's law; 0 for a spring-slider"""
     carrier_mass: float = np.inf
     carrier_damping: float = 0.0
     carrier_stiffness: float = 0.0
@@ -93,12 +96,12 @@ class Points:
         """Return the rows of the modes, of the points, and the scalars."""
         count = len(self.normal)
         nothing = np.zeros(count)
-        given = {name: nothing if value is None else value for name, value in
-                 (("height", self.height), ("flat", self.flat), ("round", self.round))}  # fmt: skip
-        points = np.zeros((count, 8))
+        names = ("height", "flat", "round", "creep")
+        given = {name: nothing if getattr(self, name) is None else getattr(self, name) for name in names}
+        points = np.zeros((count, 9))
         points[:, STIFFNESS], points[:, EXPONENT] = self.normal, self.exponent
         points[:, KAPPA], points[:, FRICTION], points[:, RADIUS] = self.kappa, self.friction, self.radius
-        points[:, FLAT], points[:, ROUND] = given["flat"], given["round"]
+        points[:, FLAT], points[:, ROUND], points[:, CREEP] = given["flat"], given["round"], given["creep"]
         for j, force in enumerate(self._shares * self.preload):
             points[j, DEPTH] = _depth(force, points[j]) + given["height"][j]
         modes = np.stack([self.mass, self.damping, self.stiffness, *self.coupling,
@@ -125,6 +128,9 @@ def read(document: Mapping[str, Any]) -> Points:
     if any(own.get(name, normal) != normal for own in (law, *(one.get("contact", {}) for one in places))
            for name, normal in (*known, ("tangential_series_compliance_m_per_n", 0.0))):  # fmt: skip
         raise ValueError("this integrator has no loss along the normal, no compliance in series, no Stribeck friction")
+    laws = [{"name": "spring-slider", "creep": 0.01} | one.get("law", {}) for one in places]
+    if any(one["name"] not in ("spring-slider", "coulomb") for one in laws):
+        raise ValueError("this integrator has the laws spring-slider and coulomb")
     exponent = law.get("exponent", 1.5)
     many = np.array([one.get("multiplicity", 1) for one in places], dtype=float)
 
@@ -155,6 +161,7 @@ def read(document: Mapping[str, Any]) -> Points:
         height=np.array([one.get("height_m", 0.0) for one in places]),
         flat=of("worn_flat_radius_m"),
         round=of("effective_radius_m"),
+        creep=np.array([one["creep"] if one["name"] == "coulomb" else 0.0 for one in laws]),
         carrier_mass=mount.get("mass_kg", np.inf),
         carrier_damping=mount.get("damping_n_s_per_m", 0.0),
         carrier_stiffness=mount.get("stiffness_n_per_m", 0.0),
@@ -226,6 +233,8 @@ def _rates(s, t, drive, modes, xs, ys, rest, points, p, ds, forces):
             friction = points[j, FRICTION] * (normal - _pressed(depth - held, points[j]))
             if u < 0.0:
                 friction = -friction
+            if points[j, CREEP] > 0.0:
+                friction = points[j, FRICTION] * normal * np.tanh(relative / points[j, CREEP])
         ds[2 * n + 3 + j] = relative if depth > 0.0 else 0.0
         fx, fy = normal * ex - friction * ey, -normal * ey - friction * ex
         push += fy

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from PySpice.Spice.Netlist import Circuit, Netlist
 
-from pyspice_runner.circuit.law import LAWS, ContactLaw, Law, law_of, of_power
+from pyspice_runner.circuit.law import LAWS, PAPER_LAW, ContactLaw, Law, law_of, laws_of, of_power
 from pyspice_runner.circuit.motor import (
     CROWN,
     MOUNTED,
@@ -71,13 +71,13 @@ def check_resolution(phases: int, harmonics: int) -> None:
 OPEN = 100.0  # frequency of a mode over the corner of its electrode, above which that is open within 1e-4
 
 
-def check_averaged(contact: ContactLaw | None) -> None:
+def check_averaged(contact: ContactLaw | None, what: str = "contact") -> None:
     """Raise ParameterError for a law of the contact without an averaged model: any other than the spring-slider."""
     law = law_of(contact)
     if law is None or "averaged" not in law.forms:
         having = " or ".join(repr(name) for name in LAWS if "averaged" in Law(name).forms)
         raise ParameterError(
-            f"contact = {law.name if law else None!r} has no averaged model: it must be {having}. Use the full motor "
+            f"{what} = {law.name if law else None!r} has no averaged model: it must be {having}. Use the full motor "
             "for others."
         )
 
@@ -105,6 +105,8 @@ def require_averaged(motor: Motor) -> Motor:
             f"contacts: exponent = {given} has no averaged model: it must be the same at all contacts. Set it, or use "
             "the full motor."
         )
+    for one, law in zip(motor.touching, laws_of(motor, PAPER_LAW), strict=True):
+        check_averaged(law, f"contacts.{one.name}.law")
     penetration = motor.at_rest.depth_m.max()
     if penetration > DEEPEST_M:
         raise ParameterError(

@@ -230,6 +230,7 @@ def admittance_bench(motor: Motor, *, preloaded: bool, title: str = "") -> Circu
     circuit = Circuit(title or f"{motor.name}: admittance, {'preloaded' if preloaded else 'free'}")
     if motor.is_transducer and not preloaded:
         motor = motor.model_copy(update={"load": None})
+    motor = motor.with_one_law()  # contacts that stick, as with any law of the motor
     shaft = [] if motor.is_transducer else ["shaft"]
     for copy, driven in zip("12", motor.groups, strict=False):
         for group in motor.groups:

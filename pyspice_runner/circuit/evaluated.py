@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import Law, contact_library, contact_values, motor_library_of
+from pyspice_runner.circuit.law import Law, contact_library, contact_values, laws_of, libraries_of
 from pyspice_runner.circuit.motor import touching_values
 from pyspice_runner.circuit.state import Discretisation
 from pyspice_runner.motor.motor import Motor
@@ -156,13 +156,13 @@ def parameter_columns(
 ) -> dict[str, Array]:
     """Return the parameters of a law's library in its units and order, each for all contacts of all motors.
 
-    The motors have the same library (:func:`.motor_library_of`).
+    The contacts of all motors have the same library (:func:`.libraries_of`).
     """
-    library = motor_library_of(law, motors[0])
+    library = libraries_of(motors[0], law)[0]
     rows = [
-        [*(library.defaults | touching_values(motor, law, one, discretisation, library)).values()]
+        [*(library.defaults | touching_values(motor, own, one, discretisation, library)).values()]
         for motor in motors
-        for one in motor.touching
+        for one, own in zip(motor.touching, laws_of(motor, law), strict=True)
     ]
     return dict(zip(library.defaults, np.array(rows, dtype=float).T, strict=True))
 

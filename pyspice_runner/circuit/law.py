@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.document import read_bytes
-from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.motor import Motor, derived, require_one_contact
 from pyspice_runner.motor.parameters import HERTZ, Contact
 from pyspice_runner.spice.library import LAW, PREFIX, Library, LibraryParameter, parse_library, read_library
 from pyspice_runner.spice.own_file import OwnFile, Rules, Statement, short, words_of
@@ -206,17 +206,54 @@ def _width(depth: float, flat: float) -> float:
     return 0.5 * (sqrt(flat**2 + 4.0 * depth**2) + flat)
 
 
-def motor_library_of(law: Law, motor: Motor) -> Library:
-    """Return the library of the contacts of a motor: one for all, with what any of them needs."""
-    if not motor.contacts:
-        return contact_library(law, motor.contact)
-    contacts = [one.contact for one in motor.touching]
-    needs = {
-        "worn_flat_radius_m": max(contact.worn_flat_radius_m for contact in contacts),
-        "exponent": next((contact.exponent for contact in contacts if contact.exponent != HERTZ), HERTZ),
-        "sliding_ratio": min(contact.sliding_ratio for contact in contacts),
-    }
-    return contact_library(law, motor.contact.model_copy(update=needs))
+@derived
+def laws_of(motor: Motor, law: Law | None) -> tuple[Law, ...]:
+    """Return the law of each contact: its own, or that of the motor; of a free tip none.
+
+    Raise ParameterError for one that is not valid; the message names the contact.
+    """
+    found: list[Law] = []
+    if law is None:
+        return ()
+    for one in motor.touching:
+        given = {"name": law.name, **one.law}
+        try:
+            own = law if given["name"] == law.name else Law(str(given["name"]))
+            found.append(own.updated({name: float(value) for name, value in given.items() if name != "name"}))
+        except (ParameterError, ValueError) as error:
+            raise ParameterError(f"contacts.{one.name}.law: {error}") from error
+        if law.row or found[-1].row:
+            require_one_contact(motor, f"The contact {law.name if law.row else found[-1].name} of {one.name} is")
+    return tuple(found)
+
+
+def law_settings(motor: Motor, law: Law | None) -> dict[str, object]:
+    """Return the law as in the results, JSON-ready, with those that contacts have of their own."""
+    laws = zip(motor.touching if law else (), laws_of(motor, law), strict=True)
+    own = {one.name: other.to_dict() for one, other in laws if one.law}
+    return (law.to_dict() if law else {}) | ({"contacts": own} if own else {})
+
+
+def libraries_of(motor: Motor, law: Law | None) -> tuple[Library, ...]:
+    """Return the library of each contact, for those with the same law with what any of them needs; of a free tip none.
+
+    A second file of the user's own has another name in a netlist.
+    """
+    if law and not motor.contacts:
+        return (contact_library(law, motor.contact),)
+    laws, found = laws_of(motor, law), dict[str, Library]()
+    for name, own in {own.name: own for own in laws}.items():
+        contacts = [one.contact for one, other in zip(motor.touching, laws, strict=True) if other.name == name]
+        needs = {
+            "worn_flat_radius_m": max(contact.worn_flat_radius_m for contact in contacts),
+            "exponent": next((contact.exponent for contact in contacts if contact.exponent != HERTZ), HERTZ),
+            "sliding_ratio": min(contact.sliding_ratio for contact in contacts),
+        }
+        found[name] = library = contact_library(own, motor.contact.model_copy(update=needs))
+        if is_own(name) and (files := sum(map(is_own, found))) > 1:
+            text = re.sub(rf"\b{library.name}\b", f"{library.name}{files}", library.subcircuit)
+            found[name] = replace(library, name=f"{library.name}{files}", subcircuit=text)
+    return tuple(found[own.name] for own in laws)
 
 
 ContactLaw = Law | str | Path  # as an analysis accepts it: a law, its name, or the path of a user's own

@@ -27,7 +27,8 @@ from pyspice_runner.circuit.law import (
     contact_library,
     contact_values,
     is_own,
-    motor_library_of,
+    laws_of,
+    libraries_of,
     touching_law,
     unplotted,
 )
@@ -57,7 +58,7 @@ from pyspice_runner.motor.contacts import Touching
 from pyspice_runner.motor.dielectric import Branch, lossy_capacitance
 from pyspice_runner.motor.drive import Drive, default_drive
 from pyspice_runner.motor.groups import GROUPS
-from pyspice_runner.motor.motor import Motor, derived, require_one_contact
+from pyspice_runner.motor.motor import Motor, derived
 from pyspice_runner.motor.parameters import Feedback, Mode, Mount, Piezo
 from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.stator import STEP_WORDS, longest_step
@@ -187,17 +188,15 @@ class MotorSubCircuit(Assembly):
         name: str = "",
         prefix: str = "",
     ) -> None:
-        if motor.contacts and law and law.row:
-            require_one_contact(motor, f"The contact {law.name} is")
-        library = motor_library_of(law, motor) if law else None
+        self._laws, libraries = laws_of(motor, law), libraries_of(motor, law)
         touching: dict[str, float] = {}
         if law:
-            touching = touching_values(motor, law, motor.touching[0], discretisation)
+            touching = touching_values(motor, self._laws[0], motor.touching[0], discretisation)
             touching |= {"preload": motor.contact.preload_n}
         turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
         rotor = read_library("piezomotor_rotor")
         self.settable = (
-            *_settable(library, touching),
+            *_settable(libraries[0] if law else None, touching),
             *(replace(item, default=rounded(turning[item.name])) for item in rotor.parameters if item.name in turning),
             *([replace(AMPLIFIER, default=motor.feedback.resistance_ohm)] if motor.feedback else []),
         )
@@ -218,8 +217,8 @@ class MotorSubCircuit(Assembly):
         self._add_modes(warm)
         if motor.feedback:
             self._add_feedback(motor.feedback)
-        if library:
-            self._add_contacts(library, approach=approach)
+        if law:
+            self._add_contacts(libraries, approach=approach)
         else:
             for force in (f"{name}{one.suffix}" for one in motor.touching for name in ("fx", "fy")):
                 self.R(f"free_{force}", force, self.gnd, 1)
@@ -277,10 +276,9 @@ class MotorSubCircuit(Assembly):
             drawn = (f"{_shared(piezo, b)!r}*I(Vown_{b})*V({a},{self._common})" for a, b in ("ab", "ba"))
             self.B("heat_ab", self.gnd, "heat", i="+".join(drawn))
 
-    def _add_contacts(self, library: Library, *, approach: bool) -> None:
+    def _add_contacts(self, libraries: Sequence[Library], *, approach: bool) -> None:
         """Add the contacts with what is between them and the modes, and the nodes of the total forces of several."""
         motor, law, discretisation = self._motor, self._law, self._discretisation
-        assert law is not None
         several = motor.touching if motor.contacts else ()
         if several:
             self.raw_spice += f".param {PRELOAD_ALL}={{preload}}\n"
@@ -291,8 +289,11 @@ class MotorSubCircuit(Assembly):
             self._add_total(total, [one.suffix for one in several], gains.tolist())
         first_x = "x"
         places = 1e6 * static_places(motor, law, discretisation) / motor.contact.preload_n
-        plain = library if self._plotted or not law.row else unplotted(library)
-        for one, (sway, bent), forward in zip(motor.touching, places, motor.stator.forward, strict=True):
+        laws = zip(self._laws, libraries, strict=True)
+        for one, (own, library), (sway, bent), forward in zip(
+            motor.touching, laws, places, motor.stator.forward, strict=True
+        ):
+            plain = library if self._plotted or not own.row else unplotted(library)
             moved: dict[str, str] = {}
             suffix = one.suffix
             if sway:  # the crown stands beside the tip at rest
@@ -309,30 +310,19 @@ class MotorSubCircuit(Assembly):
             for stem, compliance in stems(motor, law).items():
                 if stem in (f"stem{suffix}", f"stem_x{suffix}"):
                     moved |= self._add_stem(stem, compliance, moved, one)
-            values = touching_values(motor, law, one, discretisation, library)
+            values = touching_values(motor, own, one, discretisation, library)
             check_parameters(library.name, library.parameters, values)
             flexible = -1e-6 * bent + one.contact.series_compliance_m_per_n * one.share
-            expressions = _expressions(plain, values, flexible, law.covered, one.height_m)
+            expressions = _expressions(plain, values, flexible, own.covered, one.height_m)
             if several:
                 expressions["deflection"] = expressions["deflection"].replace("preload", PRELOAD_ALL)
-                expressions |= self._own_values(values, one)
+                others = self._laws[0].own if library is not libraries[0] else {}  # of the X line, not of this law
+                shared = [item for item in self.settable if item.name not in others]
+                kept = {"deflection", *(("mu" if item.name == "friction" else item.name) for item in shared)}
+                expressions = {name: text for name, text in expressions.items() if name in kept}
+                expressions |= _own_values(shared, {name: item.default for name, item in own.own.items()} | values, one)
             nodes = [moved.get(pin, pin if pin == "shaft" else f"{pin}{suffix}") for pin in PINS]
             self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
-
-    def _own_values(self, values: Mapping[str, float], one: Touching) -> dict[str, str]:
-        """Return the parameters in which one of several contacts differs from the X line, as expressions.
-
-        Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes the new value for
-        that name in the expressions behind it.
-        """
-        found = {"preload": f"{{{one.share!r}*{PRELOAD_ALL}}}"}
-        for item in self.settable:
-            name = "mu" if item.name == "friction" else item.name
-            if name in found or name not in values or not item.default:
-                continue
-            if (ratio := rounded(values[name] / item.default)) != 1.0:
-                found[name] = f"{{{ratio!r}*{item.name}}}"
-        return found
 
     def _add_total(self, node: str, suffixes: Sequence[str], gains: Sequence[float]) -> None:
         """Add the sum of the voltages of a node of several contacts, each times a gain."""
@@ -537,12 +527,26 @@ def touching_values(
         law, one.contact, radius=one.radius_m, preload=one.contact.preload_n, deflection=bent + one.height_m,
         slider_time=discretisation.slider_time if discretisation else None,
     )  # fmt: skip
-    for item in library.parameters if library else ():
-        if (
-            item.name in ("flat", "exponent") and item.name not in values
-        ):  # new, beside worn ones; Hertz's, beside linings
-            values[item.name] = item.least if item.name == "flat" else one.contact.exponent
-    return values
+    beside = {"flat": 0.0, "exponent": one.contact.exponent}  # of a new one beside worn ones; Hertz's beside linings
+    declared = library.defaults if library else {}
+    return values | {name: value for name, value in beside.items() if name in declared and name not in values}
+
+
+def _own_values(shared: Sequence[LibraryParameter], values: Mapping[str, float], one: Touching) -> dict[str, str]:
+    """Return the parameters in which one of several contacts differs from those of the X line, as expressions.
+
+    Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes the new value for
+    that name in the expressions behind it.
+    """
+    found = {"preload": f"{{{one.share!r}*{PRELOAD_ALL}}}"}
+    for item in shared:
+        name = "mu" if item.name == "friction" else item.name
+        if name in found or values.get(name, item.default) == item.default:
+            continue
+        ratio = rounded(values[name] / item.default) if item.default else 0.0
+        if ratio != 1.0:
+            found[name] = f"{{{ratio!r}*{item.name}}}" if item.default else repr(values[name])
+    return found
 
 
 def _expressions(
@@ -675,7 +679,8 @@ def add_motor(
     Raise ParameterError if the circuit already has a different motor of that name, or for a setting that the motor does
     not have or whose value is out of range.
     """
-    write: Any = MotorSubCircuit if law and is_own(law.name) else _definition  # a user's own file may change
+    own = any(is_own(one.name) for one in laws_of(motor, law))  # a user's own file may change
+    write: Any = MotorSubCircuit if own else _definition
     definition = write(motor, law=law, discretisation=discretisation, startable=start is not None, **written)
     name = definition.name
     present = [str(subcircuit) for subcircuit in circuit.subcircuits if subcircuit.name == name]
@@ -786,7 +791,7 @@ def motor_library(
         *_clamped_lines(motor),
         *([f"* FEEDBACK {motor.feedback.model_dump_json()}"] if motor.feedback else []),
         "* NODES inside, to plot: x y slider (um), vx vy (m/s), normal friction (N), state (0 open, 1 stick, 2 slip)",
-        *_contact_lines(motor),
+        *_contact_lines(motor, law),
         "* CHECK  the node check is 0, or 1 for a parameter out of its range, a step longer than STEP and, after",
         f"*        {550 * step:.2g} s of .tran, pins that carry no alternating drive, as when com floats. If the drive",
         "*        begins later, measure check from then on. It does not see a misspelt parameter, ignored by ngspice:",
@@ -849,7 +854,7 @@ def _mount_line(motor: Motor) -> str:
     )
 
 
-def _contact_lines(motor: Motor) -> list[str]:
+def _contact_lines(motor: Motor, law: Law) -> list[str]:
     """Return what distinguishes the contacts of a motor with several."""
     if not motor.contacts:
         return []
@@ -860,7 +865,8 @@ def _contact_lines(motor: Motor) -> list[str]:
         *(
             f"* CONTACT {one.suffix or 1} {one.name}: {100.0 * one.share:.4g} % of the preload"
             + (f", {one.multiplicity} equal points" if one.multiplicity > 1 else "")
-            for one in motor.touching
+            + (f", friction ({own.name})" if one.law else "")
+            for one, own in zip(motor.touching, laws_of(motor, law), strict=True)
         ),
     ]
 

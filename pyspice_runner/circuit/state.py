@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import Law, contact_library
+from pyspice_runner.circuit.law import Law, contact_library, laws_of
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.dielectric import Branch
@@ -74,10 +74,10 @@ def stems(motor: Motor, law: Law | None) -> dict[str, float]:
     A law without a tangential spring has none along the rotor.
     """
     found: dict[str, float] = {}
-    for one in motor.touching if law else ():
+    for one, own in zip(motor.touching if law else (), laws_of(motor, law), strict=True):
         if one.contact.series_compliance_m_per_n:
             found[f"stem{one.suffix}"] = one.contact.series_compliance_m_per_n
-        if law and law.spring and one.contact.tangential_series_compliance_m_per_n:
+        if own.spring and one.contact.tangential_series_compliance_m_per_n:
             found[f"stem_x{one.suffix}"] = one.contact.tangential_series_compliance_m_per_n
     return found
 
@@ -117,12 +117,12 @@ def first_guess(
     found, compressed = dict[str, float](), iter(stems_m)
     if law is None or discretisation is None:
         return found
-    for one in motor.touching:
+    for one, own in zip(motor.touching, laws_of(motor, law), strict=True):
         contact, compliance = one.contact, one.contact.series_compliance_m_per_n
         if not compliance:
             continue
         force = max(contact.preload_n + next(compressed, 0.0) / compliance, 0.0)
-        if not {"delta", "factor"} <= {*contact_library(law, contact).subcircuit.split()}:  # of the user's own law
+        if not {"delta", "factor"} <= {*contact_library(own, contact).subcircuit.split()}:  # of the user's own law
             continue
         rate = compliance * contact.preload_n / discretisation.slider_time
         if contact_law.normal_damping(contact) * rate >= _STRONG:
@@ -230,7 +230,8 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
         )
         for at, _ in modes
     ]  # fmt: skip
-    inside = [node for one in motor.touching for node in law.states_of(one.suffix)] if law else []
+    laws = zip(motor.touching if law else (), laws_of(motor, law), strict=True)
+    inside = [node for one, own in laws for node in own.states_of(one.suffix)]
     states += [
         State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO) for at, node in enumerate(inside)
     ]

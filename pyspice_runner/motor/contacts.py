@@ -10,7 +10,7 @@ have the sum of the forces at the same displacements, which is the law of a sing
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ class Touching:
     multiplicity: int = 1  # number of equal points
     direction: int = 1  # -1 if the x of the stator points backward there
     height_m: float = 0.0
+    law: Mapping[str, str | float] = field(default_factory=dict, hash=False)  # its own: name and own parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,9 @@ def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:
         changed[name] = getattr(contact, name) / multiplicity ** (1.0 / contact.exponent)
     for name in ("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"):
         changed[name] = getattr(contact, name) / multiplicity
+    if contact.effective_radius_m is not None:  # the area of all, for the pressure; worn flats penetrate as each alone
+        changed["effective_radius_m"] = multiplicity * contact.effective_radius_m
+        changed["worn_flat_radius_m"] = multiplicity**0.5 * contact.worn_flat_radius_m
     return contact.model_copy(update=changed)
 
 
@@ -86,7 +90,7 @@ def touching_of(contact: Contact, places: Sequence[ContactPlace], radius_m: floa
         found.append(
             Touching(
                 place.name, "" if number == 1 else str(number), gathered(own, place.multiplicity, preload), own,
-                place.radius_m or radius_m, share, place.multiplicity, place.direction, place.height_m,
+                place.radius_m or radius_m, share, place.multiplicity, place.direction, place.height_m, place.law,
             )
         )  # fmt: skip
     return tuple(found)
@@ -158,6 +162,8 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     places = []
     for number, entry in enumerate(entries):
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
+        if isinstance(named, dict) and isinstance(named.get("law"), str):
+            named["law"] = {"name": named["law"]}
         places.append(build(ContactPlace, named, f"contacts.{number}", where))
     first = places[0]
     found["modes"] = [
@@ -170,9 +176,9 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     ]
     if len(places) > 1:
         return {**found, "contacts": tuple(places)}
-    if first.radius_m is not None or first.height_m or first.share is not None:
+    if first.radius_m is not None or first.height_m or first.share is not None or first.law:
         raise ParameterError(
-            f"{where}: radius_m, share and height_m are for several [[contacts]], and there is one; leave them out."
+            f"{where}: radius_m, share, height_m, law are for several [[contacts]], and there is one; leave them out."
         )
     modes = [build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(found["modes"])]
     given = build(Contact, parts["contact"], "contact", where)

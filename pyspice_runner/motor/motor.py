@@ -513,6 +513,11 @@ class Motor(Shown, Parameters):
         deeper = contact_law.penetration(self.contact, preload_n) - contact_law.static_penetration(self.contact)
         return deeper + self.deflection_m * (preload_n / self.contact.preload_n - 1.0)
 
+    def with_one_law(self) -> Motor:
+        """Return the motor whose contacts have no law of their own."""
+        places = tuple(place.model_copy(update={"law": {}}) for place in self.contacts)
+        return self if places == self.contacts else self.model_copy(update={"contacts": places})
+
     def on_carrier(self) -> Motor:
         """Return the motor with the modes that its stator has on its carrier, which then shake it no more."""
         return self._of_stator(self.stator.on_carrier(self.mount))
@@ -846,8 +851,11 @@ def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
     if path in _OPTIONAL:
         document[path] = dict(value) if isinstance(value, Mapping) else value
         return path
-    if section == "law" and re.fullmatch(r"[a-z]\w*", rest):
-        document["law"] = {**document.get("law", {}), rest: value}
+    owners = {f"contacts.{index}.": place for index, place in enumerate(document.get("contacts", ()))} | {"": document}
+    owner, of_law, key = path.rpartition("law.")
+    if of_law and owner in owners and re.fullmatch(r"[a-z]\w*", key):
+        stated = owners[owner].get("law", {})
+        owners[owner]["law"] = {**({"name": stated} if isinstance(stated, str) else stated), key: value}
         return path
     if path == f"contact.{Lining.TABLE}" and isinstance(value, Mapping) and "contact" in document:
         document["contact"] = {k: v for k, v in document["contact"].items() if k != Materials.TABLE}

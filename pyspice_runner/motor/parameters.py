@@ -494,6 +494,9 @@ class ContactPlace(Parameters):
     contact: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
         default_factory=dict, description="values of [contact] that differ here, but for preload_n"
     )
+    law: dict[str, str | float] = Field(
+        default_factory=dict, description="law of its own: its name, or a table of name and own parameters that differ"
+    )
 
 
 class Mount(Parameters):

@@ -8,13 +8,14 @@ The audit reports each violation of a physical law with its likely cause.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import zip_longest
 from math import nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.law import Law, laws_of
 from pyspice_runner.circuit.source import FEWEST_POINTS_PER_PERIOD, Source
 from pyspice_runner.circuit.state import Discretisation, recorded_states, state_vectors
 from pyspice_runner.motor.contact import elastic_energy, penetration
@@ -184,10 +185,11 @@ def ceramic(
     for name, moved in zip(("friction", "normal"), stator.residual_per_volt @ volts, strict=False):
         if moved.any() and f"v(xmotor.{name})" in samples:  # power that the groups pass to the contact
             heat += window.mean(moved * np.gradient(samples[f"v(xmotor.{name})"], samples["time"]))
+    pairs = zip_longest(motor.touching, laws_of(motor, law))
     found = {
         **peak_of_motion(motor, displacement),
         "temperature_rise_k": temperature_rise(motor, heat),
-        **worst_contact(motor, [_contact_load(one, law, discretisation, samples, window) for one in motor.touching]),
+        **worst_contact(motor, [_contact_load(one, own, discretisation, samples, window) for one, own in pairs]),
     }
     return stated(motor, found, samples["v(shaft)"])
 

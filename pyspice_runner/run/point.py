@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypedDict
 from pydantic import Field
 
 from pyspice_runner.circuit.bench import FREE, Bench, motor_bench
-from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of, touching_law
+from pyspice_runner.circuit.law import PAPER_LAW, ContactLaw, Law, law_of, law_settings, touching_law
 from pyspice_runner.circuit.source import Excitation, Source, source_of
 from pyspice_runner.circuit.state import Discretisation, Motion, recorded_motion, state_vectors
 from pyspice_runner.errors import ParameterError, require
@@ -252,7 +252,7 @@ class Point:
         """Return the settings as results state them, JSON-ready."""
         return {
             "contact": None,
-            **(self.law.to_dict() if self.law else {}),
+            **law_settings(self.motor, self.law),
             "speed_rad_s": self.load.speed,
             "load_torque_n_m": self.load.torque,
             "step_s": self.step,

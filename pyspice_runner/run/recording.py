@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pyspice_runner.circuit.law import laws_of
 from pyspice_runner.circuit.motor import ALL, dielectric_branches
 from pyspice_runner.circuit.state import (
     FEEDBACK,
@@ -151,7 +152,8 @@ class Recording:
                 continue
             start = first.get(name, scale[name] * vector[0] if name in _CURRENTS else 0.0)
             columns[name] = self._after(start, vector, scale.get(name, 1.0))
-            if name == "contact_displacement_m" and self.point.law and "averaged" in self.point.law.forms:
+            first_law = laws_of(self.point.motor, self.point.law)[:1]
+            if name == "contact_displacement_m" and any("averaged" in law.forms for law in first_law):
                 # while it slips, the slider's node stands above its limit by the slip velocity times half a step
                 normal = self._after(pressed[0] if self._several else self._preload, samples["v(xmotor.normal)"])
                 one = self.point.motor.touching[0]

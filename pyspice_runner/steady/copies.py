@@ -25,7 +25,7 @@ from PySpice.Spice.Netlist import Circuit, SubCircuit
 
 from pyspice_runner.circuit.bench import BRAKE, METERED, METERS, Bench, add_meters, connect_brake
 from pyspice_runner.circuit.evaluated import LINE, Derived, plotted_nodes
-from pyspice_runner.circuit.law import Law
+from pyspice_runner.circuit.law import Law, laws_of
 from pyspice_runner.circuit.motor import MotorSubCircuit, dielectric_branches, dielectric_matrix
 from pyspice_runner.circuit.source import GROUPS, not_below_rounding, sine, transient_options
 from pyspice_runner.circuit.state import (
@@ -186,10 +186,16 @@ class Plant:
         n, mount = self.modes, [*range(self.order)[self.places["mount"]]]
         return [*range(n), *mount[::2]], [*range(n, 2 * n), *mount[1::2]]
 
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The law of each contact; of a free tip none."""
+        return laws_of(self.motor, self.law)
+
     @cached_property
-    def sliders(self) -> NDArray[np.int_]:
-        """The places of the states of each contact, shape (k, states)."""
-        return np.arange(self.order)[self.places["contact"]].reshape(len(self.motor.touching), -1)
+    def sliders(self) -> list[NDArray[np.int_]]:
+        """The places of the states of each contact."""
+        counts = [len(law.states) for law in self.laws] or [0] * len(self.motor.touching)
+        return np.split(np.arange(self.order)[self.places["contact"]], np.cumsum(counts)[:-1])
 
     @property
     def friction_n(self) -> float:

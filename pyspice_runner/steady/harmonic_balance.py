@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, library_function, parameter_columns
-from pyspice_runner.circuit.law import PAPER_LAW, Law, motor_library_of
+from pyspice_runner.circuit.law import PAPER_LAW, Law, laws_of, libraries_of
 from pyspice_runner.circuit.state import MICRO, static_places
 from pyspice_runner.motor import groups
 from pyspice_runner.motor.drive import Tone
@@ -157,7 +157,8 @@ def stators_of(plants: Sequence[Plant], grid: Grid) -> Stators:
             [(plant.load.torque or 0.0) / radius], [motor.stator.with_carrier(plant.mount).decay_s],
         ))  # fmt: skip
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    parameters = np.array(list(parameter_columns(PAPER_LAW, [plant.motor for plant in plants]).values())).T
+    motors = [plant.motor.with_one_law() for plant in plants]
+    parameters = np.array(list(parameter_columns(PAPER_LAW, motors).values())).T
     return Stators(*[*columns[:6], parameters.reshape(*columns[6].shape, -1), *columns[6:]])
 
 
@@ -333,8 +334,9 @@ def balanced(plants: Sequence[Plant], near: Sequence[Balance | None] = ()) -> li
     found: list[Balance | None] = [None] * len(plants)
     groups: dict[tuple[float, Library, Law, int], dict[int, Plant]] = {}
     for place, plant in enumerate(plants):
-        if plant.law and plant.law.sliding and tones(plant) and len(plant.motor.touching) <= MOST_CONTACTS:
-            library, count = motor_library_of(PAPER_LAW, plant.motor), len(plant.motor.touching)
+        sliding = all(law.sliding for law in plant.laws)
+        if plant.law and sliding and tones(plant) and len(plant.motor.touching) <= MOST_CONTACTS:
+            library, count = libraries_of(plant.motor.with_one_law(), PAPER_LAW)[0], len(plant.motor.touching)
             groups.setdefault((plant.drive.period, library, plant.law, count), {})[place] = plant
     for (period, library, *_), some in groups.items():
         points = _Points(list(some.values()), Grid(period, max(map(tones, some.values())), library))
@@ -563,7 +565,8 @@ class Balance:
         state, (displacements, velocities) = np.zeros(plant.order), plant.moving
         state[displacements] = coordinates.sum(axis=0).real
         state[velocities] = (1j * grid.omega * orders @ coordinates).real
-        state[plant.sliders] = MICRO * self.sliders[:, np.newaxis]
+        for sliders, slid in zip(plant.sliders, self.sliders, strict=True):
+            state[sliders] = MICRO * slid
         if plant.motor.feedback:
             stator, charge = plant.motor.stator, -coordinates[:, : plant.modes] @ plant.motor.stator.sensed
             state[plant.places["feedback"]] = (stator.feedback_gain(grid.omega * orders) @ charge).real
@@ -602,7 +605,8 @@ class BalancedState:
 
 def balances(setup: Point) -> bool:
     """Return whether harmonic balance describes a point: paper's contact, linear modes, few harmonics of the drive."""
-    if setup.source.ideal is None or not setup.law or "averaged" not in setup.law.forms:
+    laws = laws_of(setup.motor, setup.law)
+    if setup.source.ideal is None or not laws or not all("averaged" in law.forms for law in laws):
         return False
     stator = setup.motor.stator
     return not (stator.softening.any() or stator.growth.any()) and tones(Plant.of(setup)) > 0

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.circuit.evaluated import DIFFERENCE, evaluable, library_function, parameter_columns
-from pyspice_runner.circuit.law import motor_library_of, unplotted
+from pyspice_runner.circuit.law import libraries_of, unplotted
 from pyspice_runner.circuit.motor import SLIDER_TIME, rounded
 from pyspice_runner.circuit.state import MICRO, Discretisation, pushes, static_places, stems, written_stator
 from pyspice_runner.motor import contact as contact_law
@@ -75,12 +75,12 @@ class Course:
 def differentiable(plant: Plant) -> bool:
     """Return whether the equations of a plant are known; a user's own law has them if numpy can evaluate it.
 
-    Contacts of which some alone have a compliance in series are not alike, and their derivatives are those of copies.
+    Contacts with different laws, or of which some alone have a compliance in series, are not alike, and their
+    derivatives are those of copies.
     """
-    if plant.law is None:
-        return False
+    libraries = libraries_of(plant.motor, plant.law)
     alike = len(stems(plant.motor, plant.law)) % len(plant.motor.touching) == 0
-    return alike and evaluable(motor_library_of(plant.law, plant.motor))
+    return alike and len({library.name for library in libraries}) == 1 and evaluable(libraries[0])
 
 
 def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> list[Derivative]:
@@ -89,7 +89,7 @@ def derivatives(courses: Sequence[Course], discretisation: Discretisation) -> li
     groups: dict[tuple[Any, ...], dict[int, Course]] = {}
     for place, course in enumerate(courses):
         plant = course.plant
-        library = motor_library_of(plant.law, plant.motor) if plant.law else None
+        library = libraries_of(plant.motor, plant.law)[0]
         kinds = tuple((state.kind, state.part) for state in plant.states)
         groups.setdefault((library, kinds, course.first, course.time.tobytes()), {})[place] = course
     for group in groups.values():
@@ -108,7 +108,7 @@ class Linearised:
         self.plant = courses[0].plant
         assert self.plant.law is not None
         self.law = self.plant.law
-        self.library = unplotted(motor_library_of(self.law, self.plant.motor))
+        self.library = unplotted(libraries_of(self.plant.motor, self.law)[0])
         self.function = library_function(self.library)
         self.row = slice(5, 5 + self.law.sliders) if self.law.row else None  # place of the sliders among the inputs
         self.count, places = len(self.plant.motor.touching), self.plant.places

@@ -439,7 +439,7 @@ def held_by_friction(plant: Plant, trace: Trace) -> bool:
     In a periodic motion the slip of one direction is equal to that of the other. A path shorter than :data:`GRAZE` of
     the elastic range is no slip: single time steps exceed the limit where the direction of the motion changes.
     """
-    if plant.load.speed != 0.0 or plant.law is None or not (plant.law.sliding and plant.law.spring):
+    if plant.load.speed != 0.0 or not plant.laws or not all(law.sliding and law.spring for law in plant.laws):
         return False
     state, (_, _, along_m_s, _) = trace.contact_state, contact_motion(plant, trace)
     path_m = np.where(state > GROSS_SLIP, np.abs(along_m_s), 0.0).sum(axis=1) * (trace.time[1] - trace.time[0])
@@ -561,19 +561,21 @@ def phases(found: Mapping[str, float]) -> dict[str, float]:
 def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> list[float]:
     """Return the mean of normal force times slip velocity in W at a point of each contact.
 
-    Of other laws than the paper's it follows from the loss, which contacts share as the preload. The spring of the
-    paper's law is not quite conservative: its loss also has what the spring gives or takes.
+    Of other laws than the paper's it follows from the rest of the loss, which contacts share as the preload. The spring
+    of the paper's law is not quite conservative: its loss also has what the spring gives or takes.
     """
-    found = []
-    for at, one in enumerate(plant.motor.touching):
-        if plant.law is None:
-            found.append(nan)
-        elif "averaged" not in plant.law.forms:
-            found.append(one.share * loss_w / one.contact.friction / one.multiplicity)
+    found, others = [nan] * len(plant.motor.touching), dict[int, float]()
+    for at, (one, law) in enumerate(zip(plant.motor.touching, plant.laws, strict=False)):
+        if "averaged" not in law.forms:
+            others[at] = one.share
         else:
             slider, depth, normal = 1e-6 * trace.slider_um[at], 1e-6 * trace.penetration_um[at], trace.normal[at]
             velocity = strength.slip_velocity(one.contact, slider, depth, normal, discretisation.slider_time)
-            found.append(float(normal[1:] @ velocity[1:]) / len(velocity[1:]) / one.multiplicity)
+            found[at] = float(normal[1:] @ velocity[1:]) / len(velocity[1:]) / one.multiplicity
+            loss_w -= one.contact.friction * one.multiplicity * found[at]
+    for at, share in others.items():
+        one = plant.motor.touching[at]
+        found[at] = share / sum(others.values()) * loss_w / one.contact.friction / one.multiplicity
     return found
 
 

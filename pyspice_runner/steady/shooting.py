@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from math import ceil, log, pi
 from typing import Any
 
@@ -178,14 +179,16 @@ class Orbit:
             return self._slip
         influential, persistent = np.ones(plant.order, dtype=bool), np.ones(plant.order, dtype=bool)
         stuck = np.zeros(len(plant.motor.touching), dtype=bool)
-        if trace is not None and plant.law is not None and plant.law.sliding:
+        if trace is not None and plant.law is not None:
             time = trace.time
             end = self.begun + time[-1] - time[0]
             later = int(np.searchsorted(time, end - 1.01 * (time[1] - time[0]), "right"))
             slips = np.abs(trace.contact_state - 1.0)
-            influential[plant.sliders] = np.any(slips[:, later:] < NEWTON.gross_slip, axis=1)[:, np.newaxis]
-            persistent[plant.sliders] = np.any(slips[:, [0, -1]] < NEWTON.gross_slip, axis=1)[:, np.newaxis]
-            stuck = ~np.any(slips > NEWTON.gross_slip, axis=1)
+            for number, (sliders, law) in enumerate(zip(plant.sliders, plant.laws, strict=True)):
+                if law.sliding:
+                    influential[sliders] = np.any(slips[number, later:] < NEWTON.gross_slip)
+                    persistent[sliders] = np.any(slips[number, [0, -1]] < NEWTON.gross_slip)
+                    stuck[number] = not np.any(slips[number] > NEWTON.gross_slip)
         influential[plant.places["stem"]] = persistent[plant.places["stem"]] = False
         if plant.driver is not None:
             influential[:] = True
@@ -213,7 +216,7 @@ class Orbit:
         if self.trace is None or not self.slip.stuck.any():
             return 0
         found = -int(self.plant.load.speed != 0.0)
-        for sliders in self.plant.sliders[self.slip.stuck]:
+        for sliders in compress(self.plant.sliders, self.slip.stuck):
             apart = (self.trace.states[sliders] - self.trace.states[sliders[0]]) / self.scale[sliders, np.newaxis]
             found += int(np.count_nonzero((np.ptp(apart, axis=1) < NEWTON.residual) & self.free[sliders]))
         return max(found, 0)
@@ -254,12 +257,14 @@ class Orbit:
         time, period = self.trace.time, self.trace.time[-1] - self.trace.time[0]
         at = time[0] + (begun - time[0]) % period
         state = interpolated(time, self.trace.states, at)
-        law = self.plant.law
-        if step is not None and law and law.sliding and not law.row:
-            for one, place, normal, penetration in zip(
-                self.plant.motor.touching, self.plant.sliders[:, 0], self.trace.normal, self.trace.penetration_um,
-                strict=True,
+        if step is not None and self.plant.law:
+            for one, law, sliders, normal, penetration in zip(
+                self.plant.motor.touching, self.plant.laws, self.plant.sliders, self.trace.normal,
+                self.trace.penetration_um, strict=True,
             ):  # fmt: skip
+                if law.row or not law.sliding:
+                    continue
+                place = sliders[0]
                 depth = max(1e-6 * float(np.interp(at, time, penetration)), 0.0)
                 limit = contact_law.stick_limit(one.contact, depth, float(np.interp(at, time, normal)))
                 held = np.clip(state[place], -limit, limit)
@@ -451,8 +456,9 @@ def start_point(plant: Plant) -> Orbit:
         energy += 0.4 * preload * float(motor.stator.share @ depths)
     energy = max(energy, np.finfo(float).tiny * 1e100)
     fastest = np.sqrt(2.0 * energy / motor.stator.mass)
-    if plant.law and plant.law.sliding:  # where they do not slip they have followed the tip
-        state[plant.sliders] = np.outer(np.clip(followed, -slides, slides), plant.law.touching)
+    for law, sliders, slid in zip(plant.laws, plant.sliders, np.clip(followed, -slides, slides), strict=False):
+        if law.sliding:  # where they do not slip they have followed the tip
+            state[sliders] = slid * law.touching
     swift = float(np.abs(motor.stator.contact * fastest).max())
     carrier = []
     for _, tip in zip(carriers(plant.mount), (towards, along), strict=False):
@@ -467,8 +473,8 @@ def start_point(plant: Plant) -> Orbit:
     for compliance in stems(motor, plant.law).values():
         stem += [compliance * preload / len(depths), swift]
     scale = np.array([
-        *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *np.repeat(slides, plant.sliders.shape[1]), *stem,
-        *carrier, *sensed, *turning,
+        *np.sqrt(2.0 * energy / motor.stator.stiffness), *fastest, *np.repeat(slides, list(map(len, plant.sliders))),
+        *stem, *carrier, *sensed, *turning,
     ])  # fmt: skip
     return Orbit(plant, state, scale)
 

@@ -215,14 +215,16 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int 
     if not drive.voltage:
         raise ParameterError("drive.voltage = 0 V is not valid here: there is no running motor. Give a voltage > 0 V.")
     point.touching("The two-port of a free tip does not depend on the drive: take admittance.")
+    if not differentiable(plant := Plant.of(point)):
+        laws = {law.name: one.name for one, law in zip(point.motor.touching, plant.laws, strict=True)}
+        given = " beside ".join(f"{law!r}{f' of {name}' if len(laws) > 1 else ''}" for law, name in laws.items())
+        raise ParameterError(
+            f"The derivatives of the law {given} are not known. For small signals it may have the elements B, C to "
+            "node 0, E, G, R, V (DC) and X, with **, abs, exp, max, min, sqrt, tanh, u and uramp, at all contacts."
+        )
     state = settled(point, averages=False)  # about an unstable one there are none
     if not state.stable or state.solution is None:
         raise SimulationError("There is no stable steady state about which small signals would be defined.")
-    if not differentiable(state.solution.plant):
-        raise ParameterError(
-            f"The derivatives of the law {point.law and point.law.name!r} are not known. For small signals it may have "
-            "the elements B, C to node 0, E, G, R, V (DC) and X, with **, abs, exp, max, min, sqrt, tanh, u and uramp."
-        )
     step = state.step_s / FINER
     period_map = PeriodMap(drive.period, round(drive.period / step), point.solver.timeout)
     known: dict[float, dict[Any, Complex]] = {}

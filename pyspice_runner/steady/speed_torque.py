@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import SkipValidation
 
+from pyspice_runner.circuit.law import law_settings, laws_of
 from pyspice_runner.drivers.driver import Driver
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive
@@ -154,7 +155,7 @@ def curve(
         cautions=[*exceeded(base.motor, greatest), *_cautions(points, outcomes)],
         method=[outcome["method"] for outcome in outcomes],
         run={
-            "mode": mode, **law.to_dict(), "step_s": base.solver.step, "tolerance": settling.tolerance,
+            "mode": mode, **law_settings(base.motor, law), "step_s": base.solver.step, "tolerance": settling.tolerance,
             "patience": settling.patience, "engine": "spice",
         },
     )  # fmt: skip
@@ -237,7 +238,8 @@ def _cautions(benches: Sequence[Dynamometer], outcomes: Sequence[Mapping[str, An
     found = False
     for bench, outcome in zip(benches, outcomes, strict=True):
         grazing = GRAZING if outcome["method"] == "settle" and not bench.speed else 0.0
-        found |= bool(bench.setup.law and bench.setup.law.sliding) and stuck(outcome, grazing)
+        laws = laws_of(bench.setup.motor, bench.setup.law)
+        found |= bool(laws) and all(law.sliding for law in laws) and stuck(outcome, grazing)
     unstable = sum(outcome["largest_multiplier"] >= 1.0 for outcome in outcomes)
     averages = f"{unstable} of {len(outcomes)} points have an unstable periodic motion: their values are time averages."
     return [*([averages] if unstable else []), *([STUCK] if found else []), *delivering(outcomes)]

@@ -145,9 +145,9 @@ class SteadyState(Quantities, Result):
     @property
     def held_by_friction(self) -> bool:
         """Whether the contact of a held shaft sticks throughout: only regularised friction has a unique torque then."""
-        law = self.solution.plant.law if self.solution else None
+        laws = self.solution.plant.laws if self.solution else ()
         held = self.provenance["run"]["speed_rad_s"] is not None
-        return held and law is not None and law.spring and stuck(self.quantities)
+        return held and bool(laws) and all(law.spring for law in laws) and stuck(self.quantities)
 
     @property
     def reached(self) -> bool:

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import SkipValidation
 
 from pyspice_runner.circuit.bench import FREE
+from pyspice_runner.circuit.law import law_settings
 from pyspice_runner.errors import Interrupted, ParameterError, SimulationError, require
 from pyspice_runner.motor.drive import Drive, too_fast
 from pyspice_runner.motor.motor import Motor
@@ -177,7 +178,8 @@ def mapped(
             ]),
         ],
         method=[states[index].method if index in states else "" for index in setups],
-        run=law.to_dict() | {"speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy},
+        run=law_settings(base.motor, law)
+        | {"speed": base.load.speed, "load_torque": base.load.torque, "accuracy": accuracy},
     )  # fmt: skip
     if complete:
         return dataset

@@ -36,7 +36,8 @@ def law_document(name: object) -> dict[str, Any]:
 def motor_document(motor: Motor) -> dict[str, Any]:
     """Return a motor with the structure or solid of its stator, on which stress and strain depend."""
     stator = [part and part.model_dump(mode="json") for part in (motor.structure, motor.solid, motor.ring)]
-    return {"motor": motor.to_dict(), "stator": stator}
+    own = [law_document(place.law["name"]) for place in motor.contacts if is_own(place.law.get("name"))]
+    return {"motor": motor.to_dict(), "stator": stator, **({"own_laws": own} if own else {})}
 
 
 @dataclass(frozen=True)

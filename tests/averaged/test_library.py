@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pyspice_runner.averaged.library import (
-    averaged_contact,
-    check_resolution,
-    contact_pins,
-)
+from pyspice_runner.averaged.library import averaged_contact, check_resolution, contact_pins
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.spice.library import definitions
 from tests.circuit.batch import measured

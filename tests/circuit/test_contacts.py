@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.spice.library import data_path
 from tests.rings import loaded, plain, ring, with_contacts
 from tests.runs import simulated
 
@@ -15,6 +16,13 @@ DURATION = 4e-4
 def tail(motor, **settings):
     """Return a run from rest, without its estimate."""
     return simulated(motor, pr.default_drive(motor), duration=DURATION, **settings)
+
+
+def difference(run, other):
+    """Return the largest difference of two runs in any column, over the maximum of the column."""
+    columns = ("rotor_speed_rad_s", "normal_force_n", "friction_force_n", "current_a_a", "tip_x_m")
+    pairs = [(getattr(run, column), getattr(other, column)) for column in columns]
+    return max(np.abs(ours - theirs).max() / np.abs(theirs).max() for ours, theirs in pairs)
 
 
 @pytest.mark.parametrize("name", MOTORS)
@@ -32,12 +40,23 @@ def test_two_equal_contacts_are_one_with_twice_the_points(name):
     motor = pr.load_motor(name)
     both, twice = with_contacts(motor, {}, {}), with_contacts(motor, {"multiplicity": 2})
     runs = [tail(one, load_torque=1e-3) for one in (both, twice)]
-    for column in ("rotor_speed_rad_s", "normal_force_n", "friction_force_n", "current_a_a", "tip_x_m"):
-        one, other = (np.asarray(getattr(run, column)) for run in runs)
-        assert np.abs(one - other).max() < 1e-5 * np.abs(other).max()  # the iteration closes to 1e-6
+    assert difference(*runs) < 1e-5  # the iteration closes to 1e-6
     halves = [runs[0].of_contacts[f"normal_force_contact{number}_n"] for number in (1, 2)]
     assert halves[0] == pytest.approx(halves[1], abs=1e-9)
     assert sum(halves) == pytest.approx(runs[0].normal_force_n, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_a_law_given_at_each_contact_is_that_of_the_motor(name, tmp_path):
+    copied, motor = tmp_path / "copied.lib", with_contacts(pr.load_motor(name), {"name": "left"}, {"name": "right"})
+    file = data_path("behavioral") / "piezomotor_coulomb.lib"
+    copied.write_text(file.read_text(encoding="utf-8"), encoding="utf-8")
+    reference = tail(motor.updated({"law.creep": 0.02}), load_torque=1e-3, contact="coulomb")
+    for left, right in (("coulomb", "coulomb"), ("coulomb", str(copied)), (str(file), str(copied))):
+        own = {"contacts.left.law": {"name": left, "creep": 0.02}, "contacts.1.law": right}
+        run = tail(motor.updated(own | {"contacts.right.law.creep": 0.02}), load_torque=1e-3)
+        assert run.summary()["contact law"] == f"spring-slider, left: {left}, right: {right}"
+        assert difference(run, reference) <= 1e-12
 
 
 def test_a_ring_mirrors_with_its_phase_and_turns_with_its_electrodes(tmp_path):
@@ -98,8 +117,13 @@ def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
         ({"contacts.p2.contact.friction": -1.0}, "contacts.p2.contact.friction = -1"),
         ({"modes.0.tip_x": 1.0}, "follows from contacts.0"),
         ({"contacts.p9.height_m": 0.0}, "no parameter 'contacts.p9.height_m'"),
+        ({"contacts.p2.law": "brush"}, "The contact brush of p2 is for a motor with one contact"),
+        ({"contacts.p2.law": "sandpaper"}, "contacts.p2.law: contact = 'sandpaper' is not valid"),
+        ({"contacts.p2.law.creep": 0.02}, "contacts.p2.law: law.creep is not a parameter of the contact law spring-sl"),
+        ({"contacts.p2.law": "coulomb"}, "contacts.p2.law = 'coulomb' has no averaged model"),
     ],
 )
 def test_a_mistake_in_a_contact_is_named(changes, words, tmp_path):
+    motor = ring(tmp_path)
     with pytest.raises(pr.ParameterError, match=words):
-        ring(tmp_path).updated(changes)
+        pr.simulate_averaged(motor.updated(changes), pr.default_drive(motor), DURATION)

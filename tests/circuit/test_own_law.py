@@ -152,12 +152,8 @@ def test_a_file_that_is_no_law_is_an_error_that_names_the_line(
 @pytest.mark.parametrize(
     ("contact", "sentence"),
     [
-        (
-            "absent.lib",
-            "No such file or directory. Give the path of a .lib file.",
-        ),
+        ("absent.lib", "No such file or directory. Give the path of a .lib file."),
         ("/dev/zero.lib", "Cannot read the contact law '/dev/zero.lib'"),
-        ("sticky", "it must be 'spring-slider', 'brush', 'coulomb', None (free tip) or the path of a .lib file."),
     ],
 )
 def test_a_law_that_does_not_exist_is_an_error(contact: str, sentence: str) -> None:

@@ -19,9 +19,10 @@ from tests.motors import mode, motor
 # two different bodies: a glass lens on a bronze cylinder
 E1, NU1, R1 = 72e9, 0.17, 0.031
 E2, NU2, R2 = 105e9, 0.35, 0.044
-MATERIALS = Materials(
+BODIES = Materials(
     tip_radius_m=R1, tip_youngs_modulus_pa=E1, tip_poisson=NU1, rotor_youngs_modulus_pa=E2, rotor_poisson=NU2
 )
+SIDES = ("tangential_compliance_tip_m_per_n23", "tangential_compliance_rotor_m_per_n23")
 
 
 def test_a_steel_ball_on_a_steel_plate_has_the_published_indentation() -> None:
@@ -33,12 +34,9 @@ def test_a_steel_ball_on_a_steel_plate_has_the_published_indentation() -> None:
     contact_radius = (3.0 * 100.0 * 0.010 / (4.0 * 115.38e9)) ** (1.0 / 3.0)
     assert contact_radius == pytest.approx(0.1866e-3, rel=1e-3)
     contact = Contact(
-        normal_stiffness_n_per_m15=law.normal_stiffness(modulus, radius),
-        tangential_compliance_tip_m_per_n23=law.tangential_compliance(210e9, 0.3, modulus, radius),
-        tangential_compliance_rotor_m_per_n23=law.tangential_compliance(210e9, 0.3, modulus, radius),
-        friction=0.2,
-        preload_n=100.0,
-    )
+        normal_stiffness_n_per_m15=law.normal_stiffness(modulus, radius), friction=0.2, preload_n=100.0,
+        **dict.fromkeys(SIDES, law.tangential_compliance(210e9, 0.3, modulus, radius)),
+    )  # fmt: skip
     assert law.static_penetration(contact) == pytest.approx(contact_radius**2 / 0.010, rel=1e-4)
     assert law.static_penetration(contact) == pytest.approx(3.48e-6, rel=2e-3)
     assert law.normal_stiffness_at_preload(contact) == pytest.approx(2.0 * modulus * contact_radius, rel=1e-4)
@@ -69,9 +67,8 @@ def test_the_softer_body_determines_the_modulus() -> None:
 
 
 def test_materials_give_the_constants_of_both_bodies() -> None:
-    constants = MATERIALS.constants(R2)
     modulus, radius = law.effective_modulus(E1, NU1, E2, NU2), law.effective_radius(R1, R2)
-    assert constants == {
+    assert BODIES.constants(R2) == {
         "normal_stiffness_n_per_m15": pytest.approx(4.0 / 3.0 * modulus * sqrt(radius)),
         "tangential_compliance_tip_m_per_n23": law.tangential_compliance(E1, NU1, modulus, radius),
         "tangential_compliance_rotor_m_per_n23": law.tangential_compliance(E2, NU2, modulus, radius),
@@ -84,13 +81,8 @@ def test_materials_give_the_constants_of_both_bodies() -> None:
 @given(preload=st.floats(0.01, 1e3), hertz=st.floats(1e7, 1e12), softness=st.floats(0.11, 99.0))
 def test_stiffnesses_are_the_derivatives_of_the_laws(preload: float, hertz: float, softness: float) -> None:
     compliance = softness / hertz ** (2.0 / 3.0)
-    contact = Contact(
-        normal_stiffness_n_per_m15=hertz,
-        tangential_compliance_tip_m_per_n23=0.3 * compliance,
-        tangential_compliance_rotor_m_per_n23=0.7 * compliance,
-        friction=0.25,
-        preload_n=preload,
-    )
+    sides = dict(zip(SIDES, (0.3 * compliance, 0.7 * compliance), strict=True))
+    contact = Contact(normal_stiffness_n_per_m15=hertz, friction=0.25, preload_n=preload, **sides)
     assert law.total_compliance(contact) == pytest.approx(compliance)
     delta = law.static_penetration(contact)
     assert hertz * delta**1.5 == pytest.approx(preload, rel=1e-12)
@@ -164,10 +156,7 @@ def test_contact_adds_one_resonance_and_they_are_in_rising_order() -> None:
 
 # --- a worn tip ----------------------------------------------------------------------------------------------
 
-WORN = Contact(
-    **MATERIALS.constants(R2),
-    friction=0.3, preload_n=20.0, worn_flat_radius_m=150e-6,
-)  # fmt: skip
+WORN = Contact(**BODIES.constants(R2), friction=0.3, preload_n=20.0, worn_flat_radius_m=150e-6)
 
 
 def springs(contact: Contact, radius: float) -> tuple[float, float]:
@@ -219,10 +208,8 @@ def test_energy_force_and_stiffnesses_of_a_worn_tip_go_together(flat: float) -> 
     before, after = law.elastic_force(contact, np.array([depth - step, depth + step]))
     slope = (after - before) / (2.0 * step)
     assert law.normal_stiffness_at_preload(contact) == pytest.approx(slope, rel=1e-6)
-    # Mindlin's ratio G*/E* for any profile
-    assert law.tangential_stiffness_at_preload(contact) == pytest.approx(
-        slope * contact.friction / law.limit_ratio(contact), rel=1e-6
-    )
+    along = slope * contact.friction / law.limit_ratio(contact)  # Mindlin's ratio G*/E* for any profile
+    assert law.tangential_stiffness_at_preload(contact) == pytest.approx(along, rel=1e-6)
 
 
 def test_a_worn_tip_needs_its_effective_radius() -> None:

@@ -12,19 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pyspice_runner as pr
+from pyspice_runner.motor import ring as theory
 from pyspice_runner.motor import strength
 from pyspice_runner.motor.load import changed_motor
-from pyspice_runner.motor.ring import (
-    Layer,
-    Ring,
-    capacitance_f,
-    ring_cautions,
-    ring_contacts,
-    ring_modes,
-    ring_stress,
-    solve_plate,
-    wave_of_plate,
-)
+from pyspice_runner.motor.ring import Layer, Ring, ring_cautions, ring_contacts, ring_modes, wave_of_plate
 from pyspice_runner.motor.solid.materials import material_of, materials
 from tests.motor.toml_text import reads_well
 
@@ -39,7 +30,7 @@ def ring(**changes: Any) -> Ring:
 @pytest.mark.parametrize("waves", [2, 3, 5])
 def test_a_thin_narrow_ring_has_the_frequencies_of_love(waves: int) -> None:
     radius, width, height, steel = 0.1, 2e-3, 0.2e-3, materials()["steel"]
-    found = solve_plate((Layer.of(steel, 0.0, height),), radius - width / 2, radius + width / 2, waves)
+    found = theory.solve_plate((Layer.of(steel, 0.0, height),), radius - width / 2, radius + width / 2, waves)
     young, poisson = 211.9e9, 0.291
     bending = young * width * height**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * height**3 / 3 * (1 - 0.630 * height / width)  # Saint-Venant
@@ -55,7 +46,7 @@ def test_a_thick_ring_has_the_frequencies_of_a_published_benchmark(waves: int, h
     # linear bricks, whose frequencies converge from above: quadratic ones by Tanatloc have 205.22 Hz
     card = {"youngs_modulus_pa": 185e9, "poisson": 0.3, "density_kg_m3": 7800.0, "specific_heat_j_per_kg_k": 1.0}
     layer = Layer.of(material_of("steel", {**card, "source": ""}), 0.0, 0.05)
-    frequencies = solve_plate((layer,), 0.345, 0.393, waves).frequencies_hz
+    frequencies = theory.solve_plate((layer,), 0.345, 0.393, waves).frequencies_hz
     assert np.abs(frequencies[:2] / hertz - 1.0).min() < 0.006
 
 
@@ -70,7 +61,7 @@ def test_a_ring_of_another_size_follows_the_laws_of_similarity(scale: float) -> 
         getattr(theirs, name) / getattr(ours, name) for name in ("frequency_hz", "mass_kg", "force_n_per_v", "lever")
     ]
     assert ratios == pytest.approx([1 / scale, scale**3, scale, 1.0], rel=1e-6)
-    assert capacitance_f(other, 4.0) == pytest.approx(capacitance_f(one, 4.0) * scale, rel=1e-12)
+    assert theory.capacitance_f(other, 4.0) == pytest.approx(theory.capacitance_f(one, 4.0) * scale, rel=1e-12)
     assert other.heat_capacity_j_per_k == pytest.approx(one.heat_capacity_j_per_k * scale**3, rel=1e-12)
 
 
@@ -130,7 +121,7 @@ def test_the_set_has_two_modes_that_split_and_a_wave_that_runs_past_its_contacts
 def test_stress_is_that_of_a_bent_strip() -> None:
     one = ring(inner_radius_m=0.0299, outer_radius_m=0.0301, contact_radius_m=0.03, ceramic_thickness_m=2e-6,
                thickness_m=1e-4, teeth=0, tooth_height_m=0.0, splitting_axis_deg=0.0)  # fmt: skip
-    strain, stress = (np.abs(each).max() for each in ring_stress(one))
+    strain, stress = (np.abs(each).max() for each in theory.ring_stress(one))
     expected = 0.5 * one.face_m * (one.waves**2 - 1) / 0.03**2  # (n² − 1)/R²: curvature of a ring out of its plane
     assert strain == pytest.approx(expected, rel=0.02)  # the layer of ceramic shifts the neutral plane by 1 %
     assert stress / strain == pytest.approx(1 / 12.3e-12, rel=0.1)  # 1/s11, across it the strain of brass

@@ -39,8 +39,6 @@ def test_two_equal_contacts_have_the_steady_state_of_one_with_twice_the_points(m
     ours, one = (pr.steady_state(own, pr.default_drive(motor), speed=speed) for own in (both, twice))
     assert ours.method == one.method == "newton"
     for name, value in one.quantities.items():  # the iteration of ngspice closes to 1e-6 of a force that alternates
-        if name in ("peak_pressure_pa", "tensile_stress_pa"):  # of a point, which the single contact does not know
-            continue
         assert getattr(ours, name) == pytest.approx(value, rel=1e-5, abs=1e-6, nan_ok=True), name
     assert ours.speed_rad_s == pytest.approx(one.speed_rad_s, rel=1e-5)
     assert np.abs(ours.floquet_multipliers[:6]) == pytest.approx(np.abs(one.floquet_multipliers[:6]), rel=1e-6)
@@ -73,14 +71,18 @@ def check_derivative(plant):
     assert np.abs(along.forces * point.scale - slopes).max() < TOLERANCE * np.abs(slopes).max()
 
 
-def test_contacts_of_which_one_alone_has_a_compliance_in_series_are_differentiated_by_copies():
+@pytest.mark.parametrize("changes", [{"contact": {"series_compliance_m_per_n": 1e-8}}, {"law": {"name": "coulomb"}}])
+def test_contacts_with_a_compliance_in_series_or_a_law_at_one_alone_are_differentiated_by_copies(changes):
     series = ("contact.series_compliance_m_per_n", "contact.tangential_series_compliance_m_per_n")
     stiff = FLAGSHIP.updated(dict.fromkeys(series, 0.0))
-    motor, drive = unequal(stiff, contact={"series_compliance_m_per_n": 1e-8}), pr.default_drive(FLAGSHIP)
+    motor, drive = unequal(stiff, **changes), pr.default_drive(FLAGSHIP)
     assert not differentiable(Plant(motor, drive, Load(10.0), Law()))
     state = pr.steady_state(motor, drive, speed=10.0)
     assert state.stable
     assert abs(state.balance_residual) < 1e-6
+    if "law" in changes:
+        with pytest.raises(pr.ParameterError, match="'spring-slider' of front beside 'coulomb' of back"):
+            pr.small_signals(motor, drive, frequencies=[0.2], speed=10.0)
 
 
 def test_points_on_a_soft_compliance_in_series_start_near_their_steady_state(tmp_path):
