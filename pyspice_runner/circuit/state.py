@@ -148,11 +148,6 @@ def static_places(motor: Motor, law: Law | None, discretisation: Discretisation 
     return np.asarray(-motor.contact.preload_n * bent.reshape(-1, 2) + 0.0)
 
 
-def static_sway(motor: Motor, law: Law | None, discretisation: Discretisation | None) -> float:
-    """Return the sideways displacement in m of the first tip under the preload, where the rotor's crown stands."""
-    return float(static_places(motor, law, discretisation)[0, 0])
-
-
 @derived
 def preload_motion(motor: Motor) -> Array:
     """Return what the modes move the contacts towards the rotor, weighted by their shares of the preload."""

