@@ -19,6 +19,8 @@ import pytest
 
 import pyspice_runner as pr
 
+pytestmark = pytest.mark.xdist_group("walls")  # the syntax trees are shared
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "pyspice_runner"
 

@@ -10,6 +10,7 @@ import tarfile
 import venv
 import zipfile
 from importlib import metadata
+from importlib.util import cache_from_source
 from pathlib import Path
 
 import pytest
@@ -88,10 +89,12 @@ def bin_dir(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def link(distribution: metadata.Distribution, packages: Path) -> None:
     """Link the files of a distribution into another folder of packages."""
     for file in distribution.files or ():
-        here, there = Path(str(file.locate())), packages / file
-        if ".." not in file.parts and here.exists() and not there.exists():
-            there.parent.mkdir(parents=True, exist_ok=True)
-            there.symlink_to(here)
+        sides = (str(file.locate()), str(packages / file))
+        compiled = [map(cache_from_source, sides)] if file.suffix == ".py" else []  # set-up installs without these
+        for here, there in (map(Path, pair) for pair in (sides, *compiled)):
+            if ".." not in file.parts and here.exists() and not there.exists():
+                there.parent.mkdir(parents=True, exist_ok=True)
+                there.symlink_to(here)
 
 
 def test_the_wheel_has_the_libraries_the_decks_and_the_licence(wheel: Path) -> None:

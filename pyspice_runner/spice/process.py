@@ -152,18 +152,24 @@ def _without_braces(line: str) -> str:
 
 def silent_fault(deck: str) -> str | None:
     """Return the first fault in a netlist that ngspice would ignore, as one sentence, or ``None``."""
-    lines = _statements(deck)
+    lines, pins = _statements(deck), dict[str, int]()
     known: dict[str, set[str]] = {}
     for line in lines:
         if line.startswith(".subckt"):
-            words = line.split()
-            name = words[1] if len(words) > 1 else ""
-            known.setdefault(name, {"m"}).update(_GIVEN.findall(line))  # m multiplies any one
+            words = _GIVEN.sub("", line.replace(" params:", " ")).split()
+            subcircuit = words[1] if len(words) > 1 else ""
+            known.setdefault(subcircuit, {"m"}).update(_GIVEN.findall(line))  # m multiplies any one
+            pins[subcircuit] = min(len(words) - 2, pins.get(subcircuit, len(words)))
     for line in lines:
         if not line.startswith("x"):
             continue
         words = _GIVEN.sub("", line.replace(" params:", " ")).split()
-        subcircuit = words[-1] if words else ""
+        subcircuit, nodes = words[-1] if words else "", len(words) - 2
+        if nodes < pins.get(subcircuit, nodes):
+            return (
+                f"The line of {words[0]} has {nodes} of the {pins[subcircuit]} nodes of subcircuit {subcircuit}, and "
+                "ngspice 42 would take its name for one."
+            )
         for name in _GIVEN.findall(line) if subcircuit in known else ():
             if name not in known[subcircuit]:
                 has = ", ".join(sorted(known[subcircuit] - {"m"})) or "none"

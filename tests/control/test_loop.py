@@ -51,14 +51,18 @@ def test_a_designed_loop_has_the_crossover_and_margin_that_modulation_measures(
     assert abs(margin) <= 1.0
     assert np.abs(loop.step_predicted - loop.step_simulated).max() <= 0.025
     assert loop.overshoot == pytest.approx(loop.overshoot_simulated, abs=0.01)
-    assert loop.trusted
+    if name == "slow speed":  # the estimate takes a second; of the others the soak reads it
+        assert loop.trusted
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("name", DESIGNS)
-def test_the_full_motor_has_the_crossover_and_margin_of_the_design(name: str) -> None:
+def test_the_full_motor_has_the_crossover_and_margin_of_the_design(
+    name: str, motor: pr.Motor, drive: pr.TwoPhaseDrive
+) -> None:
     """5 % and 3°: the averaged motor's own speed is 1 % from that of the full motor there."""
     wanted, found = DESIGNS[name], MEASURED["margins"](name)
+    assert pr.control_loop(motor, drive, **wanted).trusted
     assert found["crossover_hz"] == pytest.approx(wanted["crossover"], rel=0.05)
     assert found["margin_deg"] == pytest.approx(wanted["margin"], abs=3.0)
 

@@ -10,6 +10,8 @@ import pyspice_runner as pr
 from pyspice_runner.drivers.design import Design
 from tests.selection import mostly
 
+pytestmark = pytest.mark.xdist_group("operating points")  # the designs are shared
+
 PLATE40 = str(Path(__file__).parents[2] / "examples" / "plate40.toml")
 SPEEDS = {"bimodal40": 20.0, PLATE40: None}  # of the operating points; by default half the speed at no load
 MOTORS = mostly(pytest.mark.soak, list(SPEEDS), ["bimodal40"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several stators on one shaft, and several tips on one stator."""
+"""Several stators on one shaft, several tips on one stator, and a loop of one's own around an exported motor."""
 
 import re
 import runpy
@@ -46,3 +46,25 @@ def test_a_tip_that_stands_back_leaves_its_preload_to_the_other(example):
     for one in (whole, back):
         assert one["left N"] + one["right N"] == pytest.approx(motor.contact.preload_n, rel=0.01)
     assert abs(whole["phase deg"]) > 5.0  # the bending modes move the tips in opposite directions
+
+
+# --- a loop of one's own around an exported motor, in ngspice alone ---
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.soak
+def test_a_loop_of_b_sources_around_an_exported_motor_locks_where_track_does(tmp_path: Path) -> None:
+    motor, text = pr.load_motor("bimodal40"), (ROOT / "examples/own_pll.cir").read_text(encoding="utf-8")
+    header = pr.export_motor(motor, tmp_path / "motor.lib").read_text(encoding="utf-8").partition(".subckt")[0]
+    assert f".param copy={re.findall(r'C . C_AB = ([0-9.]+) nF', header)[0]}n " in text
+    done = subprocess.run(["ngspice", "-b"], input=text, cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = {name: float(value) for name, value in re.findall(r"^(\w+) += +(\S+)", done.stdout, re.M)}
+    assert found["check"] == 0.0
+    assert f"locks\nat {1e-3 * found['frequency_hz']:.3f} kHz" in (ROOT / "docs/tracking.md").read_text("utf-8")
+    tracker = pr.Tracker(kind="pll", voltage=60.0, frequency=40.6e3, target_deg=-30.0)
+    tracked = pr.track(motor.updated({"rotor.inertia_kg_m2": 1e-6}), tracker, duration=12e-3, margin=False)
+    assert tracked.locked
+    assert found["frequency_hz"] == pytest.approx(tracked.end_frequency_hz, abs=10.0)  # 1.5° at 390 Hz a radian
+    assert found["speed_rad_s"] == pytest.approx(tracked.speed_after_rad_s, rel=0.05)

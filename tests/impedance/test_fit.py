@@ -21,6 +21,7 @@ from pyspice_runner.motor.equivalent import EquivalentCircuit, MotionalArm
 from tests.data.spectra import make
 from tests.resonators import extras, fitted, random_resonator, resonator, spectrum, values
 from tests.selection import mostly
+from validation import fits
 
 TWO_MODES = resonator([13.5e3, 51.7e3], [70.0, 25.0], [0.02, 0.05], reference=np.sqrt(8e3 * 80e3))
 BAND = np.linspace(8e3, 80e3, 1201)
@@ -534,3 +535,20 @@ def test_thickness_mode_against_the_instruments_own_circuit() -> None:
     left = np.sqrt(np.mean(np.abs(theirs / measured.admittance_s - 1.0)[near] ** 2))
     assert left == pytest.approx(0.10, rel=0.05)
     assert np.sqrt(np.mean(np.abs(fit.residuals)[near] ** 2)) < 0.1 * left
+
+
+# --- one spectrum of each class whose truth is known; validation/fits.py has more ---
+
+
+@pytest.mark.parametrize("kind", fits.CLASSES)
+def test_a_spectrum_of_each_class_has_the_arms_and_the_values_of_its_truth(kind: str) -> None:
+    found = fits.outcome(f"{kind} 0")
+    assert found["arms"] == found["true_arms"]
+    assert found["leads"] == (kind in fits.BEHIND_LEADS)
+    assert max(map(abs, found["deviations"])) < 4.0  # 1 of 16,000 values is farther off
+
+
+def test_two_modes_are_found_though_one_arm_settles_between_them() -> None:
+    case = fits.draw("two close modes", 144, seed=42006)  # 2.4 bandwidths apart
+    found = pr.fit_spectrum(pr.Spectrum.from_admittance(case["f"], case["measured"]))
+    assert [arm.inductance_h for arm in found.arms] == pytest.approx(case["arms"][:, 1].tolist(), rel=2e-3)

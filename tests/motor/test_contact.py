@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The contact laws against Johnson's book, against their own derivatives and against small systems solved by hand."""
 
-from math import pi, sqrt
+from math import cos, pi, sqrt
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as law
 from pyspice_runner.motor.materials import Materials
 from pyspice_runner.motor.motor import Motor
+from pyspice_runner.motor.numerics import root
 from pyspice_runner.motor.parameters import Contact, Mode, Mount, Rotor
 from tests.motors import mode, motor
 
@@ -236,3 +237,22 @@ def test_a_power_law_has_its_energy_stiffnesses_and_limit_of_stick(power: float)
     assert law.elastic_energy(pressed, np.array([-1e-6, depth])) == pytest.approx([0.0, energy], rel=1e-7, abs=1e-30)
     assert law.stiffnesses_at_preload(pressed) == pytest.approx((slope / softness, slope), rel=1e-6)
     assert law.limit_ratio(pressed) == pytest.approx(0.2 * softness)
+
+
+# --- the search of a root ---
+
+
+@pytest.mark.parametrize("places", [(1.0, 2.0), (2.0, 1.0)])
+def test_a_root_is_found_to_the_last_bit(places: tuple[float, float]) -> None:
+    assert root(cos, *places) == pytest.approx(pi / 2, rel=3e-16)
+
+
+def test_a_root_at_an_end_is_that_end() -> None:
+    assert root(lambda x: x, 0.0, 1.0) == 0.0
+    assert root(lambda x: x - 1.0, 0.0, 1.0) == 1.0
+
+
+def test_a_tolerance_ends_the_search() -> None:
+    tried: list[float] = []
+    assert root(lambda x: tried.append(x) or x - 0.3, 0.0, 1.0, 1e-3) == pytest.approx(0.3, abs=1e-3)  # type: ignore[func-returns-value]
+    assert len(tried) < 15

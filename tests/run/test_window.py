@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The averaging window, and what tells a settled mean from one that still moves: against closed forms."""
+"""The averaging window, whether a mean has settled, and sequences of points: against closed forms and scipy."""
 
 from math import exp, inf, pi
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 import pyspice_runner as pr
-from pyspice_runner.run.window import Window, change_to_come
+from pyspice_runner.run.waveforms import interpolated
+from pyspice_runner.run.window import Window, change_to_come, recursion
 
 TIME = np.linspace(0.0, 100.0, 100 * 128 + 1)
 RIPPLE = 0.3 * np.sin(2.0 * pi * TIME + 0.4)
@@ -65,3 +68,43 @@ def test_a_run_in_mid_spin_up_says_that_its_means_are_not_settled() -> None:
     assert "not settled" in early.summary()["mean rotor speed"]
     held = pr.simulate(motor, drive, duration=2e-4, speed=1.0)
     assert "mean_rotor_speed_rad_s" not in held.to_come
+
+
+# --- interpolation and recursion over the points of a run, against scipy ---
+
+
+@pytest.mark.parametrize("points", [12, 24])
+def test_a_sine_is_interpolated_at_least_as_well_as_by_a_spline(points: int) -> None:
+    time = np.linspace(0.0, 3.0, 3 * points + 1)
+    at = np.linspace(0.5, 2.5, 1001)  # a spline is worse at the ends
+    values = np.vstack([np.sin(2.0 * np.pi * time), np.cos(2.0 * np.pi * time)])
+    exact = np.vstack([np.sin(2.0 * np.pi * at), np.cos(2.0 * np.pi * at)])
+    error = np.abs(interpolated(time, values, at) - exact).max()
+    assert error <= np.abs(CubicSpline(time, values, axis=1)(at) - exact).max()
+
+
+def test_a_polynomial_of_the_fifth_degree_is_exact_between_uneven_points_and_beyond_them() -> None:
+    time = np.array([0.0, 0.1, 0.3, 0.4, 0.8, 0.9, 1.3, 1.4])
+    for at in (-0.05, 0.05, 0.35, 1.0, 1.45):
+        # the rounding of six terms of the size of 1
+        assert float(interpolated(time, time**5 - time, at)) == pytest.approx(at**5 - at, abs=1e-13)
+
+
+def test_few_points_are_interpolated_by_a_polynomial_of_lower_degree() -> None:
+    assert float(interpolated(np.array([0.0, 1.0]), np.array([1.0, 3.0]), 0.25)) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 100, 1001])
+def test_a_recursion_is_that_of_a_filter(count: int) -> None:
+    terms = np.random.default_rng(1).normal(size=count)
+    found = recursion(np.full(count, 0.99), terms, 0.0)
+    assert found == pytest.approx(np.concatenate(([0.0], lfilter([1.0], [1.0, -0.99], terms))), abs=1e-12)
+
+
+def test_a_recursion_follows_factors_that_change() -> None:
+    rng = np.random.default_rng(2)
+    factors, terms = rng.uniform(0.0, 1.0, 50), rng.normal(size=50)
+    expected = [2.0]
+    for factor, term in zip(factors, terms, strict=True):
+        expected.append(factor * expected[-1] + term)
+    assert recursion(factors, terms, 2.0) == pytest.approx(expected, abs=1e-12)

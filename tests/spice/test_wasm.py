@@ -37,8 +37,9 @@ def test_both_engines_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> 
     assert sum(map(len, wasm.Batch._idle.values())) == 1
     monkeypatch.setenv("PIEZOMOTOR_ENGINE", "native")
     theirs = run(GOOD, stop_time=1e-3)
+    end = -2 if ngspice_version().startswith("47") else None  # which divides the last step otherwise
     for one in ours:
-        np.testing.assert_allclose(one["v(out)"], theirs["v(out)"], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(one["v(out)"][:end], theirs["v(out)"][:end], rtol=0.0, atol=1e-12)
 
 
 def test_a_timeout_or_an_interrupt_ends_it_and_keeps_what_was_written() -> None:

@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -165,9 +166,15 @@ def test_exceeded_limits_are_named_as_by_the_package(desktop: tuple[Page, list[s
     assert numbers == pytest.approx(wanted, rel=0.02)
 
 
-def test_the_first_picture_is_the_steady_state_at_half_the_stall_load_and_needs_no_engine() -> None:
-    motor = pr.load_motor("bimodal40")
-    first = page_data([motor])["first"]
+@pytest.fixture(scope="module")
+def flagship() -> dict[str, Any]:
+    return page_data([pr.load_motor("bimodal40")])
+
+
+def test_the_first_picture_is_the_steady_state_at_half_the_stall_load_and_needs_no_engine(
+    flagship: dict[str, Any],
+) -> None:
+    motor, first = pr.load_motor("bimodal40"), flagship["first"]
     steady = pr.steady_state(motor, pr.default_drive(motor), load_torque=half_load(motor))
     assert half_load(motor) == pytest.approx(
         0.5 * pr.steady_state(motor, pr.default_drive(motor), speed=0.0).torque_n_m, rel=0.02
@@ -193,8 +200,8 @@ def test_a_motor_without_a_steady_state_has_a_page_without_a_first_picture(monke
     assert data["motors"][0]["defaults"]["torque"] == 0.0
 
 
-def test_the_plate_is_drawn_from_its_contact() -> None:
-    plate = page_data([pr.load_motor("bimodal40")])["motors"][0]["plate"]
+def test_the_plate_is_drawn_from_its_contact(flagship: dict[str, Any]) -> None:
+    plate = flagship["motors"][0]["plate"]
     assert [part["name"] for part in plate] == ["solid", "electrodes of group A", "electrodes of group B"]
     across, towards = (np.array(row, dtype=float) for row in plate[0]["line"])
     assert np.nanmax(towards) == pytest.approx(0.0, abs=1e-3)  # mm, the face of contact
