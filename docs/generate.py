@@ -66,7 +66,7 @@ def parameters_page() -> str:
     mode = vars(motor.modes[2]) | {"frequency_hz": motor.modes[2].frequency_hz}
     patch, materials = vars(structure.patches[0]), _plain(stated["contact"]["materials"])
     sections: list[tuple[str, type[Any], str, Mapping[str, Any], list[str]]] = [
-        ("Solid", Solid, "solid", _plain(stated["solid"]), _own(Solid, "boxes", "electrodes", "supports", "contact")),
+        ("Solid", Solid, "solid", _plain(stated["solid"]), _own(Solid, *_PLACES)),
         ("Boxes", Box, "solid.boxes.N", {}, _own(Box)),
         ("Electrodes", Electrode, "solid.electrodes.N", {}, _own(Electrode, *_AREA)),
         ("Supports", Support, "solid.supports.N", {}, _own(Support, *_AREA)),
@@ -97,6 +97,7 @@ def parameters_page() -> str:
 
 
 _AREA = ("from_m", "to_m", "region")
+_PLACES = ("boxes", "electrodes", "supports", "contact", "faces")
 _REMARKS = {
     "Electrodes": "Also `from_m`, `to_m` and `region`, as a box.",
     "Supports": "Also `from_m`, `to_m`, `region`.",
@@ -106,7 +107,9 @@ _REMARKS = {
     "Arms": "Seen at group A with group B shorted. It also has `tip_x`, `tip_y`, `recoil_kg` and `recoil_x_kg`.",
     "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
-    "Contacts": "`[[contacts]]`: several contacts of one stator. A `[ring]` sets its own.",
+    "Contacts": "`[[contacts]]`: several contacts of one stator. A `[ring]` sets its own. With a `[solid]`, "
+    "`face = { from_m, to_m, normal, tangent }` places one as `[solid.contact]` does; without it and without tip_x and "
+    "tip_y it is there.",
     "Lining": "[Explanation](contact.md#a-lining-or-rough-surfaces)",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",

@@ -57,6 +57,7 @@ VECTORS: dict[str, tuple[str, ...]] = {  # of the columns, but for the currents,
 }
 _TOTALS = {"normal_force_n": f"v(xmotor.normal{ALL})", "friction_force_n": f"v(xmotor.friction{ALL})"}  # of several
 _OF_CONTACT = ("xmotor.normal", "xmotor.friction", "xmotor.slider", "xmotor.state", "xmotor.xcontact.delta")
+_FORCES = ("normal", "friction")  # nodes of a contact
 _CURRENTS = {column("current", group, "a"): group for group in GROUPS}
 
 
@@ -213,7 +214,7 @@ class _Terms:
         self.share = recording._courses(samples, "bearing")
         self.charged = recording._courses(samples, "feedback")
         touching = motor.touching if recording.point.law else ()  # a transducer has no law
-        self.contacts = [_Contact(recording, waves, samples, one) for one in touching]
+        self.contacts = [self.course(place, one, samples) for place, one in enumerate(touching)]
         self.stator = motor.stator
         thermal = recording.point.thermal
         if not motor.is_transducer:
@@ -226,6 +227,16 @@ class _Terms:
         if thermal is not None and temperature is not None:
             before = np.full(len(self.time) - len(temperature), thermal.ambient_k)
             self.warm = np.concatenate((before, temperature))
+
+    def course(self, place: int, one: Touching, samples: Mapping[str, Array]) -> _Contact:
+        """Return the course of a contact."""
+        recording, waves = self.recording, self.waves
+        names = contact_columns([one], _FORCES) if recording._several else [f"{node}_force_n" for node in _FORCES]
+        normal, friction = (waves[name] for name in names)
+        x = waves["tip_x_m"]
+        if one.suffix:
+            x = recording._after(recording.places[place, 0], samples[f"v(xmotor.x{one.suffix})"], 1e-6)
+        return _Contact(one, x, normal, friction, recording._penetration(samples, one))
 
     def work(self, power: Array) -> float:
         """Return the energy that a power in W carries over the run."""
@@ -378,37 +389,11 @@ class _Terms:
 class _Contact:
     """The course of a contact in a run; forces in N, lengths in m."""
 
-    recording: Recording
-    waves: Mapping[str, Array]
-    samples: Mapping[str, Array]
     of: Touching
-
-    @cached_property
-    def penetration(self) -> Array:
-        """Penetration, 0 where it is open."""
-        return self.recording._penetration(self.samples, self.of)
-
-    @cached_property
-    def normal(self) -> Array:
-        """Normal force."""
-        several = [*contact_columns([self.of], ("normal",))] if self.recording._several else ["normal_force_n"]
-        return self.waves[several[0]]
-
-    @cached_property
-    def friction(self) -> Array:
-        """Friction force, positive where it drives the rotor forward."""
-        several = [*contact_columns([self.of], ("friction",))] if self.recording._several else ["friction_force_n"]
-        return self.waves[several[0]]
-
-    @cached_property
-    def x(self) -> Array:
-        """Tangential displacement of the tip."""
-        if not self.of.suffix:
-            return self.waves["tip_x_m"]
-        place = [one.name for one in self.recording.point.motor.touching].index(self.of.name)
-        return self.recording._after(
-            self.recording.places[place, 0], self.samples[f"v(xmotor.x{self.of.suffix})"], 1e-6
-        )
+    x: Array  # tangential displacement of the tip
+    normal: Array
+    friction: Array  # positive where it drives the rotor forward
+    penetration: Array  # 0 where it is open
 
 
 def contact_columns(several: Sequence[Touching], nodes: Sequence[str] = tuple(OF_SEVERAL)) -> dict[str, str]:
