@@ -113,12 +113,9 @@ class Arm(Parameters):
 
 def _of_transducer(plain: Mapping[str, Any], way: str, where: str) -> Any:
     """Return arms or modes of a transducer with what may be left out: the motion of the face, coupling of group B."""
-    entries = plain[way]
-    if way not in ("arms", "modes") or not isinstance(entries, list):
-        return entries
     alone = "capacitance_b_f" not in as_table(plain["piezo"], "piezo", where)
     found = []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(plain[way]):
         given = dict(as_table(entry, f"{way}.{index}", where))
         if way == "modes":
             found.append({"tip_x": 0.0, "tip_y": 0.0, **({"coupling_b_n_per_v": 0.0} if alone else {}), **given})
@@ -139,11 +136,8 @@ def _of_transducer(plain: Mapping[str, Any], way: str, where: str) -> Any:
 
 def _without_tip(plain: Mapping[str, Any], way: str, where: str) -> Any:
     """Return arms or modes of a file with ``[[contacts]]``, which have no motion of their own: it is 0 so far."""
-    entries = plain[way]
-    if way not in ("arms", "modes") or not isinstance(entries, list):
-        return entries
     found = []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(plain[way]):
         given = as_table(entry, f"{way}.{index}", where)
         for name in ("tip_x", "tip_y"):
             if name in given:
@@ -252,7 +246,7 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
     rotor = build(MOVED[moved], plain[moved], moved, where) if moved else None
-    if transducer or "contacts" in plain:
+    if way in ("arms", "modes") and isinstance(plain[way], list) and (transducer or "contacts" in plain):
         plain[way] = (_of_transducer if transducer else _without_tip)(plain, way, where)
     structure, modes, capacitances = _resolve_modes(plain, way, file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
