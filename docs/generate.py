@@ -96,7 +96,7 @@ def parameters_page() -> str:
     return "\n".join([_HEAD, *(_section(*section) for section in sections)])
 
 
-_TABLES = ("boxes", "electrodes", "supports", "contact", "materials")
+_TABLES = ("boxes", "electrodes", "supports", "contact", "materials", "faces")
 _AREA = ("from_m", "to_m", "region")
 _REMARKS = {
     "Electrodes": "Also `from_m`, `to_m` and `region`, as a box.",
@@ -107,7 +107,9 @@ _REMARKS = {
     "Arms": "Seen at group A with group B shorted. It also has `tip_x`, `tip_y`, `recoil_kg` and `recoil_x_kg`.",
     "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
-    "Contacts": "`[[contacts]]`: several contacts of one stator. A `[ring]` sets its own.",
+    "Contacts": "`[[contacts]]`: several contacts of one stator. A `[ring]` sets its own. With a `[solid]`, "
+    "`face = { from_m, to_m, normal, tangent }` places one as `[solid.contact]` does; without it and without tip_x and "
+    "tip_y it is there.",
     "Lining": "[Explanation](contact.md#a-lining-or-rough-surfaces)",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",

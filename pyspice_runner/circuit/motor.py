@@ -541,11 +541,10 @@ def _own_values(shared: Sequence[LibraryParameter], values: Mapping[str, float],
     found = {"preload": f"{{{one.share!r}*{PRELOAD_ALL}}}"}
     for item in shared:
         name = "mu" if item.name == "friction" else item.name
-        if name in found or values.get(name, item.default) == item.default:
-            continue
-        ratio = rounded(values[name] / item.default) if item.default else 0.0
-        if ratio != 1.0:
-            found[name] = f"{{{ratio!r}*{item.name}}}" if item.default else repr(values[name])
+        value = values.get(name, item.default)
+        ratio = rounded(value / item.default) if item.default else float(not value)
+        if ratio != 1.0 and name not in found:
+            found[name] = f"{{{ratio!r}*{item.name}}}" if item.default else repr(value)
     return found
 
 

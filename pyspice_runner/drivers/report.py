@@ -460,7 +460,8 @@ def drive_report(
     reactive = sum(port.apparent_power_va for port in report.groups.values())
     findings = audit_power(report.power_in_w, report.power_found_w, reactive)
     if setup.law:
-        findings += audit_contact(motor.contact.friction, *(samples[name] for name in force_vectors(motor)))
+        friction = max(one.contact.friction * one.radius_m for one in motor.touching) / motor.rotor.radius_m
+        findings += audit_contact(friction, *(samples[name] for name in force_vectors(motor)))
     audited = Audit(findings)
     if audit:
         audited.withhold("report")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.contact import limit_ratio, static_penetration
-from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode
+from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode, Piezo
 from pyspice_runner.motor.refusal import build
 
 Array = NDArray[np.float64]
@@ -118,8 +118,12 @@ def motion_rows(places: Sequence[ContactPlace], modes: Sequence[Mode]) -> Array:
     return np.array(rows, dtype=float)
 
 
-def check_places(contact: Contact, places: Sequence[ContactPlace], modes: Sequence[Mode]) -> None:
+def check_places(
+    contact: Contact, places: Sequence[ContactPlace], modes: Sequence[Mode], piezo: Piezo | None = None
+) -> None:
     """Raise ValueError for contacts that do not go together with the modes or with the values of all."""
+    if piezo and any(value for axis in piezo.motion for value in axis):
+        raise ValueError("piezo.motion_x_a_m_per_v and other motions per volt are for one contact: set them to 0")
     names, known = [place.name for place in places], {mode.name for mode in modes}
     if len(set(names)) != len(names):
         raise ValueError(f"two contacts share a name in {names}; give each its own")
@@ -157,8 +161,6 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     found, entries = dict(parts), parts.get("contacts")
     if not entries:
         return {name: value for name, value in found.items() if name != "contacts"}
-    if not isinstance(entries, list | tuple):
-        raise ParameterError(f"{where}: contacts must be one or more tables [[contacts]].")
     places = []
     for number, entry in enumerate(entries):
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry

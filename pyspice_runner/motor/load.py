@@ -71,7 +71,7 @@ from pyspice_runner.motor.parameters import (
 from pyspice_runner.motor.refusal import as_table, build, check_keys, checked, limited, quoted
 from pyspice_runner.motor.ring import Ring, capacitance_f, ring_contacts, ring_modes
 from pyspice_runner.motor.solid.parameters import Solid, solid_from
-from pyspice_runner.motor.solid.stator import stator_of
+from pyspice_runner.motor.solid.stator import Stator, stator_of
 from pyspice_runner.motor.solid.wave import wave_of
 
 SETS = Path(__file__).parent / "sets"
@@ -112,12 +112,9 @@ class Arm(Parameters):
 
 def _of_transducer(plain: Mapping[str, Any], way: str, where: str) -> Any:
     """Return arms or modes of a transducer with what may be left out: the motion of the face, coupling of group B."""
-    entries = plain[way]
-    if way not in ("arms", "modes") or not isinstance(entries, list):
-        return entries
     alone = "capacitance_b_f" not in as_table(plain["piezo"], "piezo", where)
     found = []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(plain[way]):
         given = dict(as_table(entry, f"{way}.{index}", where))
         if way == "modes":
             found.append({"tip_x": 0.0, "tip_y": 0.0, **({"coupling_b_n_per_v": 0.0} if alone else {}), **given})
@@ -138,11 +135,8 @@ def _of_transducer(plain: Mapping[str, Any], way: str, where: str) -> Any:
 
 def _without_tip(plain: Mapping[str, Any], way: str, where: str) -> Any:
     """Return arms or modes of a file with ``[[contacts]]``, which have no motion of their own: it is 0 so far."""
-    entries = plain[way]
-    if way not in ("arms", "modes") or not isinstance(entries, list):
-        return entries
     found = []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(plain[way]):
         given = as_table(entry, f"{way}.{index}", where)
         for name in ("tip_x", "tip_y"):
             if name in given:
@@ -184,7 +178,7 @@ def changed_motor(source: str | Path, changes: Mapping[str, Any]) -> Motor:
     ``beam.length_m``, ``patches.0.end_m``, ``contact.materials.tip_poisson``. Values are in SI units.
     """
     document, file = _read(source)
-    of_file = {path: value for path, value in changes.items() if path.startswith(OF_FILES)}
+    of_file = {path: value for path, value in changes.items() if path.startswith(OF_FILES) or ".face." in path}
     for path, value in of_file.items():
         _put(document, path, value, file.name)
     motor = _from_document(document, file)
@@ -231,6 +225,7 @@ _NO_MOTION = 1e-5  # of the largest: a motion per volt that symmetry forbids
 _OF_CIRCUIT = tuple(item.name for item in fields(EquivalentCircuit) if item.name != "arms")
 _TABLES = ("name", "description", "ceramic", "patches", "tip", "damping", "law", "drive", "contacts", *SECTIONS)
 _WAYS = ("beam", "solid", "ring", "modes", "arms")
+_SERIES = ("series_compliance_m_per_n", "tangential_series_compliance_m_per_n")  # along the normal, the tangent
 _FROM = {"beam": "[[patches]]", "solid": "[solid]", "ring": "[ring]"}
 
 
@@ -250,7 +245,7 @@ def _from_document(document: dict[str, Any], file: Path) -> Motor:
     plain = {key: _strip(value, key, provenance, where) for key, value in document.items() if key != "description"}
 
     rotor = build(MOVED[moved], plain[moved], moved, where) if moved else None
-    if transducer or "contacts" in plain:
+    if way in ("arms", "modes") and isinstance(plain[way], list) and (transducer or "contacts" in plain):
         plain[way] = (_of_transducer if transducer else _without_tip)(plain, way, where)
     structure, modes, capacitances = _resolve_modes(plain, way, file)
     piezo = dict(as_table(plain["piezo"], "piezo", where))
@@ -317,6 +312,8 @@ def _resolve_modes(
     plain: dict[str, Any], way: str, file: Path
 ) -> tuple[Structure | Solid | Ring | None, list[dict[str, Any]], dict[str, float] | None]:
     where = file.name
+    if not isinstance(plain.get("contacts", []), list):
+        raise ParameterError(f"{where}: contacts must be one or more tables [[contacts]].")
     if way == "beam":
         return _from_beam(plain, where)
     stated = _FROM.get(way, f"[[{way}]]")
@@ -367,10 +364,14 @@ def _from_beam(plain: dict[str, Any], where: str) -> tuple[Structure, list[dict[
 def _from_solid(
     plain: dict[str, Any], where: str, folder: Path
 ) -> tuple[Solid, list[dict[str, Any]], dict[str, float]]:
-    solid = solid_from(plain["solid"], where, folder)
-    with located(where):
+    entries = [as_table(one, f"contacts.{index}", where) for index, one in enumerate(plain.get("contacts", ()))]
+    solid = solid_from(plain["solid"], where, folder, [entry.pop("face", None) for entry in entries])
+    try:
         stator = stator_of(solid)
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {str(error).replace('solid.contacts.', 'contacts.')}") from error
     modes = stator.tables(solid.quality_factor)
+    _place(entries, solid, stator, as_table(plain.get("contact", {}), "contact", where), where)
     for mode in modes:
         for name in ("recoil_kg", "recoil_x_kg"):
             if abs(mode[name]) <= 1e-6 * stator.mass_kg:
@@ -386,9 +387,33 @@ def _from_solid(
         "capacitance_b_f": float(capacitance[1, 1]),
         "capacitance_ab_f": between if abs(between) > 1e-6 * capacitance[0, 0] else 0.0,  # 0 but for rounding
     }
-    for axis, row in zip("yx", motion.tolist(), strict=True):
+    for axis, row in zip("yx", motion.tolist(), strict=True) if len(entries) < 2 else ():
         piezo |= {f"motion_{axis}_{group}_m_per_v": per_volt for group, per_volt in zip(GROUPS, row, strict=True)}
     return solid, modes, piezo
+
+
+def _place(entries: list[dict[str, Any]], solid: Solid, stator: Stator, contact: dict[str, Any], where: str) -> None:
+    """Complete ``[[contacts]]`` of a solid: the motion at their faces, of those without face and tip at its own.
+
+    The compliance left out at a face replaces that at the solid's own; its part between two faces is neglected, like
+    the motion per volt.
+    """
+    names = [mode["name"] for mode in stator.tables(solid.quality_factor)]
+    found = iter(stator.faces.reshape(-1, 2, len(names) + 1).tolist())
+    for index, (entry, face) in enumerate(zip(entries, solid.faces, strict=True)):
+        tips = {"tip_x", "tip_y"} & entry.keys()
+        if face and (tips or len(entries) == 1):
+            raise ParameterError(
+                f"{where}: contacts.{index}.face is for one of several contacts, without tip_x and tip_y: leave it out."
+            )
+        y, x = next(found) if face else (stator.tip_y.tolist(), stator.tip_x.tolist())
+        if not tips:
+            entry |= {axis: dict(zip(names, motion, strict=False)) for axis, motion in (("tip_x", x), ("tip_y", y))}
+        if face:
+            given = as_table(entry.get("contact", {}), f"contacts.{index}.contact", where)
+            for name, more in zip(_SERIES, (y[-1], x[-1]), strict=True):
+                own = limited(Contact, name, contact.get(name, 0.0), f"contact.{name}", where)
+                entry["contact"] = given = {name: own + max(more, 0.0), **given}
 
 
 def _from_ring(plain: dict[str, Any], where: str) -> tuple[Ring, list[dict[str, Any]], dict[str, float]]:
@@ -452,7 +477,7 @@ def _softening(
     else:
         return {}
     found: dict[str, float] = {}
-    for name, more in zip(("series_compliance_m_per_n", "tangential_series_compliance_m_per_n"), left_out, strict=True):
+    for name, more in zip(_SERIES, left_out, strict=True):
         if more > 0.0:
             given = limited(Contact, name, contact.get(name, 0.0), f"contact.{name}", where)
             note = f"the modes that are left out add {more:.3g} m/N"

@@ -367,7 +367,7 @@ class Motor(Shown, Parameters):
         if self.load is not None or self.piezo.reference_hz is not None:
             raise ValueError("[load] and piezo.reference_hz belong to a transducer, without contact and rotor")
         if self.contacts:
-            self._check_contacts()
+            check_places(self.contact, self.contacts, self.modes, self.piezo)
         else:
             self._check_motion()
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
@@ -408,14 +408,6 @@ class Motor(Shown, Parameters):
             raise ValueError(
                 "[load] acts on the face, whose motion is not known: give the arms mass_kg or velocity_per_current, "
                 f"the modes tip_y, or specify load.mode, one of {', '.join(names)}"
-            )
-
-    def _check_contacts(self) -> None:
-        check_places(self.contact, self.contacts, self.modes)
-        if any(value for axis in self.piezo.motion for value in axis):
-            raise ValueError(
-                "piezo.motion_x_a_m_per_v and the other motions per volt are for one contact: set them to 0 with "
-                "[[contacts]]"
             )
 
     def _check_motion(self) -> None:

@@ -495,7 +495,8 @@ class ContactPlace(Parameters):
         default_factory=dict, description="values of [contact] that differ here, but for preload_n"
     )
     law: dict[str, str | float] = Field(
-        default_factory=dict, description="law of its own: its name, or a table of name and own parameters that differ"
+        default_factory=dict,
+        description="law of its own: a name or file as of --contact, or a table of name and own parameters",
     )
 
 

@@ -132,9 +132,8 @@ def test_losses_heat_the_stator_until_it_has_drifted_away_from_its_drive(tmp_pat
     found = measured("thermal_drift", tmp_path)
     thermal = pr.Thermal()
     # 10 ms are five time constants, and the heat falls while it warms
-    assert found["temperature_late_k"] == pytest.approx(
-        thermal.thermal_resistance_k_per_w * found["heat_late_w"], rel=0.01
-    )
+    expected = thermal.thermal_resistance_k_per_w * found["heat_late_w"]
+    assert found["temperature_late_k"] == pytest.approx(expected, rel=0.01)
     motor, omega = andersen(), 2.0 * pi * 51.7e3
     late = found["temperature_late_k"]
     one = closed_form(motor, thermal, 51.7e3, late)

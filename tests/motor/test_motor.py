@@ -194,9 +194,8 @@ def test_the_contact_follows_the_radius_of_the_rotor_and_the_materials(name: str
     ratio = 0.002 / (base.contact.effective_radius_m or 0.0)
     for body in ("tip", "rotor"):  # K_t goes with R* to the power of -1/3
         entry = f"tangential_compliance_{body}_m_per_n23"
-        assert getattr(there.contact, entry) == pytest.approx(
-            getattr(base.contact, entry) * ratio ** (-1 / 3), rel=1e-9
-        )
+        expected = getattr(base.contact, entry) * ratio ** (-1 / 3)
+        assert getattr(there.contact, entry) == pytest.approx(expected, rel=1e-9)
     back = {"rotor.radius_m": base.rotor.radius_m, "contact.materials.tip_radius_m": pair.tip_radius_m}
     assert there.updated(back).contact == base.contact
 

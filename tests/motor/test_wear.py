@@ -111,9 +111,8 @@ def test_a_steady_state_wears_by_the_slip_of_its_own_motion() -> None:
     closed = normal > 0.05 * normal.max()
     rubbed = float((normal * np.abs(np.diff(path)))[closed].sum()) / (waves.time_s[-1] - waves.time_s[0])
     # the slope of the rotor's surface, some 1e-3 of the motion, and half a step at each change of state
-    assert state.wear_volume_m3_per_s == pytest.approx(
-        FLAGSHIP.contact.specific_wear_rate_m3_per_n_m * rubbed, rel=0.02
-    )
+    expected = FLAGSHIP.contact.specific_wear_rate_m3_per_n_m * rubbed
+    assert state.wear_volume_m3_per_s == pytest.approx(expected, rel=0.02)
     greatest = waves.normal_force_n.max()
     assert state.peak_pressure_pa == pytest.approx(strength.peak_pressure(FLAGSHIP.contact, greatest), rel=1e-3)
     assert state.tensile_stress_pa == pytest.approx(strength.tensile_stress(FLAGSHIP.contact, greatest), rel=1e-3)
@@ -127,9 +126,8 @@ def test_a_brush_wears_by_its_loss_and_a_free_tip_does_not() -> None:
     free, brush = (pr.steady_state(FLAGSHIP, drive, contact=law, speed=20.0) for law in (None, "brush"))
     assert np.isnan(free.wear_volume_m3_per_s)
     # the loss is extrapolated to a vanishing step as well
-    assert brush.wear_volume_m3_per_s == pytest.approx(
-        FLAGSHIP.contact.specific_wear_rate_m3_per_n_m * brush.friction_loss_w / 0.3, rel=1e-9
-    )
+    expected = FLAGSHIP.contact.specific_wear_rate_m3_per_n_m * brush.friction_loss_w / 0.3
+    assert brush.wear_volume_m3_per_s == pytest.approx(expected, rel=1e-9)
 
 
 def test_each_limit_of_the_contact_has_its_sentence() -> None:

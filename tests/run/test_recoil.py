@@ -89,9 +89,8 @@ def test_the_modes_on_the_carrier_are_those_of_the_equivalent_motor() -> None:
         ours, exact = pair.on_carrier().modes, {mode.name: mode for mode in equivalent.modes}
         for mode in ours:
             left_out = {"name", "recoil_x_kg"} if exact[mode.name].recoil_x_kg is None else {"name"}
-            assert mode.model_dump(exclude=left_out) == pytest.approx(
-                exact[mode.name].model_dump(exclude=left_out), rel=1e-9, abs=1e-9
-            )
+            expected = exact[mode.name].model_dump(exclude=left_out)
+            assert mode.model_dump(exclude=left_out) == pytest.approx(expected, rel=1e-9, abs=1e-9)
     held = FLAGSHIP.updated({"mount": None})
     assert held.on_carrier() is held
 

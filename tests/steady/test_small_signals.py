@@ -236,9 +236,8 @@ def test_slow_modulation_follows_the_steady_states() -> None:
     volt = {"voltage": DRIVE.voltage + 1.0}, {"voltage": DRIVE.voltage - 1.0}
     up, down = (pr.steady_state(MOTOR, DRIVE.model_copy(update=one), load_torque=LOAD) for one in volt)
     # 1 %: the curvature of the speed over the voltage between the two
-    assert slow.transfer("speed", "amplitude")[1].real == pytest.approx(
-        0.5 * (up.speed_rad_s - down.speed_rad_s), rel=1e-2
-    )
+    expected = 0.5 * (up.speed_rad_s - down.speed_rad_s)
+    assert slow.transfer("speed", "amplitude")[1].real == pytest.approx(expected, rel=1e-2)
     # the balance of torques: d load = d torque - (C_R + jωJ) d speed
     bearing = MOTOR.rotor.bearing_damping_n_m_s
     torque, speed = (slow.transfer(name, "load_torque")[1] for name in ("torque", "speed"))

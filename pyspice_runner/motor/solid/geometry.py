@@ -26,7 +26,7 @@ class Geometry:
     size: int
     springs: list[tuple[Indices, Array]]  # unknowns and matrices of sprung faces
     contact: Array
-    """Mean motion of the face of contact along normal and tangent, of all displacements of nodes: (2, nodes, axes)."""
+    """Mean motion of each face of contact along normal and tangent, of all displacements: (2k, nodes, axes)."""
 
     @property
     def groups(self) -> int:
@@ -69,11 +69,12 @@ def build_geometry(solid: Solid, finest_m: float | None = None) -> Geometry:
             nodes, local = _spread(shape, basis, support, f"supports.{index}")
             held = support.stiffness_n_per_m * local
             springs += [(fields * nodes + axis, held) for axis in _axes(support, shape.mesh.dim())]
-    nodes, local = _spread(shape, basis, solid.contact, "contact")
-    mean = np.bincount(nodes.ravel(), local.sum(axis=2).ravel(), minlength=basis.N)
-    contact = np.zeros((2, basis.N, shape.mesh.dim()))
-    for row, sense in enumerate((solid.contact.normal, solid.contact.tangent)):
-        contact[row, :, "xyz".index(sense[1])] = mean if sense[0] == "+" else -mean
+    contact = np.zeros((2 * len(solid.touched), basis.N, shape.mesh.dim()))
+    for number, (name, face) in enumerate(solid.touched.items()):
+        nodes, local = _spread(shape, basis, face, name)
+        mean = np.bincount(nodes.ravel(), local.sum(axis=2).ravel(), minlength=basis.N)
+        for row, sense in enumerate((face.normal, face.tangent), start=2 * number):
+            contact[row, :, "xyz".index(sense[1])] = mean if sense[0] == "+" else -mean
     return Geometry(basis, parts, place, displacements, size, springs, contact)
 
 

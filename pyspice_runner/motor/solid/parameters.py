@@ -7,6 +7,7 @@ A mesh file takes the place of the coordinates: its physical groups are the regi
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -16,7 +17,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pyspice_runner.errors import ParameterError, located, require
 from pyspice_runner.motor.document import read_bytes
 from pyspice_runner.motor.parameters import Parameters, quantity
-from pyspice_runner.motor.refusal import as_table, build, quoted
+from pyspice_runner.motor.refusal import as_table, build, check_keys, quoted
 from pyspice_runner.motor.solid.materials import Material, material_of, materials
 
 Point = tuple[float, float, float]
@@ -234,6 +235,7 @@ class Solid(Parameters):
     electrodes: Annotated[tuple[Electrode, ...], Field(min_length=2, max_length=100)]
     supports: Annotated[tuple[Support, ...], Field(max_length=100)] = ()
     materials: Annotated[tuple[Card, ...], Field(max_length=100)] = ()
+    faces: tuple[Face | None, ...] = ()  # of [[contacts]]: those of entries with a place of their own
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -245,6 +247,9 @@ class Solid(Parameters):
         for index, box in enumerate(self.boxes):
             if box.material not in (*own, *materials()):
                 raise ValueError(f"boxes.{index}.material = {quoted(box.material)} is not known; there are {known}")
+        for name, face in self.touched.items():
+            if (face.normal, face.tangent) != (self.contact.normal, self.contact.tangent):
+                raise ValueError(f"{name}: normal and tangent must be those of solid.contact; direction = -1 turns it")
         if self.lowest_hz >= self.highest_hz:
             raise ValueError(f"lowest_hz = {self.lowest_hz:g} Hz must lie below highest_hz = {self.highest_hz:g} Hz")
         for group in ("A", "B", "ground"):
@@ -267,11 +272,17 @@ class Solid(Parameters):
         return ("A", "B", *sensed, "ground")
 
     @property
+    def touched(self) -> dict[str, Face]:
+        """The faces that touch the rotor by their paths: its own first, then those of ``[[contacts]]``."""
+        others = {f"contacts.{index}.face": face for index, face in enumerate(self.faces) if face is not None}
+        return {"contact": self.contact, **others}
+
+    @property
     def placed(self) -> dict[str, Placed]:
         """All that has a place, by its path in the table."""
         tables = {"boxes": self.boxes, "electrodes": self.electrodes, "supports": self.supports}
         many = {f"{name}.{index}": item for name, items in tables.items() for index, item in enumerate(items)}
-        return {**many, "contact": self.contact}
+        return {**many, **self.touched}
 
     def _check_mesh(self) -> None:
         if (self.mesh is None) == (self.element_m is None):
@@ -297,8 +308,8 @@ class Solid(Parameters):
                 raise ValueError(f"boxes.{index}: a plate is poled along z; correct it, or use theory solid")
 
 
-def solid_from(entry: Any, where: str, folder: Path = Path()) -> Solid:
-    """Return the checked table ``[solid]``; paths in it start from ``folder``.
+def solid_from(entry: Any, where: str, folder: Path = Path(), faces: Sequence[Any] = ()) -> Solid:
+    """Return the checked table ``[solid]``; paths in it start from ``folder``. ``faces`` are those of ``[[contacts]]``.
 
     Raise ParameterError for what is missing, unknown or not valid.
     """
@@ -317,7 +328,9 @@ def solid_from(entry: Any, where: str, folder: Path = Path()) -> Solid:
         table[name] = tuple(build(kind, item, f"solid.{name}.{index}", where) for index, item in enumerate(given))
     if "contact" in table:
         table["contact"] = build(Face, table["contact"], "solid.contact", where)
-    return build(Solid, table, "solid", where)
+    check_keys(table, [name for name in Solid.model_fields if name != "faces"], where, "solid")
+    others = (face and build(Face, face, f"contacts.{index}.face", where) for index, face in enumerate(faces))
+    return build(Solid, {**table, "faces": tuple(others)}, "solid", where)
 
 
 def _card(entry: Any, name: str, where: str) -> Card:

@@ -19,7 +19,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
 from math import pi
@@ -77,6 +77,8 @@ class Stator:
     nodes_m: Array  # (axes, nodes)
     cells: Indices  # (corners, cells)
     shapes: Array  # (axes, nodes, modes): displacement per modal coordinate
+    # of the faces of [[contacts]], (2k, modes + 1): motion along normal and tangent, and compliance left out in m/N
+    faces: Array = field(default_factory=lambda: np.empty((0, 1)))
 
     @property
     def stiffnesses_n_per_m(self) -> Array:
@@ -127,7 +129,7 @@ def solve_stator(solid: Solid) -> Stator:
         )
     shapes = _displacements(geometry, vectors)
     amplitude = np.sqrt((shapes**2).sum(axis=0)).max(axis=0)
-    y, x = generalised[groups:]
+    y, x = generalised[groups : groups + 2]
     amplitude *= np.sign(np.where(np.abs(y) >= np.abs(x), y, x) + np.finfo(float).tiny)
     squares = np.maximum(squares, 0.0)
     frequencies = np.sqrt(squares) / (2.0 * pi)
@@ -149,11 +151,12 @@ def solve_stator(solid: Solid) -> Stator:
     others = ~kept & ~rigid
     # at the frequency of the motor's modes those below push against the force, and those above are static
     under = np.where(squares[others] < squares[kept].min(), squares[kept].mean(), 0.0)
-    at_shift = _response(generalised, squares - shift)
-    static = response - at_shift + _response(generalised[:, others], squares[others] - under)
+    at_shift = (generalised / (squares - shift)) @ generalised.T
+    beyond = generalised[:, others]
+    static = response - at_shift + (beyond / (squares[others] - under)) @ beyond.T
     density = _mass_of_nodes(geometry)
     stress, strain = _stress(geometry, vectors[:, kept] / amplitude[kept])
-    recoils = np.einsum("n,anm,da->dm", density, shapes, geometry.contact.sum(axis=1)) / amplitude
+    recoils = np.einsum("n,anm,da->dm", density, shapes, geometry.contact[:2].sum(axis=1)) / amplitude
     return Stator(
         frequencies_hz=frequencies[kept],
         masses_kg=1.0 / amplitude[kept] ** 2,
@@ -164,14 +167,15 @@ def solve_stator(solid: Solid) -> Stator:
         recoil_x_kg=recoils[1, kept],
         clamped_f=clamped_capacitance(solid, clamped / VOLTS**2),
         residual_f=(charged - clamped + static[:groups, :groups]) / VOLTS**2,
-        residual_m_per_n=static[groups:, groups:],
-        residual_m_per_v=static[groups:, :groups] / VOLTS,
+        residual_m_per_n=static[groups:, groups:][:2, :2],
+        residual_m_per_v=static[groups:, :groups][:2] / VOLTS,
         stress_pa_per_m=stress,
         strain_per_m=strain,
         mass_kg=np.array(density.sum()),
         nodes_m=np.asarray(geometry.basis.mesh.p),
         cells=np.asarray(geometry.basis.mesh.t),
         shapes=(shapes[..., kept] / amplitude[kept])[:, geometry.basis.nodal_dofs[0]],
+        faces=np.column_stack([motion[2:, kept], np.diag(static)[groups + 2 :]]),
     )
 
 
@@ -208,16 +212,11 @@ def lowest_modes(
         block = rest[:, : size - basis.shape[1]]
 
 
-def _response(generalised: Array, stiffness: Array) -> Array:
-    """Return Σ g gᵀ/k over the modes."""
-    return np.asarray((generalised / stiffness) @ generalised.T)
-
-
 def _contact_loads(geometry: Geometry) -> Array:
-    """Return unit forces on the face of contact along normal and tangent, (rows, 2)."""
+    """Return unit forces on each face of contact along normal and tangent, (rows, 2k)."""
     nodes = geometry.contact.shape[1]
     rows = geometry.place[: nodes * geometry.fields].reshape(nodes, -1)[:, : geometry.dimension]
-    loads = np.zeros((geometry.size - geometry.groups, 2))
+    loads = np.zeros((geometry.size - geometry.groups, len(geometry.contact)))
     loads[rows[rows >= 0]] = geometry.contact[:, rows >= 0].T
     return loads
 
@@ -343,6 +342,6 @@ def write_stator(path: Path, stator: Stator) -> None:
 
 def _stored(path: Path) -> Stator | None:
     """Return the stator in a file, or None if it is missing or damaged."""
-    with suppress(OSError, ValueError, KeyError, BadZipFile), path.open("rb") as file, np.load(file) as arrays:
-        return Stator(**{field.name: arrays[field.name] for field in fields(Stator)})
+    with suppress(OSError, ValueError, TypeError, BadZipFile), path.open("rb") as file, np.load(file) as arrays:
+        return Stator(**arrays)
     return None

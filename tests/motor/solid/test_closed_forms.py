@@ -36,11 +36,8 @@ def bar(length: float, height: float, material: str, element: float, highest: fl
         ),
         "contact": Face(from_m=(length, 0.0, 0.0), to_m=(length, height, 0.0), normal="+x", tangent="+y"),
     }
-    return solve_stator(
-        Solid(
-            theory="plate", element_m=element, lowest_hz=10.0, highest_hz=highest, quality_factor=1e3, **parts | changes
-        )
-    )
+    range_hz = {"lowest_hz": 10.0, "highest_hz": highest}
+    return solve_stator(Solid(theory="plate", element_m=element, quality_factor=1e3, **range_hz, **parts | changes))
 
 
 def layers(length: float, width: float, thickness: float, highest: float, element: float, **changes: Any) -> Stator:
@@ -85,15 +82,13 @@ def test_a_slender_bar_resonates_along_its_length_with_k31() -> None:
     along = int(np.argmax(found.tip_y))
     assert found.frequencies_hz[along] == pytest.approx(resonance, rel=5e-3)
     both = np.ones(2)
-    assert antiresonance(found, both, resonance * 1.001, resonance * 1.3) == pytest.approx(
-        2.0 * resonance * root / pi, rel=5e-3
-    )
+    expected = 2.0 * resonance * root / pi
+    assert antiresonance(found, both, resonance * 1.001, resonance * 1.3) == pytest.approx(expected, rel=5e-3)
     # u = sin(π(x − L/2)/L): θ = ∫e₃₁ u′ w dx, each group half of it
     assert np.abs(found.couplings_n_per_v[:, along]) == pytest.approx(np.full(2, width * abs(D31) / S11), rel=0.02)
     assert found.masses_kg[along] == pytest.approx(0.5 * DENSITY * length * width * 1e-3, rel=0.02)
-    motional = both @ found.residual_f @ both + np.sum(
-        (both @ found.couplings_n_per_v) ** 2 / found.stiffnesses_n_per_m
-    )
+    moved = (both @ found.couplings_n_per_v) ** 2
+    motional = both @ found.residual_f @ both + np.sum(moved / found.stiffnesses_n_per_m)
     assert both @ found.clamped_f @ both + motional == pytest.approx(EPSILON * length * width / 1e-3, rel=1e-3)
 
 
@@ -167,12 +162,8 @@ def test_a_simply_supported_steel_beam_follows_timoshenko(slenderness: int, half
     contact = Face(from_m=(at, height, 0.0), to_m=(at, height, 0.0), normal="+y", tangent="+x")
     shear = (5 + 5 * poisson) / (6 + 5 * poisson) * modulus / (2 * (1 + poisson))
     q, radius = half_waves * pi / length, height**2 / 12
-    coefficients = [
-        density * radius / shear,
-        -(1 + q**2 * radius * (1 + modulus / shear)),
-        modulus * radius / density * q**4,
-    ]
-    omega = sqrt(min(np.roots(coefficients)))
+    linear = -(1 + q**2 * radius * (1 + modulus / shear))
+    omega = sqrt(min(np.roots([density * radius / shear, linear, modulus * radius / density * q**4])))
     found = bar(length, height, "steel", 1e-3, 1.5 * omega / (2 * pi), supports=held, contact=contact)
     nearest = found.frequencies_hz[np.argmin(np.abs(found.frequencies_hz - omega / (2 * pi)))]
     assert nearest == pytest.approx(omega / (2 * pi), rel=5e-3)

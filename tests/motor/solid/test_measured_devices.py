@@ -32,12 +32,8 @@ from pyspice_runner.motor.solid.materials import materials
 Array = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[3] / "docs" / "measured.md"
-DEVICES = {
-    device["name"]: device
-    for device in tomllib.loads(Path(__file__).with_name("measured_devices.toml").read_text(encoding="utf-8"))[
-        "devices"
-    ]
-}
+MEASURED = tomllib.loads(Path(__file__).with_name("measured_devices.toml").read_text(encoding="utf-8"))
+DEVICES = {device["name"]: device for device in MEASURED["devices"]}
 CERAMICS = ("PZT-4", "PZT-8", "PZT-5A", "PZT-5H")  # from which the card of an unnamed grade is taken
 QUICK = ("bar 12 × 3 × 1 mm", "diaphragm FT-27T-4.3A1")
 WEDGE = 0.05  # rad
@@ -221,9 +217,8 @@ def test_a_row_of_the_page_is_what_the_elements_give(name: str, mode: dict[str, 
     assert len(printed) == 1, wanted
     numbers = [re.findall(r"[-+]?\d+\.?\d*", line.removeprefix(f"|{title}|")) for line in (wanted, printed[0])]
     # the fourth digit, and the grid of the frequencies
-    assert [float(item) for item in numbers[1]] == pytest.approx(
-        [float(item) for item in numbers[0]], rel=1e-3, abs=0.11
-    )
+    expected = [float(item) for item in numbers[0]]
+    assert [float(item) for item in numbers[1]] == pytest.approx(expected, rel=1e-3, abs=0.11)
     assert printed[0].count("|") == wanted.count("|")
 
 

@@ -14,14 +14,14 @@ from scipy.linalg import eigh
 import pyspice_runner as pr
 from pyspice_runner.motor import strength
 from pyspice_runner.motor.load import SETS, changed_motor
-from pyspice_runner.motor.refusal import build
 from pyspice_runner.motor.solid import stator
 from pyspice_runner.motor.solid.elements import assemble, factor
 from pyspice_runner.motor.solid.materials import cards
-from pyspice_runner.motor.solid.parameters import Box, Face, Solid, Support, solid_from
+from pyspice_runner.motor.solid.parameters import Solid, solid_from
 from pyspice_runner.motor.solid.stator import Stator, solve_stator
 from pyspice_runner.motor.thermal import heat_capacity_of_boxes
 from pyspice_runner.view.datasheet import parameter_rows
+from tests.rings import loaded
 from tools.stators import solids, write_stators
 
 PLATE = Path(__file__).parents[3] / "examples" / "plate40.toml"
@@ -52,9 +52,8 @@ def test_a_plate_becomes_a_motor_with_its_two_modes_at_one_frequency() -> None:
     motor = pr.load_motor(PLATE)
     _, along, across = motor.modes
     assert [along.frequency_hz, across.frequency_hz] == pytest.approx([39.64e3, 40.03e3], rel=3e-4)
-    assert [along.mass_kg / along.tip_y**2, across.mass_kg / across.tip_x**2] == pytest.approx(
-        [5.2e-3, 3.1e-3], rel=0.02
-    )
+    expected = [5.2e-3, 3.1e-3]
+    assert [along.mass_kg / along.tip_y**2, across.mass_kg / across.tip_x**2] == pytest.approx(expected, rel=0.02)
     assert [along.coupling_a_n_per_v, along.coupling_b_n_per_v] == pytest.approx(2 * [0.109], rel=5e-3)
     assert across.coupling_a_n_per_v / across.tip_x == pytest.approx(0.061, rel=5e-3)
     assert across.coupling_a_n_per_v == pytest.approx(-across.coupling_b_n_per_v, rel=1e-6)
@@ -74,13 +73,9 @@ def test_modes_and_residuals_add_up_to_the_answer_of_the_whole_solid() -> None:
         found = solve_stator(plate(highest_hz=highest, lowest_hz=10.0))
         dynamic = found.stiffnesses_n_per_m - (2 * pi * 10e3) ** 2 * found.masses_kg
         motion = np.vstack([found.tip_y, found.tip_x])
-        answers.append(
-            [
-                (motion / dynamic) @ motion.T + found.residual_m_per_n,
-                (found.couplings_n_per_v / dynamic) @ found.couplings_n_per_v.T + found.residual_f,
-                (motion / dynamic) @ found.couplings_n_per_v.T + found.residual_m_per_v,
-            ]
-        )
+        theta, left_out = found.couplings_n_per_v, (found.residual_m_per_n, found.residual_f, found.residual_m_per_v)
+        pairs = zip(((motion, motion), (theta, theta), (motion, theta)), left_out, strict=True)
+        answers.append([(one / dynamic) @ other.T + static for (one, other), static in pairs])
     few, many = np.array(answers)
     # the modes left out are static: (10 kHz)²/(63 kHz)² of the first of them
     for index in (0, 1, 2):
@@ -104,9 +99,8 @@ def test_the_plate_in_its_plane_and_in_three_dimensions_agree() -> None:
         other = int(np.argmax(np.abs(getattr(solid, moves)) * (solid.frequencies_hz > 30e3)))
         assert solid.frequencies_hz[other] == pytest.approx(flat.frequencies_hz[index], rel=2e-3)
         # thickness over length, and the fringing field of electrodes with a gap: within 2 %
-        assert np.abs(solid.couplings_n_per_v[:, other]) == pytest.approx(
-            np.abs(flat.couplings_n_per_v[:, index]), rel=0.02
-        )
+        expected = np.abs(flat.couplings_n_per_v[:, index])
+        assert np.abs(solid.couplings_n_per_v[:, other]) == pytest.approx(expected, rel=0.02)
 
 
 def test_all_modes_are_found_and_those_of_one_frequency_each_on_its_own() -> None:
@@ -227,23 +221,10 @@ def assert_same(bundled: Stator, found: Stator) -> None:
     # are the nodes and shapes. The sign of a mode that does not move the contact is arbitrary.
     assert bundled.frequencies_hz == pytest.approx(found.frequencies_hz, rel=1e-6)
     sign = np.sign((bundled.shapes * found.shapes).sum(axis=(0, 1)))
-    pairs = [
-        (getattr(bundled, name), getattr(found, name) * sign)
-        for name in ("couplings_n_per_v", "tip_x", "tip_y", "shapes")
-    ]
-    pairs += [
-        (getattr(bundled, name), getattr(found, name))
-        for name in (
-            "masses_kg",
-            "clamped_f",
-            "residual_f",
-            "residual_m_per_n",
-            "residual_m_per_v",
-            "nodes_m",
-            "cells",
-            "mass_kg",
-        )
-    ]
+    signed, mesh = ("couplings_n_per_v", "tip_x", "tip_y", "shapes"), ("nodes_m", "cells", "mass_kg")
+    others = ("masses_kg", "clamped_f", "residual_f", "residual_m_per_n", "residual_m_per_v", *mesh)
+    pairs = [(getattr(bundled, name), getattr(found, name) * sign) for name in signed]
+    pairs += [(getattr(bundled, name), getattr(found, name)) for name in others]
     pairs += [(np.abs(stator.stress_pa_per_m).max(axis=0) for stator in (bundled, found))]  # at points that may differ
     for read, computed in pairs:
         assert read == pytest.approx(computed, abs=1e-5 * np.abs(computed).max())
@@ -285,6 +266,7 @@ def test_the_circuit_has_the_capacitance_matrix_of_the_solid(monkeypatch: pytest
         ),
         ({"supports": [{"from_m": [0.1] * 3, "to_m": [0.1] * 3}]}, r"solid.supports.0 touches no box"),
         ({"supports": [{"from_m": [0.1] * 3, "to_m": [0.0] * 3}]}, r"from_m has x = 0.1 m above 0 m of to_m"),
+        ({"supports": [POINT | {"directions": "xw"}]}, r"solid.supports.0.directions"),
         ({"electrodes": [POINT | {"group": "A"}] * 2}, r'there is none with group = "B"'),
         ({"theory": "solid"}, r"solid.electrodes.1 of group A touches one of group A|touches one of group"),
     ],
@@ -334,6 +316,45 @@ def test_without_scikit_fem_the_message_says_how_to_install_it(monkeypatch: pyte
         solve_stator(plate())
 
 
+def at(low: float, high: float) -> str:
+    """Return a place on the end of the plate, from one y in m to another."""
+    return f'face = {{ from_m = [0.043, {low}, 0.0], to_m = [0.043, {high}, 0.003], normal = "+x", tangent = "+y" }}'
+
+
+def tips(folder: Path, *entries: str) -> pr.Motor:
+    """Return the plate with these entries of [[contacts]]."""
+    return loaded(folder, "\n[[contacts]]\n".join([PLATE.read_text(encoding="utf-8"), *entries]))
+
+
+def test_places_on_the_end_of_the_plate_move_as_the_finite_elements_do(tmp_path: Path) -> None:
+    motor, own = pr.load_motor(PLATE), at(0.00375, 0.00775)
+    assert tips(tmp_path, "").model_dump() == motor.model_dump()
+    same = tips(tmp_path, "", own)
+    assert np.array_equal(same.stator.contact, np.tile(motor.stator.contact, (2, 1)))
+    assert same.touching[0].contact == same.touching[1].contact
+    low, high = tips(tmp_path, at(0.00375, 0.00475), at(0.00675, 0.00775)).stator.contact.reshape(2, 2, -1)
+    even = np.sign(low[0] * high[0])  # of motion along the slider, -1 of the longitudinal mode
+    assert even.tolist() == [1.0, -1.0, 1.0]
+    assert low == pytest.approx(high * [even, -even], abs=1e-7)
+    assert np.abs(low[1, [0, 2]]).min() > 0.1  # beside the middle, bending moves them towards the slider
+    tips(tmp_path, "", own)
+    moved = {"contacts.1.face.from_m": [0.043, 0.00675, 0.0], "contacts.1.face.to_m": [0.043, 0.00775, 0.003]}
+    assert changed_motor(tmp_path / "motor.toml", moved).stator.contact[2:] == pytest.approx(high, abs=1e-7)
+
+
+def test_a_wrong_place_is_named_as_in_the_file(tmp_path: Path) -> None:
+    edge = at(0.00375, 0.00475)
+    for message, *entries in (
+        (r"motor\.toml: contacts\.1\.face touches no box; correct its from_m and to_m", "", at(0.02, 0.021)),
+        (r"contacts\.1\.face: normal and tangent must be those of solid\.contact", "", edge.replace("+x", "-x")),
+        (r"motor\.toml: contacts\.1\.face\.from_m = \[1, 2\] is not valid", "", "face = { from_m = [1, 2] }"),
+        (r"contacts\.0\.face is for one of several contacts", edge),
+        (r"contacts\.1\.face is .* without tip_x and tip_y", "", f"{edge}\ntip_y = {{ mode-1 = 1.0 }}"),
+    ):
+        with pytest.raises(pr.ParameterError, match=message):
+            tips(tmp_path, *entries)
+
+
 def test_a_solid_takes_the_place_of_a_beam(tmp_path: Path) -> None:
     text = PLATE.read_text(encoding="utf-8")
     path = tmp_path / "both.toml"
@@ -343,14 +364,6 @@ def test_a_solid_takes_the_place_of_a_beam(tmp_path: Path) -> None:
     path.write_text(text.replace("[piezo]", "[piezo]\ncapacitance_a_f = 1e-9"))
     with pytest.raises(pr.ParameterError, match=r"piezo.capacitance_a_f follows from \[solid\]"):
         pr.load_motor(path)
-
-
-def test_parts_are_checked_one_by_one() -> None:
-    face = build(Face, POINT | {"normal": "+x", "tangent": "-y"}, "solid.contact", "m.toml")
-    assert face.to_m == (0.0, 0.0, 0.003)
-    for kind, table in ((Box, {"material": "steel"}), (Support, {"directions": "xw"})):
-        with pytest.raises(pr.ParameterError, match=r"m\.toml: "):
-            build(kind, POINT | table, "solid.part.0", "m.toml")
 
 
 def test_the_admittance_of_a_solid_has_the_overtones_within_its_range() -> None:
