@@ -3,10 +3,12 @@
  * The averaged motor in C; piezomotor_averaged.h says what it is and how it is used.
  *
  * A quantity is q(t) = q_0 + Re(sum of Q_h exp(j h theta)), d theta/dt = 2 pi frequency. The states are integrated by
- * TR-BDF2: the trapezoidal rule for a part of a step, then the second backward differentiation formula for the whole. A
- * step needs no step before it, so that inputs may jump between two steps. The step follows from the estimated error, down to
- * a quarter of a period of the drive. Newton's method solves both stages with one matrix, which is kept until the step or
- * the motor's Jacobian matrix has changed.
+ * TR-BDF2: the trapezoidal rule for a part of a step, then the second backward differentiation formula for the whole. The
+ * difference to the formula of third order with the same rates is divided twice by 1 - weight * Jacobian matrix and added: the
+ * sum is of third order and L-stable. The difference of the two quotients is the estimated error, from which the step follows,
+ * down to a quarter of a period of the drive. A step needs no step before it but for the guesses of Newton's method, so that
+ * inputs may jump between two steps. Newton's method solves both stages with one matrix, which is kept until the step or the
+ * motor's Jacobian matrix has changed; where it is known to end in one iteration, there is one.
  *
  * SOURCE R. E. Bank et al., IEEE Trans. CAD 4 (1985) 436; M. E. Hosea, L. F. Shampine, Appl. Numer. Math. 20 (1996) 21
  */
@@ -21,12 +23,15 @@
 #define LAG 20e-6             /* s, time constant of the static deflection; as in piezomotor_averaged_bending */
 #define REFERENCE 100e3       /* Hz, at which the capacitances hold */
 #ifndef TOLERANCE
-#define TOLERANCE 1e-4        /* error of the states in a step, over their scales */
+#define TOLERANCE 2e-4        /* error of the states in a step, over their scales */
 #endif
 #define FORGOTTEN 1e-12       /* share of the force that the compression in series remembers no more */
-#define SOLVED 0.05           /* error of Newton's method, over that of a step */
+#define SOLVED 0.1            /* error of Newton's method, over that of a step */
 #define ITERATIONS 8          /* with one Jacobian matrix */
 #define SLOW 0.3              /* a change over the one before it, above which the Jacobian matrix is old */
+#define AGES 1.1              /* growth of that ratio where it is not measured */
+#define QUIET 0.1             /* estimated error of a step over the one that it may have, below which guesses are the present state */
+#define LONGER 4.0            /* a step over the one before it, up to which guesses go on from that one */
 #define SHORTEST 0.25         /* of a period of the drive: the shortest step whose error counts */
 #define HALVINGS 12           /* of the shortest step, if its equations are not solved */
 #define MIDDLE 0.58578643762690495 /* 2 - sqrt(2): end of the trapezoidal part of a step */
@@ -137,7 +142,7 @@ static double clip_slider(const struct contact *c, double slider)
 }
 
 /* One period of a contact; piezomotor_phase.h takes displacements in um. */
-static struct contact touch(const struct motor *m, int contact, const struct path *path)
+static struct contact touch(struct motor *m, int contact, const struct path *path)
 {
     const struct values *v = &m->value;
     const struct touching *p = &v->contact[contact];
@@ -183,9 +188,14 @@ static struct contact touch(const struct motor *m, int contact, const struct pat
         int n = (k + PHASES) % PHASES, before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
         at.x = x[n], at.x_before = x[before], at.x_after = x[after];
         at.y = y[n], at.y_before = y[before], at.y_after = y[after];
+        at.normal = m->guess[contact][n][0];
+        at.friction = m->guess[contact][n][1];
         phase_normal_force(&at);
-        if (k >= 0)
+        if (k >= 0) {
             phase_forces(&at);
+            m->guess[contact][n][0] = isfinite(at.normal) ? at.normal : 0.0;
+            m->guess[contact][n][1] = isfinite(at.friction) ? at.friction : 0.0;
+        }
         at.normal_earlier = at.normal_before;
         at.normal_before = at.normal;
         if (k < 0)
@@ -540,7 +550,7 @@ static void respond(const struct motor *m, const double state[STATES], struct fl
 }
 
 /* Evaluate the motor in some state. */
-static void evaluate(const struct motor *m, const double state[STATES], struct flow *f)
+static void evaluate(struct motor *m, const double state[STATES], struct flow *f)
 {
     struct path paths[CONTACTS];
 
@@ -607,6 +617,7 @@ void motor_rest(struct motor *motor)
     memset(motor->flux, 0, sizeof motor->flux);
     motor->step = motor_shortest_step(motor);
     motor->solver = (struct solver){0};
+    memset(motor->guess, 0, sizeof motor->guess);
     for (int i = 0; i < MODES; i++)
         motor->state[DEFLECTION + i] = -bent(p, i, p->preload);
     motor->state[TEMPERATURE] = p->ambient_temperature;
@@ -717,11 +728,14 @@ static void find_jacobian(struct motor *m, const double state[STATES])
     struct path paths[CONTACTS], others[CONTACTS];
     struct flow here, there;
     double depth = static_penetration(&m->value);
-    double slope[CONTACTS][NUMBERS][FOUND], moved[STATES];
+    double slope[CONTACTS][NUMBERS][FOUND], moved[STATES], guess[CONTACTS][PHASES][2];
 
     find_paths(m, state, paths);
-    for (int c = 0; c < CONTACTS; c++)
+    for (int c = 0; c < CONTACTS; c++) {
+        touch(m, c, &paths[c]); /* so that the roots of all evaluations begin at those of this one */
         here.contact[c] = touch(m, c, &paths[c]);
+    }
+    memcpy(guess, m->guess, sizeof guess);
     respond(m, state, &here);
     for (int c = 0; c < CONTACTS; c++)
         for (int n = 0; n < NUMBERS; n++) {
@@ -735,6 +749,7 @@ static void find_jacobian(struct motor *m, const double state[STATES])
             }
             ((double *)&other)[n] += change;
             struct contact touched = touch(m, c, &other);
+            memcpy(m->guess, guess, sizeof guess);
             for (int k = 0; k < FOUND; k++)
                 slope[c][n][k] = (((double *)&touched)[k] - ((double *)&here.contact[c])[k]) / change;
         }
@@ -760,33 +775,35 @@ static void find_jacobian(struct motor *m, const double state[STATES])
     solver->known = 1;
 }
 
-/* Decompose 1 - weight * jacobian into triangles, with pivots. */
+/* Decompose 1 - weight * jacobian into triangles, with pivots; the matrix is stored by its columns. */
 static void decompose(struct solver *solver, double weight)
 {
     double (*a)[STATES] = solver->matrix;
 
-    for (int row = 0; row < STATES; row++)
-        for (int column = 0; column < STATES; column++)
-            a[row][column] = (row == column) - weight * solver->jacobian[row][column];
+    for (int column = 0; column < STATES; column++)
+        for (int row = 0; row < STATES; row++)
+            a[column][row] = (row == column) - weight * solver->jacobian[row][column];
     for (int k = 0; k < STATES; k++) {
         int best = k;
         for (int row = k + 1; row < STATES; row++)
-            if (fabs(a[row][k]) > fabs(a[best][k]))
+            if (fabs(a[k][row]) > fabs(a[k][best]))
                 best = row;
         solver->pivot[k] = best;
-        if (best != k)
-            for (int column = 0; column < STATES; column++) {
-                double kept = a[k][column];
-                a[k][column] = a[best][column];
-                a[best][column] = kept;
-            }
+        for (int column = 0; column < STATES; column++) {
+            double kept = a[column][k];
+            a[column][k] = a[column][best];
+            a[column][best] = kept;
+        }
         for (int row = k + 1; row < STATES; row++)
-            if (a[row][k] != 0.0) {
-                a[row][k] /= a[k][k];
-                for (int column = k + 1; column < STATES; column++)
-                    a[row][column] -= a[row][k] * a[k][column];
-            }
+            a[k][row] /= a[k][k];
+        for (int column = k + 1; column < STATES; column++) {
+            double factor = a[column][k];
+            if (factor != 0.0)
+                for (int row = k + 1; row < STATES; row++)
+                    a[column][row] -= factor * a[k][row];
+        }
     }
+    solver->shrink = solver->weight > 0.0 ? fmin(solver->shrink * weight / solver->weight, SLOW) : SLOW;
     solver->weight = weight;
 }
 
@@ -797,13 +814,13 @@ static void substitute(const struct solver *solver, double vector[STATES])
         vector[solver->pivot[k]] = vector[k];
         vector[k] = kept;
     }
-    for (int row = 1; row < STATES; row++)
-        for (int column = 0; column < row; column++)
-            vector[row] -= solver->matrix[row][column] * vector[column];
-    for (int row = STATES - 1; row >= 0; row--) {
-        for (int column = row + 1; column < STATES; column++)
-            vector[row] -= solver->matrix[row][column] * vector[column];
-        vector[row] /= solver->matrix[row][row];
+    for (int column = 0; column < STATES; column++)
+        for (int row = column + 1; row < STATES; row++)
+            vector[row] -= solver->matrix[column][row] * vector[column];
+    for (int column = STATES - 1; column >= 0; column--) {
+        vector[column] /= solver->matrix[column][column];
+        for (int row = 0; row < column; row++)
+            vector[row] -= solver->matrix[column][row] * vector[column];
     }
 }
 
@@ -824,7 +841,7 @@ static int solved(struct motor *m, const double known[STATES], double weight, do
 {
     struct solver *solver = &m->solver;
     struct flow flow;
-    double change[STATES], before = 0.0;
+    double change[STATES], before = 0.0, limit = m->taken == 0.0 ? SOLVED * QUIET : SOLVED;
 
     for (int n = 0; n < ITERATIONS; n++) {
         evaluate(m, state, &flow);
@@ -834,12 +851,14 @@ static int solved(struct motor *m, const double known[STATES], double weight, do
         double largest = measure(solver, change, state);
         for (int s = 0; s < STATES; s++)
             state[s] += change[s];
-        double shrink = n > 0 && before > 0.0 ? largest / before : SLOW;
+        /* the restart of a loop changes the Jacobian matrix at once, so that there the ratio is always measured */
+        double shrink = n > 0 && before > 0.0 ? largest / before : TRACKED ? SLOW : fmin(AGES * solver->shrink, SLOW);
         if (!isfinite(largest) || (n > 1 && shrink >= 1.0))
             return 0;
+        solver->shrink = fmin(shrink, SLOW);
         if (n > 0 && shrink > SLOW)
             solver->slow = solver->old;
-        if (largest <= 1e-6 || (shrink < 1.0 && largest * shrink / (1.0 - shrink) <= SOLVED)) {
+        if (largest <= 1e-6 || (shrink < 1.0 && largest * shrink / (1.0 - shrink) <= limit)) {
             for (int s = 0; s < STATES; s++)
                 rate[s] = (state[s] - known[s]) / weight;
             return 1;
@@ -856,33 +875,54 @@ static void move_inputs(struct motor *m, const double from[INPUT_COUNT], double 
         ((double *)&m->value)[i] = from[i] + m->slope[i] * time;
 }
 
+/* What a step finds at its middle and at its end. */
+struct found {
+    double middle[STATES], between[STATES]; /* states and their rates at the end of the trapezoidal part */
+    double state[STATES], rate[STATES];
+    int corrected; /* whether the state is that of third order */
+};
+
 /* Try one step; return its estimated error over the one that it may have, or infinity if it is not solved. */
-static double attempt(struct motor *m, const double inputs[INPUT_COUNT], double step, double state[STATES], double rate[STATES])
+static double attempt(struct motor *m, const double inputs[INPUT_COUNT], double step, struct found *f)
 {
     struct solver *solver = &m->solver;
-    double known[STATES], middle[STATES], between[STATES], error[STATES], weight = WEIGHT * step;
-    double ahead = m->taken > 0.0 ? MIDDLE * step / m->taken : 0.0; /* a guess by the step before */
+    double known[STATES], error[STATES], change[STATES], weight = WEIGHT * step, ahead = MIDDLE * step;
+    int quiet = m->taken == 0.0, follows = step <= LONGER * m->taken; /* guesses by the rates in the step before, too */
 
     if (fabs(solver->weight - weight) > 1e-6 * weight)
         decompose(solver, weight);
-    move_inputs(m, inputs, MIDDLE * step);
+    move_inputs(m, inputs, ahead);
     for (int s = 0; s < STATES; s++) {
         known[s] = m->state[s] + weight * m->rate[s];
-        middle[s] = m->state[s] + ahead * m->change[s];
+        double bent = follows ? ahead * (m->bend[s] / 2.0 + ahead * m->twist[s] / 3.0) : 0.0;
+        f->middle[s] = m->state[s] + (quiet ? 0.0 : ahead * (m->rate[s] + bent));
     }
-    if (!solved(m, known, weight, middle, between))
+    if (!solved(m, known, weight, f->middle, f->between))
         return INFINITY;
     move_inputs(m, inputs, step);
     for (int s = 0; s < STATES; s++) {
-        known[s] = m->state[s] + SHARE * step * (m->rate[s] + between[s]);
-        state[s] = m->state[s] + (middle[s] - m->state[s]) / MIDDLE;
+        double whole = (f->between[s] - m->rate[s]) / ahead, twist = follows ? (whole - m->bend[s]) / ahead : 0.0;
+        known[s] = m->state[s] + SHARE * step * (m->rate[s] + f->between[s]);
+        f->state[s] = quiet ? f->middle[s]
+            : m->state[s] + step * (m->rate[s] + step * ((whole - twist * ahead) / 2.0 + step * twist / 3.0));
     }
-    if (!solved(m, known, weight, state, rate))
+    if (!solved(m, known, weight, f->state, f->rate))
         return INFINITY;
-    for (int s = 0; s < STATES; s++) /* against the formula of third order with these three rates */
-        error[s] = step / 3.0 * ((1.0 - 4.0 * SHARE) * m->rate[s] + between[s] - 2.0 * WEIGHT * rate[s]);
+    for (int s = 0; s < STATES; s++) /* from the formula of second order to that of third order with these three rates */
+        error[s] = step / 3.0 * ((1.0 - 4.0 * SHARE) * m->rate[s] + f->between[s] - 2.0 * WEIGHT * f->rate[s]);
     substitute(solver, error);
-    return measure(solver, error, state);
+    double second = measure(solver, error, f->state);
+    f->corrected = second > QUIET;
+    if (!f->corrected)
+        return second;
+    memcpy(change, error, sizeof change);
+    substitute(solver, change);
+    for (int s = 0; s < STATES; s++) {
+        error[s] -= change[s];
+        f->state[s] += change[s];
+        f->rate[s] -= error[s] / weight;
+    }
+    return measure(solver, error, f->state);
 }
 
 double motor_shortest_step(const struct motor *motor) { return SHORTEST / motor->value.frequency; }
@@ -909,7 +949,8 @@ static void add_integrals(struct motor *m, const double state[STATES], const dou
 double motor_step(struct motor *m, double left)
 {
     struct solver *solver = &m->solver;
-    double shortest = motor_shortest_step(m), inputs[INPUT_COUNT], state[STATES], rate[STATES], factor;
+    double shortest = motor_shortest_step(m), inputs[INPUT_COUNT], factor;
+    struct found f;
     double most = fmax(fmin(m->step, m->longest), shortest);
     double step = left / ceil(left / most * (1.0 - 1e-9)); /* equal parts need one matrix */
     int shortened = 0;
@@ -920,8 +961,8 @@ double motor_step(struct motor *m, double left)
     if (!solver->known || solver->slow)
         find_jacobian(m, m->state);
     for (;;) {
-        double error = attempt(m, inputs, step, state, rate);
-        factor = fmin(fmax(0.9 * pow(error, -1.0 / 3.0), 0.2), 4.0);
+        double error = attempt(m, inputs, step, &f);
+        factor = fmin(fmax(0.9 * pow(error, -0.25), 0.2), 4.0);
         if (error <= 1.0 || (isfinite(error) && step <= shortest))
             break;
         move_inputs(m, inputs, 0.0);
@@ -932,16 +973,21 @@ double motor_step(struct motor *m, double left)
         else
             shortened = 1, step = isfinite(error) ? fmax(factor * step, fmin(step, shortest)) : 0.25 * step;
     }
-    add_integrals(m, state, rate, 0.5 * step);
+    /* the weights of the formula of third order */
+    add_integrals(m, f.state, f.rate, WEIGHT / 3.0 * step);
+    move_inputs(m, inputs, MIDDLE * step);
+    add_integrals(m, f.middle, f.between, (1.0 / 3.0 + SHARE) * step);
     move_inputs(m, inputs, 0.0);
-    add_integrals(m, m->state, m->rate, 0.5 * step);
+    add_integrals(m, m->state, m->rate, (1.0 - SHARE) / 3.0 * step);
     move_inputs(m, inputs, step);
     for (int s = 0; s < STATES; s++) {
-        m->change[s] = state[s] - m->state[s];
-        m->state[s] = state[s];
-        m->rate[s] = rate[s];
+        double behind = (1.0 - MIDDLE) * step, late = (f.rate[s] - f.between[s]) / behind;
+        m->twist[s] = (late - (f.rate[s] - m->rate[s]) / step) / (MIDDLE * step);
+        m->bend[s] = late + m->twist[s] * behind;
+        m->state[s] = f.state[s];
+        m->rate[s] = f.rate[s];
     }
-    m->taken = step;
+    m->taken = f.corrected ? step : 0.0;
     solver->old = 1;
     if (shortened || factor < 1.0 || factor * step > 1.5 * m->step)
         m->step = fmax(factor * step, shortest);

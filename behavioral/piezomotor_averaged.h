@@ -241,6 +241,7 @@ struct solver {
     double matrix[STATES][STATES];   /* 1 - weight * jacobian, decomposed */
     int pivot[STATES];
     double weight;                   /* s; 0 if the matrix is not that of the Jacobian */
+    double shrink;                   /* change of Newton's method over the one before it, with this matrix */
     int known, old, slow;            /* Jacobian: there is one; of an earlier state; Newton's method takes long with it */
 };
 
@@ -251,11 +252,12 @@ struct motor {
     double laid;                  /* preload at rest, N: under it a sprung stator was laid against the rotor */
     double state[STATES];
     double rate[STATES];          /* of the states, 1/s */
-    double change[STATES];        /* of the states in the last internal step */
+    double bend[STATES], twist[STATES]; /* rates after the last internal step: rate + (bend + twist * time) * time */
     phasor flux[2];               /* integrals of the amplitudes of the voltages of the groups, V.s */
     double energy;                /* electrical energy into both groups, J */
     double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
     struct solver solver;
+    double guess[CONTACTS][PHASES][2]; /* of the normal and the friction force, N: those of the last evaluation */
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
 #if TRACKED
     struct tracker tracker;       /* its parameters */

@@ -320,28 +320,35 @@ static double phase_{0}_by(struct phase *p, double value)
     return {1};
 }}
 
-/* The root of an equation whose right side falls as the value rises: false position, with the weights of Anderson and
-   Bjoerck (BIT 13 (1973) 253) for an end that stays. */
+/* The root of an equation whose right side falls as the value rises, from the value in p, with the share of the first
+   change from the last root: secants, and halves of the interval where they leave it. The last secant is not evaluated:
+   its error is a part of the product of the two errors before it. 1e-14 of the preload is rounding. */
 static double phase_{0}(struct phase *p)
 {{
-    double low = 0.0, high = phase_{0}_by(p, 0.0), sign = high < 0.0 ? -1.0 : 1.0, most = sign * high;
-    double under = most, over = sign * (phase_{0}_by(p, high) - high), same = 0.0;
+    double now = p->{0}, next = now, low = now, high = now, before = now, last = 0.0;
+    double share = p->{0}_share > 0.0 ? p->{0}_share : 1.0, rounding = 1e-14 * p->preload;
 
-    for (int i = 0; i < 100 && over < -1e-13 * most; i++) {{
-        double middle = (low * over - high * under) / (over - under);
-        double excess = sign * (phase_{0}_by(p, middle) - middle);
-        double weight = same * excess > 0.0 ? 1.0 - excess / (excess < 0.0 ? over : under) : 1.0;
-        if (fabs(excess) <= 1e-13 * most)
-            return middle;
-        weight = weight > 0.0 ? weight : 0.5;
-        if (excess < 0.0) {{
-            high = middle, over = excess, under *= weight;
-        }} else {{
-            low = middle, under = excess, over *= weight;
+    for (int i = 0; i < 100; i++) {{
+        double found = phase_{0}_by(p, now), excess = found - now;
+        if (i == 0)
+            low = smaller(now, found), high = larger(now, found);
+        else
+            share = (now - before) / (last - excess);
+        if (excess > 0.0)
+            low = now;
+        else
+            high = now;
+        next = now + share * excess;
+        if (fabs(excess) <= 1e-13 * fabs(now) + rounding || (i > 0 && fabs(excess * last) <= 1e-10 * now * now)) {{
+            next = smaller(larger(next, low), high);
+            break;
         }}
-        same = excess;
+        if (!(next > low && next < high))
+            next = 0.5 * (low + high);
+        before = now, last = excess, now = next;
     }}
-    return high;
+    p->{0}_share = share > 0.0 && share <= 1.0 ? share : 1.0;
+    return next;
 }}
 """
 
@@ -354,6 +361,7 @@ def phase_source(terms: Terms = ALL_TERMS) -> str:
     fields = [*(item.name for item in averaged_phase(ALL_TERMS).parameters), *inputs, *found.parameters, *found.values]
     texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
     implicit = [name for name, text in found.values.items() if f"V({name})" in text]
+    fields += [f"{name}_share" for name in implicit]
     lines = texts | {name: f"phase_{name}(p)" for name in implicit}
     parameters, values = (
         {name: lines[name] for name in lines if name in of} for of in (found.parameters, found.values)

@@ -6,7 +6,6 @@ Of the values that no measurement shows it is known how far the motors of a clas
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, hypot, inf, log, sqrt
@@ -161,7 +160,7 @@ def of_class(motor: Motor, base: Motor, relative: Mapping[str, float], measured:
     for path, value in values.items():
         if not value:  # an effect that is off
             continue
-        factor = factors.get(re.sub(r"\.\d+\.", ".", path), "")
+        factor = factors.get(".".join(part for part in path.split(".") if not part.isdigit()), "")
         share = relative.get(factor, inf)
         if share < _IMPROVED * PRIORS.get(factor, 0.0):
             errors[path] = share * abs(value)

@@ -239,14 +239,7 @@ class Solid(Parameters):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        own = [card.name for card in self.materials]
-        for name in own:
-            if name in materials():
-                raise ValueError(f"materials.{name} is a material of the library; choose another name")
-        known = ", ".join([*own, *materials()])
-        for index, box in enumerate(self.boxes):
-            if box.material not in (*own, *materials()):
-                raise ValueError(f"boxes.{index}.material = {quoted(box.material)} is not known; there are {known}")
+        self._check_materials()
         for name, face in self.touched.items():
             if (face.normal, face.tangent) != (self.contact.normal, self.contact.tangent):
                 raise ValueError(f"{name}: normal and tangent must be those of solid.contact; direction = -1 turns it")
@@ -283,6 +276,16 @@ class Solid(Parameters):
         tables = {"boxes": self.boxes, "electrodes": self.electrodes, "supports": self.supports}
         many = {f"{name}.{index}": item for name, items in tables.items() for index, item in enumerate(items)}
         return {**many, **self.touched}
+
+    def _check_materials(self) -> None:
+        own = [card.name for card in self.materials]
+        for name in own:
+            if name in materials():
+                raise ValueError(f"materials.{name} is a material of the library; choose another name")
+        known = ", ".join([*own, *materials()])
+        for index, box in enumerate(self.boxes):
+            if box.material not in (*own, *materials()):
+                raise ValueError(f"boxes.{index}.material = {quoted(box.material)} is not known; there are {known}")
 
     def _check_mesh(self) -> None:
         if (self.mesh is None) == (self.element_m is None):
