@@ -282,11 +282,7 @@ class MotorSubCircuit(Assembly):
         several = motor.touching if motor.contacts else ()
         if several:
             self.raw_spice += f".param {PRELOAD_ALL}={{preload}}\n"
-        for total, gains in (
-            ("fx", motor.stator.forward), ("fy", np.ones(len(several))), ("normal", np.ones(len(several))),
-            ("friction", motor.stator.lever),
-        ):  # fmt: skip
-            self._add_total(total, [one.suffix for one in several], gains.tolist())
+            self._add_totals(np.ones(len(several)))
         first_x = "x"
         places = 1e6 * static_places(motor, law, discretisation) / motor.contact.preload_n
         laws = zip(self._laws, libraries, strict=True)
@@ -324,12 +320,14 @@ class MotorSubCircuit(Assembly):
             nodes = [moved.get(pin, pin if pin == "shaft" else f"{pin}{suffix}") for pin in PINS]
             self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
 
-    def _add_total(self, node: str, suffixes: Sequence[str], gains: Sequence[float]) -> None:
-        """Add the sum of the voltages of a node of several contacts, each times a gain."""
-        for number, (suffix, gain) in enumerate(zip(suffixes, gains, strict=False)):
-            low = f"{node}{ALL}{number + 1}" if number + 1 < len(suffixes) else self.gnd
-            high = f"{node}{ALL}{number or ''}"
-            self.VCVS(high, high, low, f"{node}{suffix}", self.gnd, voltage_gain=rounded(gain))
+    def _add_totals(self, alike: NDArray[np.float64]) -> None:
+        """Add the sums of the voltages of nodes of several contacts, each times a gain; ``alike`` are gains of 1."""
+        stator, touching = self._motor.stator, self._motor.touching
+        for node, gains in (("fx", stator.forward), ("fy", alike), ("normal", alike), ("friction", stator.lever)):
+            for number, (one, gain) in enumerate(zip(touching, gains.tolist(), strict=True)):
+                low = f"{node}{ALL}{number + 1}" if number + 1 < len(touching) else self.gnd
+                high = f"{node}{ALL}{number or ''}"
+                self.VCVS(high, high, low, f"{node}{one.suffix}", self.gnd, voltage_gain=rounded(gain))
 
     def _add_carried(self, suffix: str, along_x: tuple[str, str, float], *, approach: bool) -> dict[str, str]:
         """Move another contact with the carrier, or the approach, as the first; return the nodes that it then has.
@@ -596,7 +594,7 @@ def spring_values(part: Mode | Mount, discretisation: Discretisation | None = No
 
 def mode_values(mode: Mode, discretisation: Discretisation | None = None) -> dict[str, float]:
     """Return a linear mode as parameters of its subcircuit."""
-    couplings = {groups.named("coupling", group): force for group, force in zip(GROUPS, mode.couplings, strict=True)}
+    couplings = {"coupling_a": mode.coupling_a_n_per_v, "coupling_b": mode.coupling_b_n_per_v}
     return {**spring_values(mode, discretisation), **couplings, "tip_x": mode.tip_x, "tip_y": mode.tip_y}
 
 

@@ -261,7 +261,8 @@ class Motor(Shown, Parameters):
         elif len(self.groups) == 1:
             document["modes"] = [{k: v for k, v in mode.items() if k not in OF_GROUP_B} for mode in document["modes"]]
             document["piezo"] = {k: v for k, v in document["piezo"].items() if k not in OF_GROUP_B}
-        document["contacts"] = [place.model_dump(exclude_defaults=True) for place in self.contacts]
+        if self.contacts:
+            document["contacts"] = [place.model_dump(exclude_defaults=True) for place in self.contacts]
         for name in ("law", "feedback", "contacts"):
             if not document[name]:
                 del document[name]

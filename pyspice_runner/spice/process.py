@@ -233,7 +233,7 @@ class Server:
         except OSError:  # a broken pipe
             raise self.failure("ngspice ended", []) from None
         output = self._listen(mark)
-        complaint = [line for line in output if _TROUBLE.search(line) and not _HARMLESS.search(line)]
+        complaint = list(filterfalse(_HARMLESS.search, filter(_TROUBLE.search, output)))
         if complaint:
             raise self.failure("ngspice complained", complaint)
         return output

@@ -651,9 +651,9 @@ class Shooting:
         """Measure the derivatives of solved points anew if they were measured too far away to tell the multipliers."""
         far = [point for point in self.points if point.done and point.far]
         self._renew(far)
-        doubtful = [point for point in far if not point.done]  # by the new derivative
-        self.solve(doubtful)
-        self._renew([point for point in doubtful if point.done and point.far])
+        if doubtful := [point for point in far if not point.done]:  # by the new derivative
+            self.solve(doubtful)
+            self._renew([point for point in doubtful if point.done and point.far])
 
     def solve_by(self, points: Sequence[Orbit], method: str) -> None:
         """Solve points from where they are; ``method`` is then that of those that are solved."""

@@ -519,11 +519,11 @@ def _correct(copies: Collection[Orbit], period_map: PeriodMap, *, near: bool = F
     """Solve copies on a map, first with the derivative that they have; ``near`` is that of :class:`.Shooting`."""
     shooting = Shooting([*copies], period_map, near=near)
     shooting.solve()
-    lost = [copy for copy in copies if not copy.done]
-    for copy in lost:  # the derivative of the coarse step did not serve
-        copy.restart(copy.state)
-    shooting.solve(lost)
-    shooting.shift(lost, "newton")
+    if lost := [copy for copy in copies if not copy.done]:
+        for copy in lost:  # the derivative of the coarse step did not serve
+            copy.restart(copy.state)
+        shooting.solve(lost)
+        shooting.shift(lost, "newton")
 
 
 def _averages(level: Mapping[int, Sequence[Orbit]], period_map: PeriodMap) -> dict[int, tuple[dict[str, float], float]]:

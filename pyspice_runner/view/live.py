@@ -11,7 +11,6 @@ import base64
 import gzip
 import hashlib
 import json
-import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
@@ -331,7 +330,8 @@ def _with(deck: str, values: Mapping[str, float]) -> str:
 
 def _vectors(deck: str, names: Sequence[str], stop_time: float) -> dict[str, Array]:
     """Run a deck without its measurements, for which ngspice must write no raw file."""
-    run = run_deck(re.sub(r"(?m)^\.measure .*\n", "", deck), vectors=names, stop_time=stop_time)
+    lines = (line for line in deck.splitlines(keepends=True) if not line.startswith(".measure "))
+    run = run_deck("".join(lines), vectors=names, stop_time=stop_time)
     return {name: np.asarray(run.raw.vectors[name], dtype=float) for name in ("time", *names)}
 
 
