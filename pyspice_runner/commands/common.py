@@ -260,6 +260,8 @@ def check_targets(
 def _obstacle(path: Path) -> str | None:
     """Return why a file cannot be written; ``None`` if nothing is known to prevent it."""
     try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # from Python 3.14 on is_dir and exists hide the error of a name that is too long
         if path.is_dir():
             return "it is a folder"
         target = path if path.exists() else path.resolve()  # a link may lead to a file that is still to be written
