@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.contact import limit_ratio, static_penetration
 from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode, Piezo
 from pyspice_runner.motor.refusal import build
@@ -164,8 +164,11 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     places = []
     for number, entry in enumerate(entries):
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
-        if isinstance(named, dict) and isinstance(named.get("law"), str):
-            named["law"] = {"name": named["law"]}
+        if isinstance(named, dict) and "law" in named:
+            law = {"name": named["law"]} if isinstance(named["law"], str) else named["law"]
+            valid = isinstance(law, dict) and all((key == "name") == isinstance(one, str) for key, one in law.items())
+            require(valid, f"{where}: contacts.{number}.law", named["law"], "a name, or a table of name and numbers")
+            named["law"] = law
         places.append(build(ContactPlace, named, f"contacts.{number}", where))
     first = places[0]
     found["modes"] = [
