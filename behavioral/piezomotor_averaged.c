@@ -29,6 +29,7 @@
 #define SOLVED 0.1            /* error of Newton's method, over that of a step */
 #define ITERATIONS 8          /* with one Jacobian matrix */
 #define SLOW 0.3              /* a change over the one before it, above which the Jacobian matrix is old */
+#define FAST 0.02             /* smallest such ratio that is kept: a smaller one is chance */
 #define AGES 1.1              /* growth of that ratio where it is not measured */
 /* Error of second order over the one that a step may have, below which the state is that of second order, and guesses are the
    present state. A state of third order has a rate by the Jacobian matrix: where that is old, long steps would not settle */
@@ -858,7 +859,7 @@ static int solved(struct motor *m, const double known[STATES], double weight, do
         double shrink = n > 0 && before > 0.0 ? largest / before : TRACKED ? SLOW : fmin(AGES * solver->shrink, SLOW);
         if (!isfinite(largest) || (n > 1 && shrink >= 1.0))
             return 0;
-        solver->shrink = fmin(shrink, SLOW);
+        solver->shrink = fmin(fmax(shrink, FAST), SLOW);
         if (n > 0 && shrink > SLOW)
             solver->slow = solver->old;
         if (largest <= 1e-6 || (shrink < 1.0 && largest * shrink / (1.0 - shrink) <= limit)) {
