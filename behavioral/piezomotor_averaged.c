@@ -23,14 +23,17 @@
 #define LAG 20e-6             /* s, time constant of the static deflection; as in piezomotor_averaged_bending */
 #define REFERENCE 100e3       /* Hz, at which the capacitances hold */
 #ifndef TOLERANCE
-#define TOLERANCE 2e-4        /* error of the states in a step, over their scales */
+#define TOLERANCE 1e-4        /* error of the states in a step, over their scales */
 #endif
 #define FORGOTTEN 1e-12       /* share of the force that the compression in series remembers no more */
 #define SOLVED 0.1            /* error of Newton's method, over that of a step */
 #define ITERATIONS 8          /* with one Jacobian matrix */
 #define SLOW 0.3              /* a change over the one before it, above which the Jacobian matrix is old */
+#define FAST 0.02             /* smallest such ratio that is kept: a smaller one is chance */
 #define AGES 1.1              /* growth of that ratio where it is not measured */
-#define QUIET 0.1             /* estimated error of a step over the one that it may have, below which guesses are the present state */
+/* Error of second order over the one that a step may have, below which the state is that of second order, and guesses are the
+   present state. A state of third order has a rate by the Jacobian matrix: where that is old, long steps would not settle */
+#define QUIET 0.1
 #define LONGER 4.0            /* a step over the one before it, up to which guesses go on from that one */
 #define SHORTEST 0.25         /* of a period of the drive: the shortest step whose error counts */
 #define HALVINGS 12           /* of the shortest step, if its equations are not solved */
@@ -188,13 +191,13 @@ static struct contact touch(struct motor *m, int contact, const struct path *pat
         int n = (k + PHASES) % PHASES, before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
         at.x = x[n], at.x_before = x[before], at.x_after = x[after];
         at.y = y[n], at.y_before = y[before], at.y_after = y[after];
-        at.normal = m->guess[contact][n][0];
-        at.friction = m->guess[contact][n][1];
+        struct guess *guess = &m->guess[contact][n];
+        at.normal = guess->normal, at.friction = guess->friction;
         phase_normal_force(&at);
         if (k >= 0) {
             phase_forces(&at);
-            m->guess[contact][n][0] = isfinite(at.normal) ? at.normal : 0.0;
-            m->guess[contact][n][1] = isfinite(at.friction) ? at.friction : 0.0;
+            if (isfinite(at.normal) && isfinite(at.friction))
+                *guess = (struct guess){at.normal, at.friction};
         }
         at.normal_earlier = at.normal_before;
         at.normal_before = at.normal;
@@ -231,8 +234,8 @@ static phasor inertance(const struct mode *mode, double omega)
    by the fourth power of the ratio. */
 static phasor settling(phasor from, double frequency)
 {
-    double ratio = size(from) / (PI * frequency), damped = pow(ratio, 4.0);
-    phasor straight = scaled(pow(ratio, 3.0) / (PI * frequency), (phasor){from.re, -from.im}); /* from * straight is real */
+    double ratio = size(from) / (PI * frequency), damped = ratio * ratio * ratio * ratio;
+    phasor straight = scaled(ratio * ratio * ratio / (PI * frequency), (phasor){from.re, -from.im}); /* from * straight is real */
 
     return scaled(1.0 / (1.0 + damped), (phasor){1.0 + straight.re, straight.im});
 }
@@ -728,7 +731,8 @@ static void find_jacobian(struct motor *m, const double state[STATES])
     struct path paths[CONTACTS], others[CONTACTS];
     struct flow here, there;
     double depth = static_penetration(&m->value);
-    double slope[CONTACTS][NUMBERS][FOUND], moved[STATES], guess[CONTACTS][PHASES][2];
+    double slope[CONTACTS][NUMBERS][FOUND], moved[STATES];
+    struct guess guess[CONTACTS][PHASES];
 
     find_paths(m, state, paths);
     for (int c = 0; c < CONTACTS; c++) {
@@ -855,7 +859,7 @@ static int solved(struct motor *m, const double known[STATES], double weight, do
         double shrink = n > 0 && before > 0.0 ? largest / before : TRACKED ? SLOW : fmin(AGES * solver->shrink, SLOW);
         if (!isfinite(largest) || (n > 1 && shrink >= 1.0))
             return 0;
-        solver->shrink = fmin(shrink, SLOW);
+        solver->shrink = fmin(fmax(shrink, FAST), SLOW);
         if (n > 0 && shrink > SLOW)
             solver->slow = solver->old;
         if (largest <= 1e-6 || (shrink < 1.0 && largest * shrink / (1.0 - shrink) <= limit)) {

@@ -245,6 +245,9 @@ struct solver {
     int known, old, slow;            /* Jacobian: there is one; of an earlier state; Newton's method takes long with it */
 };
 
+/* The forces at a phase in the last evaluation, N: where the next search of them begins. */
+struct guess { double normal, friction; };
+
 struct motor {
     struct values value;
     double slope[INPUT_COUNT];    /* rates of the inputs, 1/s: an input changes by them while the motor advances */
@@ -257,7 +260,7 @@ struct motor {
     double energy;                /* electrical energy into both groups, J */
     double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
     struct solver solver;
-    double guess[CONTACTS][PHASES][2]; /* of the normal and the friction force, N: those of the last evaluation */
+    struct guess guess[CONTACTS][PHASES];
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
 #if TRACKED
     struct tracker tracker;       /* its parameters */

@@ -322,16 +322,16 @@ static double phase_{0}_by(struct phase *p, double value)
 
 /* The root of an equation whose right side falls as the value rises, from the value in p, with the share of the first
    change from the last root: secants, and halves of the interval where they leave it. The last secant is not evaluated:
-   its error is a part of the product of the two errors before it. 1e-14 of the preload is rounding. */
+   its error is a part of the product of the two errors before it. A tenth of the preload is a scale of small forces. */
 static double phase_{0}(struct phase *p)
 {{
     double now = p->{0}, next = now, low = now, high = now, before = now, last = 0.0;
-    double share = p->{0}_share > 0.0 ? p->{0}_share : 1.0, rounding = 1e-14 * p->preload;
+    double share = p->{0}_share > 0.0 ? p->{0}_share : 1.0, scale, end = now;
 
     for (int i = 0; i < 100; i++) {{
         double found = phase_{0}_by(p, now), excess = found - now;
         if (i == 0)
-            low = smaller(now, found), high = larger(now, found);
+            end = found, low = smaller(now, found), high = larger(now, found);
         else
             share = (now - before) / (last - excess);
         if (excess > 0.0)
@@ -339,11 +339,12 @@ static double phase_{0}(struct phase *p)
         else
             high = now;
         next = now + share * excess;
-        if (fabs(excess) <= 1e-13 * fabs(now) + rounding || (i > 0 && fabs(excess * last) <= 1e-10 * now * now)) {{
+        scale = fabs(now) + 0.1 * p->preload;
+        if (fabs(excess) <= 1e-13 * scale || (i > 0 && fabs(excess * last) <= 1e-10 * scale * scale)) {{
             next = smaller(larger(next, low), high);
             break;
         }}
-        if (!(next > low && next < high))
+        if (!(next > low && next < high) && (i != 1 || next != end)) /* the root of a constant is the end */
             next = 0.5 * (low + high);
         before = now, last = excess, now = next;
     }}
