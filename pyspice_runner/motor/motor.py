@@ -27,7 +27,15 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
-from pyspice_runner.motor.contacts import AtRest, Touching, check_places, motion_rows, resolved, touching_of
+from pyspice_runner.motor.contacts import (
+    AtRest,
+    Touching,
+    check_places,
+    motion_rows,
+    resolved,
+    touching_of,
+    unlike_shares,
+)
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.materials import SOURCES, Lining, Materials, Source
 from pyspice_runner.motor.parameters import (
@@ -443,7 +451,7 @@ class Motor(Shown, Parameters):
     @cached_property
     def touching(self) -> tuple[Touching, ...]:
         """The contacts of a motor, one or several."""
-        return touching_of(self.contact, self.contacts, self.rotor.radius_m)
+        return touching_of(self.contact, self.contacts, self.rotor.radius_m, self.modes)
 
     @cached_property
     def at_rest(self) -> AtRest:
@@ -474,7 +482,7 @@ class Motor(Shown, Parameters):
         rotor, stiffness, damping = self.rotor, list[float](), list[float]()
         for one in self.touching:
             contact = one.contact.model_copy(update={"preload_n": one.share * force_n})
-            stiffness += contact_law.stiffnesses_at_preload(contact)
+            stiffness += contact_law.stiffnesses_at_preload(contact) if one.share else (0.0, 0.0)
             damping += (0.0, contact_law.normal_damping(contact) * contact.preload_n)
         carried = self.carried_stator if stator is None else stator.with_carrier(self.mount)
         return carried.pressed(
@@ -578,6 +586,8 @@ class Motor(Shown, Parameters):
         limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
         if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
             of_theory = (*of_theory, OTHER_PRESSURE.format(self.contact.exponent))
+        if self.contacts:
+            of_theory = (*of_theory, *unlike_shares(self.touching, self.contacts))
         return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
 
     def summary(self) -> dict[str, str]:

@@ -485,10 +485,10 @@ class ContactPlace(Parameters):
         default=1, description="number of equal points of contact that do the same"
     )
     share: float | None = quantity(
-        "share of the preload; not given: in proportion to the multiplicities", "1", gt=0.0, lt=1.0, default=None
+        "share of the preload if all heights are 0; not given: by the multiplicities", "1", gt=0.0, lt=1.0, default=None
     )
     height_m: float = quantity(
-        "height above the place at which it would have its share, negative where it is worn", "m",
+        "height above the place at which it would have its share, negative where it is worn; others bear the rest", "m",
         ge=-1e-3, le=1e-3, default=0.0,
     )  # fmt: skip
     contact: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(

@@ -91,14 +91,25 @@ def test_the_energy_of_unequal_contacts_balances(held):
     assert torque == pytest.approx(run.friction_force_n, abs=1e-6)
 
 
-def test_a_motor_with_several_contacts_rests_under_its_shares():
-    motor = pr.load_motor("examples/plate40.toml")
-    shares = {"left": 0.3, "right": 0.7}
-    motor = with_contacts(motor, *({"name": name, "share": share} for name, share in shares.items()))
-    run = pr.simulate(motor, pr.TwoPhaseDrive(0.0, 40e3, 90.0), 1e-4)
-    for name, share in shares.items():
-        force = run.of_contacts[f"normal_force_{name}_n"]
-        assert force == pytest.approx(np.full(len(force), share * motor.contact.preload_n), rel=1e-6)
+@pytest.mark.parametrize(("name", "height"), [("examples/plate40.toml", 0.0), ("bimodal40", 1e-7), ("bimodal40", 1e-3)])
+def test_contacts_rest_at_their_shares_and_heights_at_once(name, height):
+    shares, drive = {"left": 0.3, "right": 0.7}, pr.TwoPhaseDrive(0.0, 40e3, 90.0)
+    motor = with_contacts(pr.load_motor(name), *({"name": side, "share": share} for side, share in shares.items()))
+    own, total = motor.contact, motor.contact.preload_n
+    motor = motor.updated({"contacts.left.height_m": height})
+    run = simulated(motor, drive, duration=1e-4)
+    forces = np.array([run.of_contacts[f"normal_force_{side}_n"] for side in shares])
+    assert forces[:, 0].sum() == pytest.approx(total, rel=1e-9)
+    assert forces == pytest.approx(np.tile(forces[:, :1], forces.shape[1]), abs=1e-6 * total)
+    settled = [contact["normal_force_n"] for contact in pr.steady_state(motor, drive, speed=0.0).contacts]
+    assert settled == pytest.approx(forces[:, 0], abs=3e-6 * total)  # the iteration of ngspice
+    # how much deeper the left tip is than the right one, which moves alike, by Hertz's law and what is in series
+    borne = np.array([forces[:, 0], [share * total for share in shares.values()]])
+    deep = (borne / own.normal_stiffness_n_per_m15) ** (2.0 / 3.0) + own.series_compliance_m_per_n * borne
+    stands = deep[0, 0] - deep[1, 0] - deep[0, 1] + deep[1, 1]
+    touches = height < 1e-3
+    assert stands == pytest.approx(height, abs=1e-12) if touches else stands < height
+    assert [forces[1, 0] > 0.0, "from the rotor" not in str(motor.cautions)] == [touches, touches]
 
 
 def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
