@@ -86,8 +86,8 @@ class AtRest:
         return cls(*np.array(rows).T)
 
 
-def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:
-    """Return the contact that stands for several equal ones in parallel under a common preload in N."""
+def gathered(contact: Contact, multiplicity: float, preload_n: float) -> Contact:
+    """Return the contact that stands for several equal ones, or a part of one, in parallel under a preload in N."""
     if multiplicity == 1:
         return contact if preload_n == contact.preload_n else contact.model_copy(update={"preload_n": preload_n})
     changed = {"preload_n": preload_n}
@@ -112,7 +112,7 @@ def touching_of(
     found = []
     for number, (place, share) in enumerate(zip(places, shares_of(places), strict=True), start=1):
         preload = share * contact.preload_n
-        own = contact.model_copy(update={**place.contact, "preload_n": preload / place.multiplicity})
+        own = gathered(contact.model_copy(update=place.contact), place.part, preload / place.multiplicity)
         found.append(
             Touching(
                 place.name, "" if number == 1 else str(number), gathered(own, place.multiplicity, preload), own,
@@ -261,6 +261,6 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     except ValueError as error:
         raise ParameterError(f"{where}: {error}.") from error
     own = given.model_copy(update=first.contact)
-    found["contact"] = gathered(own, first.multiplicity, own.preload_n).model_dump()
+    found["contact"] = gathered(own, first.part * first.multiplicity, own.preload_n).model_dump()
     del found["contacts"]
     return found

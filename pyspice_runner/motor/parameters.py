@@ -484,6 +484,7 @@ class ContactPlace(Parameters):
     multiplicity: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=1, description="number of equal points of contact that do the same"
     )
+    part: float = quantity("part of the values of [contact] that one point has", "1", gt=0.0, le=1.0, default=1.0)
     share: float | None = quantity(
         "share of the preload if all heights are 0; not given: by the multiplicities", "1", gt=0.0, lt=1.0, default=None
     )
