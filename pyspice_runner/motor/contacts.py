@@ -229,9 +229,9 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     Raise ParameterError for an invalid list.
     """
     found, entries = dict(parts), parts.get("contacts")
-    if not entries:
+    if entries is None:
         return {name: value for name, value in found.items() if name != "contacts"}
-    if not isinstance(entries, list | tuple):
+    if not entries or not isinstance(entries, list | tuple):
         raise ParameterError(f"{where}: contacts must be one or more tables [[contacts]].")
     places = []
     for number, entry in enumerate(entries):
