@@ -172,7 +172,7 @@ enum { ORDERS = HARMONICS + 3 }; /* of the contact's force: the mean, these harm
 
 /* of each of several contacts; one contact has the whole preload */
 #define SEAT_PARAMETERS(ENTRY) \
-    ENTRY(share, "1", 1e-9, 1, "share of the preload") \
+    ENTRY(share, "1", 0, 1, "share of the preload at rest, 0 if it does not touch then") \
     ENTRY(height, "m", -1e-3, 1e-3, "height above the place at which it has that share") \
     ENTRY(friction_ratio, "1", 1e-4, 1e4, "coefficient of friction over that of the motor") \
     ENTRY(direction, "1", -1, 1, "motion along the rotor per motion of the carrier")

@@ -82,5 +82,5 @@ def engineering(value: float | None, unit: str) -> str:
         return "–"
     if unit in _WITHOUT_PREFIX:
         return f"{value:.4g}\N{NO-BREAK SPACE}{unit}"
-    exponent = 0 if value == 0.0 else min(max(floor(log10(abs(value)) / 3), -5), 3)
+    exponent = 0 if abs(value) < 1e-16 else min(max(floor(log10(abs(value)) / 3), -5), 3)
     return f"{value / 1000.0**exponent:.4g}\N{NO-BREAK SPACE}{_PREFIXES[exponent]}{unit}"

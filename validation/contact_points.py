@@ -133,6 +133,7 @@ def read(document: Mapping[str, Any]) -> Points:
         raise ValueError("this integrator has the laws spring-slider and coulomb")
     exponent = law.get("exponent", 1.5)
     many = np.array([one.get("multiplicity", 1) for one in places], dtype=float)
+    parts = many * np.array([one.get("part", 1.0) for one in places])
 
     def of(name: str) -> Array:
         return np.array([one.get("contact", {}).get(name, law.get(name, 0.0)) for one in places], dtype=float)
@@ -151,7 +152,7 @@ def read(document: Mapping[str, Any]) -> Points:
         coupling=np.array([[mode[f"coupling_{group}_n_per_v"] for mode in modes] for group in "ab"]),
         x=direction[:, None] * np.stack([along("tip_x", mode) for mode in modes], axis=1),
         y=np.stack([along("tip_y", mode) for mode in modes], axis=1),
-        normal=many * normal,
+        normal=parts * normal,
         kappa=compliance * normal ** (1.0 / exponent),
         friction=of("friction"),
         radius=np.array([one.get("radius_m") or rotor["radius_m"] for one in places]),

@@ -111,7 +111,7 @@ def estimate(run: AveragedPoint, duration: float, *, steady: bool = False, contr
 
 def _friction_torque(motor: Motor) -> float:
     """Return the torque μ F₀ R of friction in N·m, the sum over the contacts."""
-    return sum(one.contact.friction * one.contact.preload_n * one.radius_m for one in motor.touching)
+    return sum(one.contact.friction * one.preload_n * one.radius_m for one in motor.touching)
 
 
 def _swings(rows: Mapping[str, Array]) -> bool:

@@ -322,7 +322,8 @@ def presliding(motor: Mapping[str, Any]) -> float:
 
     With a slider it is the distance in m. Of several contacts it is that of one point with an equal share.
     """
-    points = sum(place.get("multiplicity", 1) for place in motor.get("contacts", ())) or 1
+    parts = [place.get("multiplicity", 1) * place.get("part", 1.0) for place in motor.get("contacts", ())]
+    points = sum(parts) or 1
     contact = Contact(**motor["contact"] | {"preload_n": motor["contact"]["preload_n"] / points})
     limit = contact_law.limit_ratio(contact) * contact_law.static_penetration(contact)
     limit += contact.tangential_series_compliance_m_per_n * contact.friction * contact.preload_n

@@ -121,7 +121,7 @@ def first_guess(
         contact, compliance = one.contact, one.contact.series_compliance_m_per_n
         if not compliance:
             continue
-        force = max(contact.preload_n + next(compressed, 0.0) / compliance, 0.0)
+        force = max(one.preload_n + next(compressed, 0.0) / compliance, 0.0)
         if not {"delta", "factor"} <= {*contact_library(own, contact).subcircuit.split()}:  # of the user's own law
             continue
         rate = compliance * contact.preload_n / discretisation.slider_time

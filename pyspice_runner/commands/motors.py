@@ -54,6 +54,8 @@ def show(call: Call) -> None:
     document = loaded.to_dict()
     if loaded.is_transducer:
         document["arms"] = {mode.name: mode.arm for mode in loaded.modes if mode.coupling_a_n_per_v}
+    if loaded.contacts:
+        document["normal_forces_at_rest_n"] = {one.name: one.preload_n for one in loaded.touching}
     rows = [["parameter", "value"], *([path, f"{value}"] for path, value in leaves(document))]
     table = Table("parameter", "value", "from", title=loaded.name)
     for path, value in leaves(document):

@@ -10,19 +10,23 @@ have the sum of the forces at the same displacements, which is the law of a sing
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError, require
-from pyspice_runner.motor.contact import limit_ratio, static_penetration
+from pyspice_runner.motor.contact import elastic_force, limit_ratio, static_penetration, stiffnesses_at_preload
 from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode, Piezo
 from pyspice_runner.motor.refusal import build
+from pyspice_runner.units import engineering
 
 Array = NDArray[np.float64]
 _SHARES = 1e-6  # by which given shares may miss 1
+_STEPS = 200  # each leaves 1 - 1/p of a depth or less: 1 mm becomes 1 nm in 41 for p = 3.5
+_LEAST_N = 1e-6  # of contact.preload_n: what bears less does not touch
+_SETTLED = 1e-12  # of the largest depth or gap: last step of Newton's method, which is quadratic
 
 
 @dataclass(frozen=True)
@@ -31,14 +35,34 @@ class Touching:
 
     name: str
     suffix: str  # of its nodes and instances in a circuit: empty for the first, then 2, 3 and so on
-    contact: Contact  # all its equal points together
+    contact: Contact  # all its equal points together, under their preload at rest, or at ``height_m`` 0
     point: Contact  # one of them
     radius_m: float  # of the rotor there
-    share: float  # of the preload
+    share: float  # of the preload at rest, 0 if it does not touch then
     multiplicity: int = 1  # number of equal points
     direction: int = 1  # -1 if the x of the stator points backward there
-    height_m: float = 0.0
+    gap_m: float = 0.0  # from the rotor at rest
     law: Mapping[str, str | float] = field(default_factory=dict, hash=False)  # its own: name and own parameters
+
+    @property
+    def preload_n(self) -> float:
+        """Its normal force at rest."""
+        return self.contact.preload_n if self.share else 0.0
+
+    @property
+    def height_m(self) -> float:
+        """Penetration at rest, negative for a gap, above that of :attr:`contact` under its preload; 0 if it touches."""
+        return 0.0 if self.share else -self.gap_m - static_penetration(self.contact)
+
+    def bearing(self, force_n: float, depth_m: float) -> Touching:
+        """Return the contact with another normal force at rest in N; of none the depth is that of the gap."""
+        if not force_n:
+            return replace(self, share=0.0, gap_m=max(-depth_m, 0.0))
+        one, all_of = ({"preload_n": force_n / points} for points in (self.multiplicity, 1))
+        share = self.share * force_n / self.contact.preload_n
+        return replace(
+            self, share=share, contact=self.contact.model_copy(update=all_of), point=self.point.model_copy(update=one)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +72,7 @@ class AtRest:
     preload_n: Array
     friction: Array  # coefficient
     radius_m: Array  # of the rotor there
-    depth_m: Array  # static penetration
+    depth_m: Array  # static penetration, of one that does not touch that at height 0
     limit_m: Array  # limit of stick
 
     @classmethod
@@ -58,12 +82,12 @@ class AtRest:
         for one in touching:
             depth = static_penetration(one.contact)
             limit = limit_ratio(one.contact) * depth
-            rows.append((one.contact.preload_n, one.contact.friction, one.radius_m, depth, limit))
+            rows.append((one.preload_n, one.contact.friction, one.radius_m, depth, limit))
         return cls(*np.array(rows).T)
 
 
-def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:
-    """Return the contact that stands for several equal ones in parallel under a common preload in N."""
+def gathered(contact: Contact, multiplicity: float, preload_n: float) -> Contact:
+    """Return the contact that stands for several equal ones, or a part of one, in parallel under a preload in N."""
     if multiplicity == 1:
         return contact if preload_n == contact.preload_n else contact.model_copy(update={"preload_n": preload_n})
     changed = {"preload_n": preload_n}
@@ -79,21 +103,71 @@ def gathered(contact: Contact, multiplicity: int, preload_n: float) -> Contact:
     return contact.model_copy(update=changed)
 
 
-def touching_of(contact: Contact, places: Sequence[ContactPlace], radius_m: float) -> tuple[Touching, ...]:
-    """Return the contacts of a motor; without places it is one."""
+def touching_of(
+    contact: Contact, places: Sequence[ContactPlace], radius_m: float, modes: Sequence[Mode]
+) -> tuple[Touching, ...]:
+    """Return the contacts of a motor as they rest; without places it is one."""
     if not places:
         return (Touching("contact", "", contact, contact, radius_m, 1.0),)
     found = []
     for number, (place, share) in enumerate(zip(places, shares_of(places), strict=True), start=1):
         preload = share * contact.preload_n
-        own = contact.model_copy(update={**place.contact, "preload_n": preload / place.multiplicity})
+        own = gathered(contact.model_copy(update=place.contact), place.part, preload / place.multiplicity)
         found.append(
             Touching(
                 place.name, "" if number == 1 else str(number), gathered(own, place.multiplicity, preload), own,
-                place.radius_m or radius_m, share, place.multiplicity, place.direction, place.height_m, place.law,
+                place.radius_m or radius_m, share, place.multiplicity, place.direction, law=place.law,
             )
         )  # fmt: skip
-    return tuple(found)
+    height = np.array([place.height_m for place in places])
+    if not height.any():
+        return tuple(found)
+    towards = motion_rows(places, modes)[1::2]
+    return settled(found, height, (towards / np.array([mode.stiffness_n_per_m for mode in modes])) @ towards.T)
+
+
+def settled(touching: Sequence[Touching], height_m: Array, flexibility: Array) -> tuple[Touching, ...]:
+    r"""Return the contacts at rest, of those whose tips, on a stator of a flexibility in m/N, have different heights.
+
+    The carrier, or the distance of the stator, moves by a until the normal forces sum to the preload. With C the
+    flexibility of stator and what is in series, F⁰ the preloads of equal heights and h the heights,
+
+    .. math::
+        \delta = \delta^0 + h + a - C\,(F(\delta) - F^0), \qquad \sum F_i(\delta_i) = \sum F^0_i .
+
+    Newton's method begins where all touch. F is convex, so that the forces of each step sum to the preload or more.
+    """
+    contacts, rest = [one.contact for one in touching], AtRest.of(touching)
+    softness = flexibility + np.diag([one.series_compliance_m_per_n for one in contacts])
+    depth, common = rest.depth_m + height_m - height_m.min(), 0.0
+    for number in range(_STEPS):
+        forces = np.array([elastic_force(one, deep) for one, deep in zip(contacts, depth, strict=True)])
+        under = (one.model_copy(update={"preload_n": load}) for one, load in zip(contacts, forces, strict=True))
+        slopes = np.array([one.preload_n and stiffnesses_at_preload(one)[1] for one in under])
+        left = rest.depth_m + height_m + common - softness @ (forces - rest.preload_n) - depth
+        sides = np.column_stack([left, np.ones(len(depth))])
+        moved, along = np.linalg.solve(np.eye(len(depth)) + softness * slopes, sides).T
+        further = (rest.preload_n.sum() - forces.sum() - slopes @ moved) / (slopes @ along)
+        part = 1.0 if number < 0.25 * _STEPS else 0.5  # where linings open and close in turn
+        step = part * (moved + further * along)
+        depth, common = depth + step, common + part * further
+        if np.abs(step).max() <= _SETTLED * np.abs(depth).max():
+            break
+    else:
+        raise ValueError(
+            "the heights of [[contacts]] have no equilibrium that Newton's method finds: make them smaller"
+        )
+    forces *= (forces >= _LEAST_N) * rest.preload_n.sum() / forces.sum()
+    return tuple(one.bearing(*pair) for one, pair in zip(touching, np.stack([forces, depth], 1).tolist(), strict=True))
+
+
+def unlike_shares(touching: Sequence[Touching], places: Sequence[ContactPlace]) -> tuple[str, ...]:
+    """Return a sentence if heights leave contacts without their stated shares, or away from the rotor."""
+    if not any(one.gap_m for one in touching) and not any(place.height_m and place.share for place in places):
+        return ()
+    away = (f", {engineering(one.gap_m, 'm')} from the rotor" if one.gap_m else "" for one in touching)
+    borne = ", ".join(f"{one.name} {100.0 * one.share:.3g} %{far}" for one, far in zip(touching, away, strict=True))
+    return (f"By their heights, the contacts bear of the preload at rest: {borne}. A share holds where heights are 0.",)
 
 
 def shares_of(places: Sequence[ContactPlace]) -> list[float]:
@@ -159,8 +233,10 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     Raise ParameterError for an invalid list.
     """
     found, entries = dict(parts), parts.get("contacts")
-    if not entries:
+    if entries is None:
         return {name: value for name, value in found.items() if name != "contacts"}
+    if not entries or not isinstance(entries, list | tuple):
+        raise ParameterError(f"{where}: contacts must be one or more tables [[contacts]].")
     places = []
     for number, entry in enumerate(entries):
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
@@ -192,6 +268,6 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     except ValueError as error:
         raise ParameterError(f"{where}: {error}.") from error
     own = given.model_copy(update=first.contact)
-    found["contact"] = gathered(own, first.multiplicity, own.preload_n).model_dump()
+    found["contact"] = gathered(own, first.part * first.multiplicity, own.preload_n).model_dump()
     del found["contacts"]
     return found

@@ -418,14 +418,9 @@ def _place(entries: list[dict[str, Any]], solid: Solid, stator: Stator, contact:
 
 def _from_ring(plain: dict[str, Any], where: str) -> tuple[Ring, list[dict[str, Any]], dict[str, float]]:
     """Return a ring, its modes and its capacitances, and put its contacts into the file."""
-    ring, rotor = build(Ring, plain["ring"], "ring", where), plain.get("rotor", {})
+    ring = build(Ring, plain["ring"], "ring", where)
     if "contacts" in plain:
         raise ParameterError(f"{where}: the contacts of a [ring] follow from ring.points; leave out [[contacts]].")
-    if "contact" not in plain or rotor.get("radius_m") != ring.contact_radius_m:
-        raise ParameterError(
-            f"{where}: a [ring] turns a [rotor] whose radius_m is ring.contact_radius_m = {ring.contact_radius_m:g} m. "
-            "Specify [contact] and that rotor."
-        )
     with located(where):
         wave = wave_of(ring)
     modes, couplings = ring_modes(ring, wave)

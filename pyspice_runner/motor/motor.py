@@ -27,7 +27,15 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
-from pyspice_runner.motor.contacts import AtRest, Touching, check_places, motion_rows, resolved, touching_of
+from pyspice_runner.motor.contacts import (
+    AtRest,
+    Touching,
+    check_places,
+    motion_rows,
+    resolved,
+    touching_of,
+    unlike_shares,
+)
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.materials import SOURCES, Lining, Materials, Source
 from pyspice_runner.motor.parameters import (
@@ -105,6 +113,9 @@ STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: t
 OTHER_PRESSURE = (
     "The contact has the exponent {:g}, not Hertz's: pressure and tension, which have limits, are not known."
 )
+# of a lining: a neo-Hookean one then bears (1/λ² − λ)/3ε = 1.27 of the linear law's force (L. R. G. Treloar, The
+# Physics of Rubber Elasticity, 1975, ch. 5)
+LINEAR_STRAIN = 0.2
 DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
 
 
@@ -369,8 +380,16 @@ class Motor(Shown, Parameters):
             raise ValueError("[load] and piezo.reference_hz belong to a transducer, without contact and rotor")
         if self.contacts:
             check_places(self.contact, self.contacts, self.modes, self.piezo)
+        elif not stator.contact.any():
+            raise ValueError("no mode moves the tip: give tip_x or tip_y to one of them")
         else:
             self._check_motion()
+        if self.lining_strain >= 1.0:
+            raise ValueError(
+                f"contact.preload_n = {self.contact.preload_n:g} N compresses the lining by {self.lining_strain:.3g} "
+                "times contact.lining.thickness_m; it must be less than once, so lower the preload or specify a larger "
+                "area or modulus"
+            )
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
         if self.mount and shaken >= self.mount.mass_kg:
@@ -436,7 +455,7 @@ class Motor(Shown, Parameters):
     @cached_property
     def touching(self) -> tuple[Touching, ...]:
         """The contacts of a motor, one or several."""
-        return touching_of(self.contact, self.contacts, self.rotor.radius_m)
+        return touching_of(self.contact, self.contacts, self.rotor.radius_m, self.modes)
 
     @cached_property
     def at_rest(self) -> AtRest:
@@ -467,7 +486,7 @@ class Motor(Shown, Parameters):
         rotor, stiffness, damping = self.rotor, list[float](), list[float]()
         for one in self.touching:
             contact = one.contact.model_copy(update={"preload_n": one.share * force_n})
-            stiffness += contact_law.stiffnesses_at_preload(contact)
+            stiffness += contact_law.stiffnesses_at_preload(contact) if one.share else (0.0, 0.0)
             damping += (0.0, contact_law.normal_damping(contact) * contact.preload_n)
         carried = self.carried_stator if stator is None else stator.with_carrier(self.mount)
         return carried.pressed(
@@ -476,6 +495,12 @@ class Motor(Shown, Parameters):
             rotor.inertia_kg_m2 / rotor.radius_m**2,
             rotor.bearing_damping_n_m_s / rotor.radius_m**2,
         )
+
+    @property
+    def lining_strain(self) -> float:
+        """Static compression of a lining over its thickness; 0 if that is not known."""
+        thickness = getattr(self.materials, "thickness_m", None)
+        return float(max(self.at_rest.depth_m * (self.at_rest.preload_n > 0.0)) / thickness) if thickness else 0.0
 
     @property
     def deflection_m(self) -> float:
@@ -571,6 +596,13 @@ class Motor(Shown, Parameters):
         limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
         if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
             of_theory = (*of_theory, OTHER_PRESSURE.format(self.contact.exponent))
+        if not self.is_transducer and self.lining_strain >= LINEAR_STRAIN:
+            strain = (
+                f"The preload compresses the lining by {100.0 * self.lining_strain:.2g} % of its thickness: beyond "
+            )
+            of_theory = (*of_theory, f"{strain}{100.0 * LINEAR_STRAIN:g} % it is stiffer than the linear law.")
+        if self.contacts:
+            of_theory = (*of_theory, *unlike_shares(self.touching, self.contacts))
         return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
 
     def summary(self) -> dict[str, str]:
@@ -753,6 +785,11 @@ def assemble(
     parts: Mapping[str, Any], stator: Structure | Solid | Ring | None, provenance: dict[str, Provenance], *, where: str
 ) -> Motor:
     """Build a motor from plain tables, its modes sorted by frequency; ``where`` names their origin in messages."""
+    if isinstance(stator, Ring) and (parts.get("rotor") or {}).get("radius_m") != stator.contact_radius_m:
+        raise ParameterError(
+            f"{where}: a [ring] turns a [rotor] whose radius_m is ring.contact_radius_m = {stator.contact_radius_m:g} "
+            "m. Specify [contact] and that rotor."
+        )
     parts = resolved(parts, where)
     modes = tuple(build(Mode, mode, f"modes.{index}", where) for index, mode in enumerate(parts["modes"]))
     order = sorted(range(len(modes)), key=lambda index: modes[index].frequency_hz)

@@ -13,7 +13,15 @@ from functools import cached_property
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.groups import GROUPS
@@ -478,17 +486,19 @@ class ContactPlace(Parameters):
     radius_m: float | None = quantity(
         "radius of the rotor at the contact; not given: rotor.radius_m", "m", ge=1e-4, le=10.0, default=None
     )
-    direction: Literal[1, -1] = Field(
+    # a Literal takes true for 1
+    direction: Annotated[Literal[1, -1], BeforeValidator(lambda given: f"{given}" if given is True else given)] = Field(
         default=1, description="1, or -1 for a tip whose motion along the stator's x drives the rotor backward"
     )
     multiplicity: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=1, description="number of equal points of contact that do the same"
     )
+    part: float = quantity("part of the values of [contact] that one point has", "1", gt=0.0, le=1.0, default=1.0)
     share: float | None = quantity(
-        "share of the preload; not given: in proportion to the multiplicities", "1", gt=0.0, lt=1.0, default=None
+        "share of the preload if all heights are 0; not given: by the multiplicities", "1", gt=0.0, lt=1.0, default=None
     )
     height_m: float = quantity(
-        "height above the place at which it would have its share, negative where it is worn", "m",
+        "height above the place at which it would have its share, negative where it is worn; others bear the rest", "m",
         ge=-1e-3, le=1e-3, default=0.0,
     )  # fmt: skip
     contact: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(

@@ -401,7 +401,7 @@ def ring_contacts(ring: Ring, wave: Wave) -> list[dict[str, Any]]:
         phase = 2.0 * pi * point / ring.points - axis
         along, across = _clean(cos(phase)), _clean(sin(phase))
         found.append({
-            "name": f"point{point + 1}", "multiplicity": ring.waves,
+            "name": f"point{point + 1}", "multiplicity": ring.waves, "part": 1.0 / (ring.points * ring.waves),
             "tip_x": {MODES[0]: wave.lever * across, MODES[1]: -wave.lever * along},
             "tip_y": {MODES[0]: along, MODES[1]: across},
         })  # fmt: skip

@@ -48,8 +48,9 @@ def audit_run(
     findings = []
     if energy.residual > ENERGY_BOUND:
         findings.append(
-            f"The energy balance misses {abs(energy.missing):.3g} of {energy.passed:.3g} J; the limit is "
-            f"{100 * ENERGY_BOUND:g} %. The step of {step:.3g} s {_TOO_COARSE}"
+            f"The energy balance misses {abs(energy.missing):.3g} J; the limit is {100 * ENERGY_BOUND:g} % of the "
+            f"{energy.passed:.3g} J that passed, plus {energy.rounding:.2g} J for rounding. The step of {step:.3g} s "
+            f"{_TOO_COARSE}"
         )
     if contact:
         for one in motor.touching:

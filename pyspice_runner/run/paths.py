@@ -2,7 +2,7 @@
 """Dotted paths of the parameters of a run: the one grammar that sweeps, maps, branches, curves and commands share.
 
 ``law.*`` are the own parameters of the contact's law. ``contact.*``, ``contact.materials.*``, ``contact.lining.*``,
-``rotor.*`` or ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*`` and ``modes.N.*`` are those of
+``rotor.*`` or ``slider.*``, ``mount.*``, ``piezo.*``, ``limits.*``, ``modes.N.*``, ``contacts.N.*`` are those of
 :meth:`~pyspice_runner.motor.motor.Motor.updated`. ``drive.*`` are the values of a drive or a driver,
 ``drive.PART.PARAMETER`` those of a driver's parts. ``load.speed`` and ``load.torque`` are the load of the shaft,
 other ``load.*`` that of a transducer; ``run.*`` are the settings of an analysis.
@@ -74,16 +74,15 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     refuse_source(path)
     if motor.materials and path.startswith(f"contact.{motor.materials.TABLE}."):
         section, key = "materials", path.rpartition(".")[2]
-    if section == "modes":
-        which, _, key = key.partition(".")
-        names = [mode.name for mode in motor.modes]
-        place = names.index(which) if which in names else int(which) if which.isdecimal() else len(names)
-        owner: Any = motor.modes[place] if place < len(names) else None
+    lists = {"modes": motor.modes, "contacts": motor.contacts}
+    if section in lists:
+        owner, key = _entry(motor, section, key)
     else:
         owner = drive if section == "drive" else getattr(motor, section, None) if key else None
     fields = getattr(type(owner), "model_fields", {})
     if key not in fields and not (section == "modes" and owner and key in _DERIVED):
-        parts = [*motor, *((f"modes.{number}", mode) for number, mode in enumerate(motor.modes)), ("drive", drive)]
+        entries = ((f"{name}.{number}", one) for name, several in lists.items() for number, one in enumerate(several))
+        parts = [*motor, *entries, ("drive", drive)]
         table = motor.materials.TABLE if motor.materials else ""
         parts = [(f"contact.{table}" if name == "materials" else name, part) for name, part in parts]
         every = [f"{name}.{key}" for name, part in parts for key in getattr(type(part), "model_fields", ())]
@@ -94,6 +93,22 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
     if key not in fields:
         return Parameter(path, float(nominal), unit_in(key))
     return Parameter(path, float(nominal), unit_of(type(owner), key), str(fields[key].description))
+
+
+def _entry(motor: Motor, section: str, path: str) -> tuple[Any, str]:
+    """Return the mode or the contact that a path names, or what has a value of it, and the name of the value."""
+    which, _, key = path.partition(".")
+    entries, modes = getattr(motor, section), {mode.name: mode for mode in motor.modes}
+    names, (table, _, inner) = [one.name for one in entries], key.partition(".")
+    place = names.index(which) if which in names else int(which) if which.isdecimal() else len(names)
+    if place >= len(names) or section == "modes":
+        return (entries[place] if place < len(names) else None), key
+    own, one = entries[place], motor.touching[place]
+    if table in ("tip_x", "tip_y") and inner in modes:
+        return modes[inner].model_copy(update={table: getattr(own, table).get(inner, 0.0)}), table
+    if table == "contact":
+        return motor.contact.model_copy(update=own.contact), inner
+    return own.model_copy(update={"share": own.share or one.share, "radius_m": one.radius_m}), key
 
 
 def law_parameter(path: str, law: Law) -> tuple[Parameter, float, float]:

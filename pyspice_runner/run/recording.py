@@ -128,7 +128,7 @@ class Recording:
             **dict(zip(("tip_x_m", "tip_y_m"), self.places[0].tolist(), strict=True)),
             "normal_force_n": sum(pressed) if self._several else self._preload,
             **dict(zip(contact_columns(self._several, ("normal",)), pressed, strict=True)),
-            **dict.fromkeys(contact_columns(self._several, ("state",)), 1.0),
+            **{column_of_contact("state", one.name): float(one.share > 0.0) for one in self._several},
             "contact_state": 1.0 if self.point.law else 0.0,
             "rotor_speed_rad_s": self.point.load.speed or 0.0,
             "temperature_k": self.point.thermal.ambient_k if self.point.thermal else 0.0,

@@ -264,7 +264,7 @@ def _check_recording(
 TIP = ("tip_x_m", "tip_y_m")
 JUDGED = (*TIP, "rotor_speed_rad_s", "friction_force_n")
 COST = 0.75  # of the run whose error is estimated: half of its steps and a quarter
-_ROUNDING = 1e-9  # of the tip's place; less is no motion, but the rounding of a solver
+_ROUNDING = 1e-9  # of the tip's place or static penetration; less is no motion, but the rounding of a solver
 _SECOND_ORDER = 2.5  # ratio of the distances from twice to four times the step; 4 where the error is of second order
 
 
@@ -343,10 +343,13 @@ class CoarserRuns:
         if not coarser:
             return None
         setup, rested = self._setup, self._record_from == 0.0
-        first = _distance(waves, coarser[0], rested)
+        depth = float(setup.motor.at_rest.depth_m.max()) if setup.law else 0.0
+        first = _distance(waves, coarser[0], rested, depth)
         opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())
         second_order = (
-            len(coarser) == 2 and not opens and _distance(coarser[0], coarser[1], rested) >= _SECOND_ORDER * first
+            len(coarser) == 2
+            and not opens
+            and _distance(coarser[0], coarser[1], rested, depth) >= _SECOND_ORDER * first
         )
         speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
         torque = None if force is None else setup.motor.rotor.radius_m * force  # there is none of a transducer
@@ -365,8 +368,10 @@ def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float
     return float(sum(weight * abs(a - b) for weight, a, b in zip((1.0, 0.5), means[:-1], means[1:], strict=False)))
 
 
-def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool) -> float:
+def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool, depth_m: float) -> float:
     """Return the RMS distance of two tips over the RMS of the motion; 0 for a tip that does not move.
+
+    ``depth_m`` is its static penetration.
 
     The place of rest under the preload depends a little on the step. Where the runs began at ``rested``, motions are
     counted from there; they are otherwise a multiple of themselves apart where the drive is weak.
@@ -379,5 +384,5 @@ def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bo
         ours = fine[name][first : first + len(time)]
         difference = ours - interpolated(coarse["time_s"], coarse[name], time)
         away += float(np.mean((difference - (difference[0] if rested else 0.0)) ** 2))
-        motion += float(np.var(ours)) if np.std(ours) > _ROUNDING * abs(np.mean(ours)) else 0.0
+        motion += float(np.var(ours)) if np.std(ours) > _ROUNDING * max(abs(float(np.mean(ours))), depth_m) else 0.0
     return sqrt(away / motion) if motion > 0.0 else 0.0

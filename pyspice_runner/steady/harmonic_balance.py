@@ -575,7 +575,7 @@ class Balance:
         for number, one in enumerate(plant.motor.touching):
             contact = one.contact
             for axis, series, force, rest in (
-                (1, contact.series_compliance_m_per_n, self.forces.normal[0, number], contact.preload_n),
+                (1, contact.series_compliance_m_per_n, self.forces.normal[0, number], one.preload_n),
                 (0, contact.tangential_series_compliance_m_per_n, self.forces.friction[0, number], 0.0),
             ):
                 if series:

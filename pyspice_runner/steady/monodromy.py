@@ -137,7 +137,7 @@ class Linearised:
             for plant in self.plants:
                 softness = stems(plant.motor, self.law)
                 for one in plant.motor.touching:
-                    preload = rounded(one.contact.preload_n) if name == "stem" else 0.0
+                    preload = rounded(one.preload_n) if name == "stem" else 0.0
                     own.append((preload, rounded(softness[f"{name}{one.suffix}"])))
             values = np.array(own)[self.rows, np.newaxis]
             found[name] = known | {"preload": values[..., 0], "compliance": values[..., 1]}

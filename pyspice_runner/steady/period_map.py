@@ -459,8 +459,10 @@ def held_forces(plant: Plant, trace: Trace) -> tuple[float, float]:
     contact's tangential spring softens towards its limit, which reduces the alternating part. Contacts carry it as
     :func:`parts_of_force`.
     """
-    limit, friction = plant.motor.at_rest.friction[:, np.newaxis] * trace.normal[:, 1:], trace.friction[:, 1:]
     part = parts_of_force(plant)[:, np.newaxis]
+    bears = part[:, 0] > 0.0  # what does not touch at rest carries nothing
+    limit, friction = (plant.motor.at_rest.friction[:, np.newaxis] * trace.normal)[bears, 1:], trace.friction[bears, 1:]
+    part = part[bears]
     return min(float(np.max((-limit - friction) / part)), 0.0), max(float(np.min((limit - friction) / part)), 0.0)
 
 
@@ -575,7 +577,7 @@ def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: 
             loss_w -= one.contact.friction * one.multiplicity * found[at]
     for at, share in others.items():
         one = plant.motor.touching[at]
-        found[at] = share / sum(others.values()) * loss_w / one.contact.friction / one.multiplicity
+        found[at] = share / (sum(others.values()) or 1.0) * loss_w / one.contact.friction / one.multiplicity
     return found
 
 

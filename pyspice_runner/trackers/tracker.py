@@ -107,7 +107,8 @@ def stator_lag(motor: Motor, mode: int, force_n: float, *, contact: bool = True)
         return StatorLag(omega / (2.0 * pi), mass * omega / damping, force_n / damping / omega)
     if not contact:
         return StatorLag(own.frequency_hz, own.quality_factor, highest)
-    tips = list(zip(motor.touching, motor.stator.contact[:, mode].reshape(-1, 2).tolist(), strict=True))
+    moved = motor.stator.contact[:, mode].reshape(-1, 2).tolist()
+    tips = [(one, xy) for one, xy in zip(motor.touching, moved, strict=True) if one.share]  # that touch at rest
     normal = sum(contact_law.normal_stiffness_at_preload(one.contact) * y**2 for one, (_, y) in tips)
 
     def state(amplitude: float) -> tuple[float, float]:

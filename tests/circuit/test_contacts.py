@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from pyspice_runner.run.paths import parameter
 from pyspice_runner.spice.library import data_path
 from tests.rings import loaded, plain, ring, with_contacts
 from tests.runs import simulated
@@ -31,6 +32,10 @@ def test_one_entry_is_the_motor_itself(name, tmp_path):
     document = plain(motor)
     same = with_contacts(motor, {})
     assert same.model_dump() == document
+    with pytest.raises(pr.ParameterError, match=r"contacts must be one or more tables \[\[contacts\]\]"):
+        with_contacts(motor)
+    with pytest.raises(pr.ParameterError, match="no mode moves the tip"):
+        motor.updated({f"modes.{mode.name}.{axis}": 0.0 for mode in motor.modes for axis in ("tip_x", "tip_y")})
     text = same.to_toml()
     assert loaded(tmp_path, text).model_dump() == document
 
@@ -92,14 +97,27 @@ def test_the_energy_of_unequal_contacts_balances(held):
     assert torque == pytest.approx(run.friction_force_n, abs=1e-6)
 
 
-def test_a_motor_with_several_contacts_rests_under_its_shares():
-    motor = pr.load_motor("examples/plate40.toml")
-    shares = {"left": 0.3, "right": 0.7}
-    motor = with_contacts(motor, *({"name": name, "share": share} for name, share in shares.items()))
-    run = pr.simulate(motor, pr.TwoPhaseDrive(0.0, 40e3, 90.0), 1e-4)
-    for name, share in shares.items():
-        force = run.of_contacts[f"normal_force_{name}_n"]
-        assert force == pytest.approx(np.full(len(force), share * motor.contact.preload_n), rel=1e-6)
+@pytest.mark.parametrize(("name", "height"), [("examples/plate40.toml", 0.0), ("bimodal40", 1e-7), ("bimodal40", 1e-3)])
+def test_contacts_rest_at_their_shares_and_heights_at_once(name, height):
+    shares, drive = {"left": 0.3, "right": 0.7}, pr.TwoPhaseDrive(0.0, 40e3, 90.0)
+    motor = with_contacts(pr.load_motor(name), *({"name": side, "share": share} for side, share in shares.items()))
+    own, total = motor.contact, motor.contact.preload_n
+    motor = motor.updated({"contacts.left.height_m": height})
+    run = pr.simulate(motor, drive, duration=1e-4)
+    assert run.error_estimate == 0.0  # of a tip that does not move
+    forces = np.array([run.of_contacts[f"normal_force_{side}_n"] for side in shares])
+    assert forces[:, 0].sum() == pytest.approx(total, rel=1e-9)
+    assert forces == pytest.approx(np.tile(forces[:, :1], forces.shape[1]), abs=1e-6 * total)
+    assert parameter("contacts.left.height_m", motor, drive, {}).nominal == height
+    settled = [contact["normal_force_n"] for contact in pr.steady_state(motor, drive, speed=0.0).contacts]
+    assert settled == pytest.approx(forces[:, 0], abs=3e-6 * total)  # the iteration of ngspice
+    # how much deeper the left tip is than the right one, which moves alike, by Hertz's law and what is in series
+    borne = np.array([forces[:, 0], [share * total for share in shares.values()]])
+    deep = (borne / own.normal_stiffness_n_per_m15) ** (2.0 / 3.0) + own.series_compliance_m_per_n * borne
+    stands = deep[0, 0] - deep[1, 0] - deep[0, 1] + deep[1, 1]
+    touches = height < 1e-3
+    assert stands == pytest.approx(height, abs=1e-12) if touches else stands < height
+    assert [forces[1, 0] > 0.0, "from the rotor" not in str(motor.cautions)] == [touches, touches]
 
 
 def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
@@ -117,6 +135,7 @@ def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
         ({"contacts.p1.direction": -1}, "the first contact defines forward"),
         ({"contacts.p2.contact.friction": -1.0}, "contacts.p2.contact.friction = -1"),
         ({"modes.0.tip_x": 1.0}, "follows from contacts.0"),
+        ({"contacts.p2.direction": True}, "contacts.1.direction = 'True' is not valid: it must be one of 1, -1"),
         ({"contacts.p9.height_m": 0.0}, "no parameter 'contacts.p9.height_m'"),
         ({"contacts.p2.law": "brush"}, "The contact brush of p2 is for a motor with one contact"),
         ({"contacts.p2.law": "sandpaper"}, "contacts.p2.law: contact = 'sandpaper' is not valid"),

@@ -108,6 +108,15 @@ def test_the_set_has_two_modes_that_split_and_a_wave_that_runs_past_its_contacts
     assert high.frequency_hz / low.frequency_hz - 1 == pytest.approx(one.splitting, rel=1e-3)
     assert [place.multiplicity for place in motor.contacts] == 8 * [9]
     assert not motor.cautions
+    with pytest.raises(pr.ParameterError, match=r"radius_m is ring\.contact_radius_m = 0\.029 m"):
+        motor.updated({"rotor.radius_m": 0.02})
+    soft = "contact.lining.youngs_modulus_pa"
+    assert "compresses the lining by 39 %" in motor.updated({soft: 2e6}).cautions[0]
+    with pytest.raises(pr.ParameterError, match=r"compresses the lining by 7\.87 times contact\.lining\.thickness_m"):
+        motor.updated({soft: 1e5})
+    for points in (3, 4, 16):  # [contact] is of the whole circle, which is as stiff with any number of points
+        pressed = changed_motor("ring60", {"ring.points": points, "contact.preload_n": 170.0}).pressed_stator
+        assert pressed.stiffness == pytest.approx(motor.pressed_stator.stiffness, rel=1e-9, abs=1e-3)
     # of a wave all points move by 1 towards the rotor and by X along it, a quarter of a period apart
     x, y = motor.stator.contact[::2], motor.stator.contact[1::2]
     assert np.hypot(*y.T) == pytest.approx(np.ones(8))

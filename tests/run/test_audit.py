@@ -67,8 +67,8 @@ def audited(missing: float = 0.0, step: float = 1e-7, **changed: float) -> tuple
 @pytest.mark.parametrize(("changed", "found"), [
     ({}, ""),
     ({"missing": 0.99 * ENERGY_BOUND * 1e-3}, ""),
-    ({"missing": 1.01 * ENERGY_BOUND * 1e-3}, "The energy balance misses 1.01e-05 of 0.001 J; the limit is 1 %."),
-    ({"missing": -1.01 * ENERGY_BOUND * 1e-3}, "The energy balance misses 1.01e-05 of 0.001 J; the limit is 1 %."),
+    ({"missing": 1.01 * ENERGY_BOUND * 1e-3}, "The energy balance misses 1.01e-05 J; the limit is 1 % of the 0.001 J"),
+    ({"missing": -1.01 * ENERGY_BOUND * 1e-3}, "The energy balance misses 1.01e-05 J; the limit is 1 % of the 0.001 J"),
     ({"normal_force_n": -0.01, "friction_force_n": 0.0}, "The contact pulls with 0.01 N"),
     ({"friction_force_n": 1.51}, "Friction exceeds mu F_N by 0.01 N"),
     ({"friction_force_n": -1.51}, "Friction exceeds mu F_N by 0.01 N"),

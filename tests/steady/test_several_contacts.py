@@ -139,7 +139,8 @@ def test_a_tip_that_stands_back_bears_less_and_opens_more():
     assert quiet.contacts[1]["normal_force_n"] < 0.35 * quiet.normal_force_n
     front, back = state.contacts
     assert back["separated"] > front["separated"]
-    assert state.separated == pytest.approx(0.6 * front["separated"] + 0.4 * back["separated"])
+    shares = motor.stator.share
+    assert state.separated == pytest.approx(shares @ [front["separated"], back["separated"]])
     assert state.to_dict()["contacts"] == list(state.contacts)
     assert abs(state.balance_residual) < 1e-6
     assert "normal_force_back_n" in state.columns()
