@@ -102,10 +102,13 @@ def shares_of(places: Sequence[ContactPlace]) -> list[float]:
     if not given:
         total = sum(place.multiplicity for place in places)
         return [place.multiplicity / total for place in places]
-    if len(given) < len(places) or abs(sum(given) - 1.0) > _SHARES:
+    without = ", ".join(place.name for place in places if place.share is None)
+    if without:
         raise ValueError(
-            f"the shares of [[contacts]] sum to {sum(given):g}: give all of them, with a sum of 1, or none"
+            f"[[contacts]] without a share are {without}: give each its share, or none of the contacts one"
         )
+    if abs(sum(given) - 1.0) > _SHARES:
+        raise ValueError(f"the shares of [[contacts]] sum to {sum(given):g}; correct them to a sum of 1")
     return [share / sum(given) for share in given]
 
 
@@ -146,7 +149,7 @@ def check_places(contact: Contact, places: Sequence[ContactPlace], modes: Sequen
         try:
             build(Contact, {**contact.model_dump(), **place.contact}, f"contacts.{place.name}.contact", "")
         except ParameterError as error:
-            raise ValueError(str(error).removeprefix(": ").rstrip(".")) from error
+            raise ValueError(str(error).removeprefix(": ")) from error
 
 
 def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -164,7 +167,8 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
         if isinstance(named, dict) and isinstance(named.get("law"), str):
             named["law"] = {"name": named["law"]}
-        places.append(build(ContactPlace, named, f"contacts.{number}", where))
+        own_name = isinstance(entry, Mapping) and isinstance(entry.get("name"), str)
+        places.append(build(ContactPlace, named, f"contacts.{named['name'] if own_name else number}", where))
     first = places[0]
     found["modes"] = [
         {
