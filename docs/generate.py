@@ -14,6 +14,7 @@ import pyspice_runner as pr
 from pyspice_runner.motor.load import SETS, Arm
 from pyspice_runner.motor.materials import Lining, Materials
 from pyspice_runner.motor.parameters import (
+    MOST_CONTACTS,
     Beam,
     Contact,
     ContactPlace,
@@ -107,9 +108,9 @@ _REMARKS = {
     "Arms": "Seen at group A with group B shorted. It also has `tip_x`, `tip_y`, `recoil_kg` and `recoil_x_kg`.",
     "Ceramic": "Shared by all patches.",
     "Materials": "Instead of the stiffness and the compliances of the contact.",
-    "Contacts": "`[[contacts]]`: several contacts of one stator. A `[ring]` sets its own. With a `[solid]`, "
-    "`face = { from_m, to_m, normal, tangent }` places one as `[solid.contact]` does; without it and without tip_x and "
-    "tip_y it is there.",
+    "Contacts": f"`[[contacts]]`: up to {MOST_CONTACTS} contacts of one stator. A `[ring]` sets its own. With a "
+    "`[solid]`, `face = { from_m, to_m, normal, tangent }` places one as `[solid.contact]` does; without it and "
+    "without tip_x and tip_y it is there.",
     "Lining": "[Explanation](contact.md#a-lining-or-rough-surfaces)",
     "Slider": "Instead of `[rotor]`, for a [linear stage](own_motor.md#linear-stages).",
     "Mount": "Without it the distance from the rotor is fixed.",

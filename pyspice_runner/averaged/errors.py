@@ -154,13 +154,14 @@ def compare(run: AveragedPoint, rows: Mapping[str, Array], *, free: bool) -> lis
     points = [operating_point(run, {name: float(values[row]) for name, values in rows.items()}) for row in chosen]
     states = steady_states(points, averages=False)
     check_runs(states)
-    for state in states:
+    for row, state in zip(chosen, states, strict=True):
         if not state.stable:
             largest = np.abs(state.floquet_multipliers).max(initial=0.0)
             how = f"is unstable ({state.instability}, multiplier {largest:.5g})" if state.converged else "was not found"
             raise SimulationError(
-                f"The periodic motion that the averaged model describes {how} in the full motor at {state.drive.label} "
-                f"and {state.speed_rad_s:.4g} rad/s. Use speed_torque or simulate for the time averages."
+                f"The periodic motion that the averaged model describes {how} in the full motor at "
+                f"{1e3 * rows['time'][row]:.4g} ms of the run, with {state.drive.label} and {state.speed_rad_s:.4g} "
+                "rad/s. Take the time averages of the full motor, by simulate or speed-torque."
             )
     if not all(state.determined for state in states):
         raise sticks

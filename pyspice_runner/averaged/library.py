@@ -301,7 +301,9 @@ class AveragedSubCircuit(Assembly):
         name: str = SUBCIRCUIT,
     ) -> None:
         motor = require_averaged(motor)
-        require_one_contact(motor, "The averaged motor in ngspice, and its .lib, are")
+        require_one_contact(
+            motor, "The averaged motor in ngspice, and its .lib, are", "Export a .fmu, or a .lib without --averaged"
+        )
         motor = motor.on_carrier()
         contact = motor.contact
         values = {

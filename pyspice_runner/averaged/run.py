@@ -93,9 +93,9 @@ class ErrorEstimate:
         )
 
     def __str__(self) -> str:
-        """Return the shares, or why they are not known."""
+        """Return the shares, or that they are not known."""
         shares = [f"{WORDS[name]} {100.0 * share:.2g} %" for name, share in self.shares.items()]
-        return self.unknown or ", ".join(shares) or "none"
+        return "not known" if self.unknown else ", ".join(shares) or "none"
 
 
 class Estimated:

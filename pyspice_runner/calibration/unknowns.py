@@ -10,7 +10,7 @@ from math import exp, hypot, inf, log
 from pyspice_runner.circuit.law import PAPER_LAW, Law
 from pyspice_runner.errors import ParameterError, did_you_mean, require
 from pyspice_runner.motor.motor import Motor, Ringing
-from pyspice_runner.motor.parameters import Mode, Parameters
+from pyspice_runner.motor.parameters import Mode, Parameters, stiffest
 from pyspice_runner.motor.refusal import Stated, quoted, schema_of
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.run.paths import law_parameter, parameter
@@ -146,14 +146,12 @@ def _range(motor: Motor, path: str) -> tuple[float, float]:
     section, _, key = path.partition(".")
     if section != "modes":
         low, high = _limits(type(getattr(motor, section)), key)
-        return low, min(high, motor.contact.stiffest) if key == "normal_stiffness_n_per_m15" else high
+        return low, min(high, stiffest(motor.contact.exponent)) if key == "normal_stiffness_n_per_m15" else high
     key = key.partition(".")[2]
     return _limits(Ringing if key in Ringing.model_fields else Mode, key)
 
 
 def _limits(kind: type[Parameters], key: str) -> tuple[float, float]:
     """Return the minimum and the maximum of a field."""
-    schema = schema_of(kind, key)
-    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
-    ends = {name.removeprefix("exclusive").lower(): end for name, end in schema.items()}
+    ends = {name.removeprefix("exclusive").lower(): end for name, end in schema_of(kind, key).items()}
     return float(ends["minimum"]), float(ends["maximum"])

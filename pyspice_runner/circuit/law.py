@@ -223,7 +223,10 @@ def laws_of(motor: Motor, law: Law | None) -> tuple[Law, ...]:
         except (ParameterError, ValueError) as error:
             raise ParameterError(f"contacts.{one.name}.law: {error}") from error
         if law.row or found[-1].row:
-            require_one_contact(motor, f"The contact {law.name if law.row else found[-1].name} of {one.name} is")
+            require_one_contact(
+                motor, f"The contact {law.name if law.row else found[-1].name} of {one.name} is",
+                f"Use {', '.join(name for name in LAWS if not Law(name).row)} or a {ENDING} file of your own",
+            )  # fmt: skip
     return tuple(found)
 
 

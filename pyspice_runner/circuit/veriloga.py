@@ -71,7 +71,7 @@ def motor_module(
     Raises:
         ParameterError: for a law that the module does not have, or an invalid name.
     """
-    require_one_contact(motor, "A Verilog-A module is")
+    require_one_contact(motor, "A Verilog-A module is", "Export a .lib or a .fmu")
     law = touching_law(contact, "The module contains the rotor.", motor.law)
     if law.name not in WRITTEN:
         raise ParameterError(

@@ -34,6 +34,7 @@ from pyspice_runner.spice.ngspice import ngspice_version
 T = TypeVar("T")
 Writing = tuple[Path | None, Callable[[Path], object]]  # a file that may be asked for, and what writes it
 
+_LONG = 15.0  # s of wall time after which a run without a terminal says what is left
 _WIDEST = 1000  # characters of a line of a table in a file or pipe
 
 _ELSEWHERE = " Choose another place."  # the end of the sentence about a file that cannot be written
@@ -382,7 +383,7 @@ def say(what: Table | str) -> None:
             console.width = max(console.width, words)
         with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
-        what = shown.get()
+        what = re.sub(r" +$", "", shown.get(), flags=re.MULTILINE)
     sys.stdout.write(what)
     sys.stdout.flush()
 
@@ -440,10 +441,18 @@ def busy(what: str, part: str = "") -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
-    """Show the progress of a run and the remaining time."""
+    """Show the progress of a run and the remaining time; without a terminal the latter once, of a long run."""
     columns = progress.BarColumn(), progress.TaskProgressColumn(), progress.TextColumn("{task.fields[left]}")
+    quiet, said = not Console(stderr=True).is_terminal, list[float]()
     with _bar(what, *columns, total=1.0, transient=True) as update:
-        yield lambda done, left: update(completed=done, left=f"{left:.0f} s left")
+
+        def show(done: float, left: float) -> None:
+            update(completed=done, left=f"{left:.0f} s left")
+            if quiet and not said and done * left > _LONG * (1.0 - done):
+                said.append(left)
+                complain(f"piezomotor: {what}: about {left:.2g} s left.", style=None)
+
+        yield show
 
 
 @contextmanager

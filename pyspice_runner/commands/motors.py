@@ -11,6 +11,7 @@ from rich.table import Table
 import pyspice_runner as pr
 from pyspice_runner.commands import common
 from pyspice_runner.commands.options import CHANGES, LAW, TARGETS, Call, argument, command, option
+from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.result import leaves
 
 SKELETON = Path(__file__).parents[1] / "motor" / "skeleton.toml"
@@ -56,12 +57,21 @@ def show(call: Call) -> None:
         document["arms"] = {mode.name: mode.arm for mode in loaded.modes if mode.coupling_a_n_per_v}
     if loaded.contacts:
         document["normal_forces_at_rest_n"] = {one.name: one.preload_n for one in loaded.touching}
-    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in leaves(document))]
+    source, ring = loaded.materials, loaded.ring  # from which values above follow
+    origins = {f"contact.{source.TABLE}": source.model_dump(exclude_none=True)} if source else {}
+    values = [*leaves(document), *leaves(origins | ({"ring": ring.model_dump()} if ring else {}))]
+    units, power = dict[str, str](), HERTZ if loaded.is_transducer else loaded.contact.exponent
+    if power != HERTZ:
+        units = {"n_per_m15": " N/m", "m_per_n23": " m/N"}
+        units = units if power == 1.0 else {"n_per_m15": f" N/m^{power:g}", "m_per_n23": f" m/N^(1/{power:g})"}
+    rows = [["parameter", "value"], *([path, f"{value}"] for path, value in values)]
     table = Table("parameter", "value", "from", title=loaded.name)
-    for path, value in leaves(document):
+    for path, value in values:
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-        table.add_row(path, shown, origin.kind if origin else "derived")
+        shown += "".join(unit for ending, unit in units.items() if path.endswith(ending))
+        other = "default" if path.startswith(("ring.", "contact.lining.")) else "derived"
+        table.add_row(path, shown, origin.kind if origin else other)
     if loaded.cautions:
         document["cautions"] = list(loaded.cautions)
     call.write(document, table, lambda path: common.write_table(path, document, rows), loaded.plot)

@@ -418,7 +418,7 @@ class Call:
             self.refuse_idle("on a steady state, which has no start", "soft_start")
         common.check_targets(self.output, endings, self.values.get("plot"), inputs)
 
-    def deliver(self, result: Result, title: str, table: str = "") -> None:
+    def deliver(self, result: Result, title: str, table: Table | str = "") -> None:
         """Print the cautions of a result, write its files, and print summary or table, or with ``--json`` the whole."""
         common.caution(result)
         self.write(result.to_dict(), table or common.summary_table(result.summary(), title), result.save, result.plot)

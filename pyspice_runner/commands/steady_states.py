@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
-from math import inf
+import re
+from math import inf, isnan
 from typing import Literal
 
 import numpy as np
+from rich.table import Table
 
 import pyspice_runner as pr
 from pyspice_runner.commands import common
@@ -16,6 +18,7 @@ from pyspice_runner.result import json_ready
 from pyspice_runner.run.paths import LOADS, canonical
 from pyspice_runner.steady.speed_torque import no_load_state
 from pyspice_runner.steady.working_points import ACCURACY, Objective
+from pyspice_runner.units import linear_unit
 
 SPEEDS = 9  # of a curve, by default
 _SHOWN = ["torque_n_m", "normal_force_n", "shaft_power_w", "efficiency", "separated", "stick", "slip", "settled"]
@@ -166,9 +169,15 @@ def speed_torque(call: Call) -> int:
     shown = curve[_SHOWN]
     if curve.piezomotor.linear:
         shown = shown.swap_dims(speed_rad_s="speed_m_s").drop_vars("speed_rad_s").rename(torque_n_m="force_n")
-    points = shown.to_dataframe().dropna(subset=next(iter(shown))).to_string(float_format="{:.4g}".format)
-    title = curve.attrs["title"]
-    call.deliver(curve.piezomotor, title, f"{title}\n{points}\n")
+    points = shown.to_dataframe().dropna(subset=next(iter(shown))).reset_index()
+    table = Table(title=curve.attrs["title"], box=None, padding=(0, 1, 0, 0))
+    for name in points:
+        unit = linear_unit(shown[name].attrs["units"]) if curve.piezomotor.linear else shown[name].attrs["units"]
+        words = name.removesuffix(re.sub(r"\W", "_", f" {unit.lower()}")).replace("_", "\n").replace(".", ".\n")
+        table.add_column(words if unit == "1" else f"{words}\n{unit}", justify="right")
+    for *values, settled in points.itertuples(index=False, name=None):
+        table.add_row(*("–" if isnan(value) else f"{value + 0.0:.4g}" for value in values), "yes" if settled else "no")
+    call.deliver(curve.piezomotor, "", table)
     return status
 
 

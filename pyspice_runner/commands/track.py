@@ -91,7 +91,8 @@ def track(call: Call) -> None:
         tracker = tracker.updated({"voltage": usual})
     if call.frequency is None:
         tracker = centred(motor, tracker, mode=mode, contact=call.law is not None)
-    with common.busy(f"The motor runs with the tracker {call.tracker}"):
+    shorter = " (--averaged takes seconds)" if call.tracker == "pll" and not call.averaged else ""
+    with common.run_progress(f"The motor runs with the tracker {call.tracker}{shorter}") as progress:
         driver = None
         if call.driver:
             pins = phases.updated({"frequency": tracker.frequency, "voltage": tracker.voltage})
@@ -99,7 +100,7 @@ def track(call: Call) -> None:
         result = pr.track(
             motor, tracker, driver=driver, contact=call.law, thermal=pr.Thermal.of(motor) if call.all_drift else None,
             **call.pick("disturb begin duration load_torque load_factor preload_change supply_change drift drift_time"),
-            disturbances=[_event(text, call) for text in call.event or ()], mode=mode,
+            disturbances=[_event(text, call) for text in call.event or ()], mode=mode, progress=progress,
             **call.pick("target_step averaged engine timeout audit"),
         )  # fmt: skip
     call.deliver(result, motor.name)

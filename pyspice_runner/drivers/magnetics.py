@@ -64,8 +64,8 @@ class Wound:
         return (
             f"{self.name} {_data()['material']['name']}: {self.turns}{second} turns, {wire} "
             f"{engineering(self.wire_m, 'm')}{gap}; {engineering(self.peak_t, 'T')} at the peak; winding "
-            f"{engineering(self.winding_w, 'W')}, core {engineering(self.ferrite_w, 'W')}, {self.rise_k:.3g} K warmer"
-            f"{instead}"
+            f"{engineering(self.winding_w, 'W')} at DC, core {engineering(self.ferrite_w, 'W')}, {self.rise_k:.3g} K "
+            f"warmer{instead}"
         )
 
 

@@ -73,7 +73,7 @@ class PartLoad:
             "primary peak": {"V": self.primary_peak_voltage_v, "A": self.primary_peak_current_a},
             "primary RMS": {"V": self.primary_rms_voltage_v, "A": self.primary_rms_current_a},
         }  # fmt: skip
-        between = " to ".join(engineering(value, "A") for value in self.peak_range_a or ())
+        between = " to ".join(dict.fromkeys(engineering(value, "A") for value in self.peak_range_a or ()))
         words = [engineering(self.value, self.unit.removesuffix("1")).rstrip()]
         for name, row in rows.items():
             known = [engineering(value, unit) for unit, value in row.items() if value is not None]

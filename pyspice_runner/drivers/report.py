@@ -42,6 +42,7 @@ from pyspice_runner.units import engineering, unit_in
 
 _OF_SHAFT = ("shaft_power_w", "mean_torque_n_m", "mean_torque_error_n_m", "mean_rotor_speed_rad_s", "efficiency")
 _DURATION = 3e-3  # s, of a run by default
+_ABSENT = 1e-9  # of the power put in: losses of resistances that stand for parts that are not there
 _SHORTEST = 1e-3  # s, of the run of a design: power-up, and the start of its motor
 _SETTLING = 20  # periods in which the network settles before those at the operating point that are averaged
 _LONGEST_BEAT = 80  # most of those, which are a beat; each takes 50 ms of CPU
@@ -298,8 +299,11 @@ class DriveReport(Balance, Result):
         for name in ("shaft power", "mean rotor speed", "mean torque") if self.of_transducer else ():
             del found[name]
         for part, losses in groupby(best.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
-            notes = (f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses)
-            found[f"losses of {part}"] = ", ".join(notes)
+            notes = [
+                f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses
+                if abs(power) >= _ABSENT * abs(best.power_in_w)
+            ]  # fmt: skip
+            found |= {f"losses of {part}": ", ".join(notes)} if notes else {}
         for group, port in best.groups.items():
             found |= self._of_group(group, port)
         for edge in best.switching:

@@ -75,6 +75,8 @@ _LOSS_PARTS = {
     "falling": "falls with frequency", "causal": "constant", "flat": "constant without dispersion",
     "rising": "rises with frequency",
 }  # fmt: skip
+_OF_NOISE = {"proportional": "{:.2g} of Y", "s11": "{:.2g} of S11", "z": "{:.2g} Ω of Z"}
+_AT_LIMIT = " (limit of its range)"
 _LEAST_LOSS = 1e-9  # a smaller part is round-off
 _STANDARD_LABELS = {"resistance_ohm": "R1", "inductance_h": "L1", "capacitance_f": "C1", "quality_factor": "Q"}
 
@@ -211,10 +213,10 @@ class SpectrumFit(Fit):
             "arms": str(len(self.arms)),
             "RMS error": f"{100.0 * self.rms_relative_error:.3g} %",
             "clamped capacitance": _shown(circuit, "clamped_capacitance_f", self.standard_errors),
-            "loss tangent": f"{circuit.loss_tangent:.3g} ±{'?' if loss is None else f'{loss:.2g}'} at "
+            "loss tangent": f"{circuit.loss_tangent:.3g}{_AT_LIMIT if loss is None else f' ±{loss:.2g}'} at "
             f"{engineering(circuit.loss_reference_hz, 'Hz')}{', ' if parts else ''}{' and '.join(parts)}",
             "leads": " and ".join(leads) or "none",
-            "error model": ", ".join(f"{kind} {sigma:.2g}" for kind, sigma in self.noise.items()),
+            "error model": ", ".join(f"{_OF_NOISE[kind].format(sigma)}" for kind, sigma in self.noise.items()),
         }
         if self.errors_conditional:
             found["standard errors"] = "conditional: they do not contain what this circuit leaves out"
@@ -223,7 +225,7 @@ class SpectrumFit(Fit):
         for number, arm in enumerate(self.arms, start=1):
             values = ", ".join(f"{label} {_shown(arm, name, arm.standard_errors)}" for name, label in _LABELS.items())
             factor, merit = arm.characteristics.coupling_factor, arm.characteristics.figure_of_merit
-            found[f"arm {number}"] = f"{values}, k_eff {factor:.3f}, M {merit:.3g}"
+            found[f"arm {number}"] = f"{values}, k_eff {factor:.3f}, figure of merit M {merit:.3g}"
         for definition, main in circuit.definitions()[self.arms.index(self.main_arm)].items():
             if main is not None:
                 found[f"main arm by {definition}"] = ", ".join(
@@ -247,8 +249,8 @@ class SpectrumFit(Fit):
 def _shown(item: object, name: str, deviations: Mapping[str, float | None]) -> str:
     """Return an attribute with its unit, ± its standard error in percent."""
     value, error = getattr(item, name), deviations[name]
-    share = "?" if error is None else f"{100.0 * error / value:.2g}%"
-    return f"{engineering(value, unit_in(name).strip('1'))} ±{share}"
+    share = _AT_LIMIT if error is None else f" ±{100.0 * error / value:.2g}%"
+    return f"{engineering(value, unit_in(name).strip('1'))}{share}"
 
 
 @one_thread_of_scipy()

@@ -176,10 +176,13 @@ def shares_of(places: Sequence[ContactPlace]) -> list[float]:
     if not given:
         total = sum(place.multiplicity for place in places)
         return [place.multiplicity / total for place in places]
-    if len(given) < len(places) or abs(sum(given) - 1.0) > _SHARES:
+    without = ", ".join(place.name for place in places if place.share is None)
+    if without:
         raise ValueError(
-            f"the shares of [[contacts]] sum to {sum(given):g}: give all of them, with a sum of 1, or none"
+            f"[[contacts]] without a share are {without}: give each its share, or none of the contacts one"
         )
+    if abs(sum(given) - 1.0) > _SHARES:
+        raise ValueError(f"the shares of [[contacts]] sum to {sum(given):g}; correct them to a sum of 1")
     return [share / sum(given) for share in given]
 
 
@@ -224,7 +227,7 @@ def check_places(
         try:
             build(Contact, {**contact.model_dump(), **place.contact}, f"contacts.{place.name}.contact", "")
         except ParameterError as error:
-            raise ValueError(str(error).removeprefix(": ").rstrip(".")) from error
+            raise ValueError(str(error).removeprefix(": ")) from error
 
 
 def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -240,12 +243,14 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     places = []
     for number, entry in enumerate(entries):
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
+        own_name = isinstance(entry, Mapping) and isinstance(entry.get("name"), str)
+        path = f"contacts.{named['name'] if own_name else number}"
         if isinstance(named, dict) and "law" in named:
             law = {"name": named["law"]} if isinstance(named["law"], str) else named["law"]
             valid = isinstance(law, dict) and all((key == "name") == isinstance(one, str) for key, one in law.items())
-            require(valid, f"{where}: contacts.{number}.law", named["law"], "a name, or a table of name and numbers")
+            require(valid, f"{where}: {path}.law", named["law"], "a name, or a table of name and numbers")
             named["law"] = law
-        places.append(build(ContactPlace, named, f"contacts.{number}", where))
+        places.append(build(ContactPlace, named, path, where))
     first = places[0]
     found["modes"] = [
         {

@@ -429,6 +429,8 @@ def _from_ring(plain: dict[str, Any], where: str) -> tuple[Ring, list[dict[str, 
     capacitance = np.diag([capacitance_f(ring, waves) for waves in covered])
     if ring.waves_feedback:
         capacitance = _with_feedback(plain, capacitance, modes, couplings, where, "[ring]")
+    elif "feedback" in plain:
+        raise ParameterError(f"{where}: [feedback] belongs to ring.waves_feedback > 0: specify both, or neither.")
     return ring, modes, {"capacitance_a_f": float(capacitance[0, 0]), "capacitance_b_f": float(capacitance[1, 1])}
 
 

@@ -139,12 +139,11 @@ class TransducerError(ParameterError):
     """What is asked for needs the contact or the rotor, and a transducer has none."""
 
 
-def require_one_contact(motor: Motor, what: str) -> None:
-    """Raise ParameterError for a motor with several contacts; ``what`` begins the sentence."""
+def require_one_contact(motor: Motor, what: str, instead: str) -> None:
+    """Raise ParameterError for a motor with several contacts; ``what`` begins the sentence, ``instead`` the advice."""
     if motor.contacts:
         raise ParameterError(
-            f"{what} for a motor with one contact, and {motor.name} has {len(motor.contacts)}. Its analyses are "
-            "simulate, steady, speed-torque, map, sweep, admittance, drive, track, the averaged motor and export."
+            f"{what} for a motor with one contact, and {motor.name} has {len(motor.contacts)}. {instead}."
         )
 
 
@@ -347,6 +346,8 @@ class Motor(Shown, Parameters):
             raise ValueError("contact.materials.on_face is for a rotor, and a slider is flat anyway: leave it out")
         for mode in self.modes:
             _check_mode(mode)
+        if self.contacts and not self.is_transducer:
+            check_places(self.contact, self.contacts, self.modes, self.piezo)
         lowest, highest = (bound(mode.frequency_hz for mode in self.modes) for bound in (min, max))
         if highest > WIDEST_SPREAD * lowest:
             raise ValueError(
@@ -378,11 +379,9 @@ class Motor(Shown, Parameters):
             raise ValueError("piezo.capacitance_b_f is missing: a motor has two groups")
         if self.load is not None or self.piezo.reference_hz is not None:
             raise ValueError("[load] and piezo.reference_hz belong to a transducer, without contact and rotor")
-        if self.contacts:
-            check_places(self.contact, self.contacts, self.modes, self.piezo)
-        elif not stator.contact.any():
+        if not stator.contact.any():
             raise ValueError("no mode moves the tip: give tip_x or tip_y to one of them")
-        else:
+        if not self.contacts:
             self._check_motion()
         if self.lining_strain >= 1.0:
             raise ValueError(
@@ -898,6 +897,8 @@ def _set_path(document: dict[str, Any], given: str, value: Any) -> str:
         near = difflib.get_close_matches(path, known, n=1)
         close = near or [name for name in known if path in re.split(r"[._]", name)]
         paths = "Paths are those of `piezomotor show --json`, such as contact.preload_n."
+        if section == "contacts" and lists[section] and path.rpartition(".")[0] not in places:
+            close, paths = [], f"The contacts of {document['name']} are {', '.join(lists[section])}."
         raise ParameterError(
             f"There is no parameter {quoted(given)}. {f'Did you mean {close[0]!r}?' if close else paths}"
         )

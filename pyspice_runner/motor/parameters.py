@@ -352,14 +352,20 @@ SOFTNESS = (0.1, 100.0)
 
 FLATTEST_TIP = 0.3  # worn flat over effective radius: the cap is taken for a paraboloid
 HERTZ = 1.5  # exponent of Hertz's contact
+SOFTEST = 1e3  # N/m^p
 STIFFEST_HERTZ = 1e13  # N/m^1.5; with another exponent, what gives the same force at a micrometre
+
+
+def stiffest(exponent: float) -> float:
+    """Return the maximum of K_N in N/m^p for an exponent p."""
+    return float(STIFFEST_HERTZ * 1e6 ** (exponent - HERTZ))
 
 
 class Contact(Parameters):
     """Normal contact by a power law, Hertz's by default, with a spring–slider along the tangent (paper eqs. 13–18)."""
 
     # 4/3 E* √R* of rubber (1e6 Pa) round to a micrometre: 1e3; of diamond (1e12 Pa) on a flat slide (R* = 10 m): 4e12
-    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^p, N/m^p", "N/m^1.5", ge=1e3, le=1e25)
+    normal_stiffness_n_per_m15: float = quantity("K_N of F_N = K_N δ^p, N/m^p", "N/m^1.5", ge=SOFTEST, le=1e25)
     tangential_compliance_tip_m_per_n23: float = quantity(
         "K_t1 of u₁ = μ K_t1 F_N^(1/p) at the limit of stick, tip side", "m/N^(2/3)", ge=0.0, le=1e-2
     )
@@ -436,10 +442,10 @@ class Contact(Parameters):
                 f"effective_radius_m = {self.effective_radius_m:g} m; lower it"
             )
         power = "2/3" if self.exponent == HERTZ else f"1/{self.exponent:g}"
-        stiffest = self.stiffest
-        if self.normal_stiffness_n_per_m15 > stiffest:
+        if self.normal_stiffness_n_per_m15 > stiffest(self.exponent):
             raise ValueError(
-                f"normal_stiffness_n_per_m15 = {self.normal_stiffness_n_per_m15:g} must be at most {stiffest:.3g} "
+                f"normal_stiffness_n_per_m15 = {self.normal_stiffness_n_per_m15:g} must be at most "
+                f"{stiffest(self.exponent):.3g} "
                 f"N/m^{self.exponent:g} with exponent = {self.exponent:g}; lower it"
             )
         if self.exponent != HERTZ and self.effective_radius_m is not None:
@@ -460,11 +466,6 @@ class Contact(Parameters):
                 f"{SOFTNESS[1]:g}, so specify [contact.materials] or correct the one that is off"
             )
         return self
-
-    @property
-    def stiffest(self) -> float:
-        """Maximum of K_N in N/m^p for the exponent p."""
-        return float(STIFFEST_HERTZ * 1e6 ** (self.exponent - HERTZ))
 
 
 MOST_CONTACTS = 64  # eight points suffice on each wave of a ring (docs/ring.md); waves that do the same are one
@@ -501,8 +502,8 @@ class ContactPlace(Parameters):
         "height above the place at which it would have its share, negative where it is worn; others bear the rest", "m",
         ge=-1e-3, le=1e-3, default=0.0,
     )  # fmt: skip
-    contact: dict[str, Annotated[float, Field(allow_inf_nan=False)]] = Field(
-        default_factory=dict, description="values of [contact] that differ here, but for preload_n"
+    contact: dict[str, float] = Field(
+        default_factory=dict, description="numbers of [contact] that differ here, but for preload_n"
     )
     law: dict[str, str | float] = Field(
         default_factory=dict,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from numbers import Real
@@ -96,25 +97,32 @@ def build(kind: type[_P], entry: Any, path: str, where: str) -> _P:
 def refusal(error: ValidationError, kind: type[Parameters], path: str, where: str) -> ParameterError:
     """Return the first error of pydantic as one sentence: path, value, unit, range."""
     first = error.errors()[0]
-    name = str(first["loc"][-1]) if first["loc"] else ""
+    name, *inside = map(str, first["loc"] or ("",))
     full = ".".join(part for part in (path, name) if part)
     if first["type"] == "value_error":
-        prefix = f"{where}: {path}." if path else f"{where}: "
-        return ParameterError(f"{prefix}{first['ctx']['error']}.")
+        said = str(first["ctx"]["error"]).removesuffix(".")
+        owner = f"{path}." if re.split(r"\W", said, maxsplit=1)[0] in kind.model_fields else f"[{path}]: "
+        return ParameterError(f"{where}: {owner if path else ''}{said}{'' if said.endswith('?') else '.'}")
     field = kind.model_fields.get(name)
     if first["type"] == "missing":
         unit = f", in{_unit(kind, name)}" if _unit(kind, name) else ""
         meaning = f" ({field.description}{unit})" if field else ""
         return ParameterError(f"{where}: {full} is missing{meaning}. Specify it.")
-    kinds = {"float_type": "a number", "string_type": "a text"}  # of what stands within a field
-    allowed = allowed_range(kind, name) if field else kinds.get(first["type"], first["msg"])
-    return _invalid(first["input"], full, where, allowed, _unit(kind, name))
+    schema, unit = schema_of(kind, name), _unit(kind, name)
+    if schema.get("type") == "array" and first["type"] in ("too_long", "too_short"):
+        most = _in_words(schema, unit)
+        return ParameterError(f"{where}: {full} has {len(first['input'])} entries; there may be {most}.")
+    meaning = f" ({field.description})" if field and schema.get("type") == "object" else ""
+    if meaning and inside:
+        full, schema = f"{full}.{inside[0]}", schema["additionalProperties"]
+    return _invalid(first["input"], full, where, _in_words(schema, unit) + meaning, unit)
 
 
 @cache
 def schema_of(kind: type[Parameters], name: str) -> dict[str, Any]:
-    """Return the JSON schema of a field, which has its range."""
-    return dict(kind.model_json_schema()["properties"][name])
+    """Return the JSON schema of a field, which has its range; of an optional one that without null."""
+    schema: dict[str, Any] = kind.model_json_schema()["properties"][name]
+    return next(iter(schema.get("anyOf", [schema])))
 
 
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
@@ -132,20 +140,30 @@ def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str
 
 def allowed_range(kind: type[Parameters], name: str) -> str:
     """Return in words the values that a field accepts, with its unit."""
-    schema = schema_of(kind, name)
+    return _in_words(schema_of(kind, name), _unit(kind, name))
+
+
+def _in_words(schema: Mapping[str, Any], unit: str) -> str:
     if "enum" in schema:
         return "one of " + ", ".join(map(str, schema["enum"]))
-    schema = next(iter(schema.get("anyOf", [schema])))  # of an optional number
+    if "anyOf" in schema:
+        return " or ".join(_in_words(each, unit) for each in schema["anyOf"])
+    if schema.get("type") == "object":
+        return f"a table {{ NAME = VALUE }}, each value {_in_words(schema['additionalProperties'], unit)}"
     if schema.get("type") == "boolean":
         return "true or false"
     if schema.get("type") == "string":
         return f"a text of at most {schema.get('maxLength', 1000)} {schema.get('made_of', 'characters')}"
     if schema.get("type") == "array":
-        return f"{schema['minItems']} to {schema['maxItems']} entries"
+        return (
+            f"{schema['minItems']} to {schema['maxItems']}" if "minItems" in schema else f"at most {schema['maxItems']}"
+        )
+    if not any("imum" in name for name in schema):
+        return "a finite number"
     low = f"≥ {schema['minimum']:g}" if "minimum" in schema else f"> {schema.get('exclusiveMinimum', float('-inf')):g}"
     high = f"≤ {schema['maximum']:g}" if "maximum" in schema else f"< {schema.get('exclusiveMaximum', float('inf')):g}"
     noun = "a whole number" if schema.get("type") == "integer" else "a number"
-    return f"{noun} {low} and {high}{_unit(kind, name)}"
+    return f"{noun} {low} and {high}{unit}"
 
 
 def unit_of(kind: type[Parameters], name: str) -> str:
@@ -179,9 +197,8 @@ def _is_number(value: Any) -> bool:
 
 
 def _invalid(value: Any, path: str, where: str, allowed: str, unit: str) -> ParameterError:
-    shown = f"{len(value)} entries" if isinstance(value, tuple) else quoted(value)
     return ParameterError(
-        f"{where}: {path} = {shown}{unit if _is_number(value) else ''} is not valid: it must be {allowed}."
+        f"{where}: {path} = {quoted(value)}{unit if _is_number(value) else ''} is not valid: it must be {allowed}."
     )
 
 

@@ -96,14 +96,14 @@ class Ring(Parameters):
     thickness_m: float = quantity("metal below the teeth", "m", gt=1e-5, le=0.1)
     material: str = _material("material of the library")
     ceramic: str = _material("ceramic of the library")
-    ceramic_thickness_m: float = quantity("its thickness", "m", gt=1e-6, le=0.05)
+    ceramic_thickness_m: float = quantity("thickness of the ceramic", "m", gt=1e-6, le=0.05)
     teeth: int = Field(default=0, description="number of teeth", ge=0, le=2000)
-    tooth_height_m: float = quantity("their height", "m", ge=0.0, le=0.1, default=0.0)
-    tooth_share: float = quantity("circumference that they fill", "1", gt=0.0, le=1.0, default=0.8)
+    tooth_height_m: float = quantity("height of the teeth", "m", ge=0.0, le=0.1, default=0.0)
+    tooth_share: float = quantity("circumference that teeth fill", "1", gt=0.0, le=1.0, default=0.8)
     contact_radius_m: float = quantity("circle of contact", "m", gt=1e-5, le=1.0)
     waves_a: float = quantity("waves under group A", "1", ge=0.5, le=50.0)
-    waves_b: float = quantity("the same, B", "1", ge=0.5, le=50.0)
-    waves_feedback: float = quantity("the same, feedback electrode", "1", ge=0.0, le=0.5, default=0.0)
+    waves_b: float = quantity("waves under group B", "1", ge=0.5, le=50.0)
+    waves_feedback: float = quantity("waves under the feedback electrode", "1", ge=0.0, le=0.5, default=0.0)
     points: int = Field(default=8, description="contacts on a wave", ge=3, le=64)
     splitting: float = quantity("relative difference of both frequencies", "1", ge=0.0, le=0.05, default=0.0)
     splitting_axis_deg: float = quantity("phase of the lower mode", "°", ge=-180.0, le=180.0, default=0.0)
@@ -111,10 +111,13 @@ class Ring(Parameters):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if not self.inner_radius_m <= self.contact_radius_m <= self.outer_radius_m > self.inner_radius_m:
+        inner, outer = self.inner_radius_m, self.outer_radius_m
+        if inner >= outer:
+            raise ValueError(f"inner_radius_m = {inner:g} m must be less than outer_radius_m = {outer:g} m")
+        if not inner <= self.contact_radius_m <= outer:
             raise ValueError(
-                f"contact_radius_m = {self.contact_radius_m:g} m must be from inner_radius_m = {self.inner_radius_m:g} "
-                f"m to outer_radius_m = {self.outer_radius_m:g} m, which are not equal"
+                f"contact_radius_m = {self.contact_radius_m:g} m must be from inner_radius_m = {inner:g} m to "
+                f"outer_radius_m = {outer:g} m"
             )
         for name in ("material", "ceramic"):
             given = getattr(self, name)
@@ -445,7 +448,9 @@ def ring_cautions(ring: Ring) -> tuple[str, ...]:
             ("tooth_share", ring.tooth_share, FULLEST),
             ("frequency over that of a tooth alone", wave_of_plate(ring).frequency_hz / alone, 1.0 / SLOWEST_TOOTH),
         ]
-    found = [f"{what} is {value:.2g}, more than {most:.2g}" for what, value, most in limits if value > most]
+    found = [f"{what} is {value:.2g}, at most {most:.2g}" for what, value, most in limits if value > most]
     if not found:
         return ()
-    return (f'The ring has its frequency within 2 % only as a solid: {"; ".join(found)}. Set ring.theory = "solid".',)
+    whole = "" if ring.teeth % ring.waves == 0 else f" and ring.teeth to a multiple of ring.waves = {ring.waves}"
+    beyond = f"The theory of plates has the frequency of a ring within 2 % only up to limits: {'; '.join(found)}."
+    return (f'{beyond} Set ring.theory = "solid"{whole}.',)

@@ -172,7 +172,8 @@ def run_averaged(run: TrackedRun, engine: Engine) -> AveragedTrack:
             "disturb = 'preload' has no averaged model in ngspice: give engine='compiled', or leave averaged out."
         )
     least = 2 * SMOOTHED_PERIODS / source.tracker.frequency
-    require(least <= run.duration <= LONGEST, "duration", run.duration, f"from {least:.3g} to {LONGEST:g} s", unit="s")
+    words = f"from {least:.3g} s, 40 periods, to {LONGEST:g} s"
+    require(least <= run.duration <= LONGEST, "duration", run.duration, words, unit="s")
     bench = partial(averaged_tracked_bench, setup.motor, source, setup.load)
     timing = transient_timing(source.period, run.duration, run.duration / LONGEST_STEPS["spice"])
     if compiled:

@@ -30,7 +30,7 @@ from pyspice_runner.motor.refusal import checked
 from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Audit, Result, contact_row
 from pyspice_runner.run.audit import audit_contact, ceramic, modal_vectors
-from pyspice_runner.run.kernel import Outcome
+from pyspice_runner.run.kernel import Outcome, progress_callback
 from pyspice_runner.run.point import MOST_POINTS, Point, RunSettings, Solver
 from pyspice_runner.run.waveforms import ROUNDING_RAD_S, Array, has_settled
 from pyspice_runner.run.window import Window, averaged_to_come, change_to_come
@@ -306,7 +306,7 @@ class Tracking(Estimated, Result):
             drift = engineering(self.sensing.frequency_drift_hz_per_k, "Hz")
             rows["drift of the sensing"] = f"{self.sensing.phase_drift_deg_per_k:.2g}° and {drift} per kelvin"
         if self.loop is not None:
-            error = "" if self.loop.margin_error_deg is None else f" ± {self.loop.margin_error_deg:.1g}°"
+            error = f" ± {self.loop.margin_error_deg:.1g}°" if self.loop.margin_error_deg else ""
             rows["phase margin"] = f"{self.loop.phase_margin_deg:.1f}°{error} at {self.loop.crossover_hz:.4g} Hz"
             if self.loop.sensed_phase_deg is not None:
                 sensed = self.loop.sensed_phase_deg - self._wanted_deg
@@ -473,6 +473,7 @@ def track(
     margin: bool = True,
     engine: Engine = "auto",
     audit: bool = True,
+    progress: Callable[[float, float], object] | None = None,
     **settings: Unpack[RunSettings],
 ) -> Tracking:
     """Track a mode of a motor from rest, under a disturbance.
@@ -503,6 +504,7 @@ def track(
         margin: whether to find the loop gain of a locked loop at the end; of the full motor this takes about 1 s.
         engine: of the averaged motor, as in :func:`simulate_averaged`; ngspice runs the full motor.
         audit: whether findings of the physical audit are an error; if not, ``audit`` of the result has them.
+        progress: of the full motor, as in :func:`simulate`.
         settings: contact and solver, as in :class:`.RunSettings`.
 
     Raises:
@@ -527,7 +529,8 @@ def track(
     if averaged:
         _ = motor.rotor  # of a transducer an error
         check_averaged(contact)
-        require(tracker.sense == "current", "sense", tracker.sense, "'current' of the averaged motor")
+        allowed = "'current' of the averaged motor; leave averaged out to sense the electrode"
+        require(tracker.sense == "current", "sense", tracker.sense, allowed)
         motor = require_averaged(motor)
         if settings.get("step") is not None:
             raise ParameterError("step has no effect on an averaged run, whose engine chooses its steps. Leave it out.")
@@ -560,7 +563,7 @@ def track(
     source = replace(source, disturbances=sequence, restart=restart if begins else None)
     setup = replace(setup, source=source)
     run = TrackedRun(setup, source, duration, lag, stall, margin and tracker.kind == "pll")
-    return _track_averaged(run, engine) if averaged else _track_full(run)
+    return _track_averaged(run, engine) if averaged else _track_full(run, progress)
 
 
 def _check_together(
@@ -584,7 +587,7 @@ def _check_together(
         )
 
 
-def _track_full(run: TrackedRun) -> Tracking:
+def _track_full(run: TrackedRun, progress: Callable[[float, float], object] | None) -> Tracking:
     """Track the full motor."""
     setup, source, mode = run.setup, run.source, run.source.mode
     motor = setup.motor
@@ -594,7 +597,7 @@ def _track_full(run: TrackedRun) -> Tracking:
     of_mode = ["v(force)", "v(tuned)", *shaft, f"i(v.xmotor.xmode{mode + 1}.vvelocity)"]
     watched = ["v(restart)"] if source.restart else []
     names = dict.fromkeys([*of_mode, *watched, *forces, "v(a)", "v(b)", *currents, *modal_vectors(motor)])
-    outcome = setup.run(run.duration, list(names))
+    outcome = setup.run(run.duration, list(names), progress=progress and progress_callback(progress, run.duration))
     vectors = outcome.vectors()
     audit = Audit(audit_contact(motor.contact.friction, *(vectors[name] for name in forces)) if forces else ())
     if setup.solver.audit:
@@ -714,7 +717,8 @@ def _check_duration(setup: Point, source: TrackedSource, duration: float) -> Non
     longest_period = 1.0 / ((1.0 - source.tracker.span) * source.tracker.frequency)
     least = max(100.0 * setup.shortest_period, (2 * SMOOTHED_PERIODS + 2) * longest_period)
     most = MOST_POINTS * setup.step
-    require(least <= duration <= most, "duration", duration, f"from {least:.3g} to {most:.3g} s", unit="s")
+    words = f"from {least:.3g} s, 40 periods, to {most:.3g} s, so that the points fit in memory"
+    require(least <= duration <= most, "duration", duration, words, unit="s")
 
 
 def _event_words(event: Mapping[str, Any]) -> str:

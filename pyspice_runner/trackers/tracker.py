@@ -569,9 +569,12 @@ class TrackedSource(Source):
         """Raise a ParameterError if no group drives the mode, or the driver has no control input."""
         weights(motor, self.mode)
         if self.tracker.sense == "feedback" and not (motor.feedback and motor.stator.sensed[self.mode]):
+            sensed = zip(motor.modes, motor.stator.sensed if motor.feedback else (), strict=False)
+            others = " or ".join(mode.name for mode, value in sensed if value)
             raise ParameterError(
                 f"sense = 'feedback' needs a feedback electrode on the mode {motor.modes[self.mode].name}, and "
-                f"{motor.name} has none: add [feedback] with this mode, or sense the current."
+                f"{motor.name} has {f'one on {others}: track this mode (mode)' if others else 'none: add [feedback]'}, "
+                "or sense the current."
             )
         if self.driver and not self.driver.controlled:
             raise ParameterError(

@@ -30,9 +30,8 @@ def motor(motor: model.Motor) -> Sheet:
     if motor.solid is not None:
         return _solid(motor, motor.solid)
     if structure is None:
-        raise ParameterError(
-            f"Motor {motor.name} is given by its modes, not by a beam or a solid; there are no shapes to draw."
-        )
+        given = "[ring]" if motor.ring else "[[modes]] or [[arms]]"
+        raise ParameterError(f"{motor.name} follows from {given}. Shapes are drawn of a beam or a [solid] only.")
 
     def draw_modes(ax: Axes) -> None:
         resonator = solve_resonator(structure.beam, structure.patches, structure.tip, count=len(motor.modes))

@@ -226,6 +226,7 @@ def test_contact_by_materials_has_hertz_and_mindlins_constants(load: Callable[[D
 
 LAYER = {"youngs_modulus_pa": 3e9, "thickness_m": 3e-4, "area_m2": 2e-6}
 SOFT, BULK = {"stiffness_n_per_m": 1e7}, {"stiffness_ratio": 1.2, "stiffness_n_per_m3": 1e12}
+STIFF = {"stiffness_n_per_m": 1e13, "stiffness_ratio": 1.0}
 ROUGH = LAYER | {"exponent": 2.0, "poisson": 0.3}
 LININGS = [  # lining, exponent, K_N, normal over tangential stiffness
     ({"stiffness_n_per_m": 1e7, "tangential_stiffness_n_per_m": 8e6}, (1.0, 1e7, 1.25)),
@@ -398,7 +399,7 @@ MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "modes", {}), "modes must be one or more tables [[modes]]."),
     (changed(MODES, "modes", []), "modes must be one or more tables [[modes]]."),
     (changed(MODES, "modes.0", 5.0), "modes.0 must be a table [modes.0], not 5."),
-    (changed(MODES, "modes", [MODE | {"name": f"m{i}"} for i in range(21)]), "it must be 1 to 20 entries."),
+    (changed(MODES, "modes", [MODE | {"name": f"m{i}"} for i in range(21)]), "21 entries; there may be 1 to 20."),
     (changed(MODES, "contact", [CONTACT]), "contact must be a table [contact], not ["),
     (changed(MODES, "tip", {}), "[tip] belongs to a [beam]; with [[modes]] leave it out."),
     (changed(ARMS, "ceramic", {}), "[ceramic] belongs to a [beam]; with [[arms]] leave it out."),
@@ -415,9 +416,10 @@ MISTAKES: list[tuple[Document, str]] = [
         changed(MODES, "contact", LEFT_OUT | {"materials": MATERIALS | {"tip_poisson": 0.5}}),
         "contact.materials.tip_poisson = 0.5 is not valid",
     ),
-    (changed(MODES, "contact", LEFT_OUT | {"lining": SOFT}), "specify one of stiffness_ratio"),
+    (changed(MODES, "contact", LEFT_OUT | {"lining": SOFT}), "[contact.lining]: specify one of stiffness_ratio"),
     (changed(MODES, "contact", LEFT_OUT | {"lining": BULK}), "area_m2 belongs to stiffness_n_per_m3 or"),
     (changed(MODES, "contact", LEFT_OUT | {"lining": ROUGH}), "exponent = 2 must be 1 with poisson"),
+    (changed(MODES, "contact", LEFT_OUT | {"lining": STIFF}), "stiffness_ratio = 1: K in N/m^1 is 1e+13; correct them"),
     (changed(MODES, "contact.normal_stiffness_n_per_m15", 2e13), "must be at most 1e+13 N/m^1.5 with exponent"),
     (changed(MODES, "contact.exponent", 4.0), "contact.exponent = 4 is not valid: it must be a number ≥ 1 and"),
     (changed(MODES, "contact", LEFT_OUT | {"materials": MATERIALS, "exponent": 2.0}), "exponent = 2 is not that"),

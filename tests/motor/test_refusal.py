@@ -40,6 +40,8 @@ class Thing(Parameters):
     count: Annotated[int, Field(description="how many", ge=1, le=9)]
     side: Literal["left", "right"] = Field(description="where it is")
     name: str = label("what it is called")
+    moved: dict[str, Annotated[float, Field(ge=-1.0, le=1.0)]] = Field(default={}, description="by name")
+    holes: tuple[float, ...] = Field(default=(), max_length=2)
 
 
 GOOD = {"size": 1.0, "share": 0.5, "count": 3, "side": "left", "name": "it"}
@@ -60,13 +62,17 @@ def said(table: Any) -> str:
         ("share", {"1": 1.0}, "a number ≥ 0 and < 1."),
         ("count", {"2.5": 2.5, "10": 10}, "a whole number ≥ 1 and ≤ 9."),
         ("side", {"'up'": "up", "1": 1}, "one of left, right."),
+        ("moved", {"0.9": 0.9, "[1]": [1]}, "a table { NAME = VALUE }, each value a number ≥ -1 and ≤ 1 (by name)."),
+        ("moved.up", {"nan": float("nan"), "'x'": "x", "2": 2.0}, "a number ≥ -1 and ≤ 1 (by name)."),
         ("name", {"'7up'": "7up", "7": 7}, "a text of at most 40 letters, digits, - and _, the first a letter."),
     ],
 )
 def test_wrong_value_is_named(name: str, values: dict[str, Any], said_of_it: str) -> None:
     for shown, value in values.items():
         wanted = f"shelf.toml: things.0.{name} = {shown} is not valid: it must be {said_of_it}"
-        assert said(GOOD | {name: value}) == wanted
+        field, _, key = name.partition(".")
+        assert said(GOOD | {field: {key: value} if key else value}) == wanted
+    assert said(GOOD | {"holes": (1.0,) * 3}) == "shelf.toml: things.0.holes has 3 entries; there may be at most 2."
 
 
 def test_missing_value_is_described() -> None:
@@ -79,7 +85,7 @@ def test_missing_value_is_described() -> None:
 def test_misspelt_name_is_recognised() -> None:
     assert said(GOOD | {"sise": 1.0}) == "shelf.toml: there is no 'things.0.sise'. Did you mean 'size'?"
     assert said(GOOD | {"hue": 1.0}) == (
-        "shelf.toml: there is no 'things.0.hue'. Known are size, share, count, side, name."
+        "shelf.toml: there is no 'things.0.hue'. Known are size, share, count, side, name, moved, holes."
     )
     assert said(GOOD | {"a\nb": 1.0}).startswith("shelf.toml: there is no 'things.0.a\\nb'. Known are")
 

@@ -137,12 +137,13 @@ def test_stress_is_that_of_a_bent_strip() -> None:
 
 
 BEYOND = {"thickness_m": (0.01, "half a wave is 1.1"), "inner_radius_m": (0.018, "width"),
-          "teeth": (27, "length of a tooth"), "tooth_height_m": (0.004, "of a tooth alone")}  # fmt: skip
+          "teeth": (28, "a multiple of ring.waves = 9"), "tooth_height_m": (0.004, "of a tooth alone")}  # fmt: skip
 WRONG = {
     "waves_a": (5.0, "take 9.5 waves"), "waves_b": (3.3, "whole number of half waves"),
     "ceramic": ("steel", "there are PZT-4"), "material": ("wood", "is not known"),
-    "inner_radius_m": (0.031, "must be from inner_radius_m"), "points": (6, "odd, or a multiple of 4"),
-    "contact_radius_m": (0.028, "radius_m is ring.contact_radius_m"), "teeth": (0, "belong together"),
+    "inner_radius_m": (0.031, "must be less than outer_radius_m"), "points": (6, "odd, or a multiple of 4"),
+    "contact_radius_m": (0.028, "radius_m is ring.contact_radius_m"), "waves_feedback": (0.0, "[feedback] belongs to"),
+    "teeth": (0, "belong together"),
 }  # fmt: skip
 
 
