@@ -17,6 +17,13 @@
 #include <math.h>
 #include <string.h>
 
+struct phase;
+
+/* The root of an equation whose right side falls as the value rises, from a value, with the share of the first change from the
+   last root: secants, and halves of the interval where they leave it. The last secant is not evaluated: its error is a part of
+   the product of the two errors before it. The scale of small forces is a tenth of the preload. */
+static inline double falling_root(double (*right)(struct phase *, double), struct phase *p, double now, double *known_share);
+
 #include "piezomotor_phase.h" /* written by the export from piezomotor_averaged_phase.lib */
 
 #define PI 3.14159265358979323846
@@ -62,6 +69,34 @@ struct contact { /* one of them */
     double separated, slip;        /* shares of the period */
     double shift, low, high;       /* um: motion and limits of the slider over the period, for clip_slider() */
 };
+
+static inline double falling_root(double (*right)(struct phase *, double), struct phase *p, double now, double *known_share)
+{
+    double next = now, low = now, high = now, end = now, before = now, last = 0.0;
+    double share = *known_share > 0.0 ? *known_share : 1.0;
+
+    for (int i = 0; i < 100; i++) {
+        double found = right(p, now), excess = found - now, scale = fabs(now) + 0.1 * p->preload;
+        if (i == 0)
+            end = found, low = smaller(now, found), high = larger(now, found);
+        else
+            share = (now - before) / (last - excess);
+        if (excess > 0.0)
+            low = now;
+        else
+            high = now;
+        next = now + share * excess;
+        if (fabs(excess) <= 1e-13 * scale || (i > 0 && fabs(excess * last) <= 1e-10 * scale * scale)) {
+            next = smaller(larger(next, low), high);
+            break;
+        }
+        if (!(next > low && next < high) && (i != 1 || next != end)) /* the root of a constant is the end */
+            next = 0.5 * (low + high);
+        before = now, last = excess, now = next;
+    }
+    *known_share = share > 0.0 && share <= 1.0 ? share : 1.0;
+    return next;
+}
 
 /* Sum the harmonics of a displacement at every phase. */
 static void synthesise(const struct motor *m, const phasor part[HARMONICS + 1], double at[PHASES])

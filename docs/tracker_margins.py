@@ -38,11 +38,12 @@ class Case:
     tracker: dict[str, Any]
     duration: float  # s, after which the speed has settled
     driver: dict[str, Any] = field(default_factory=dict)
+    changes: dict[str, Any] = field(default_factory=dict)  # of the motor
 
     def parts(self) -> tuple[pr.Motor, pr.Tracker, pr.Driver | None]:
         """Return motor, tracker in the middle of its range, and driver."""
         light = {"andersen2002": 1e-7, "bimodal40": 1e-6}[self.motor]  # kg m²
-        motor = pr.load_motor(self.motor).updated({"rotor.inertia_kg_m2": light})
+        motor = pr.load_motor(self.motor).updated({"rotor.inertia_kg_m2": light, **self.changes})
         start = {"frequency": motor.modes[-1].frequency_hz, **self.tracker}
         tracker = pr.Tracker(kind="pll", **start)
         tracker = tracker.model_copy(update={"frequency": running_resonance(motor, tracker).resonance_hz})
@@ -50,9 +51,15 @@ class Case:
         return motor, tracker, pr.Driver(**{**same, **self.driver}) if self.driver else None
 
 
+ELECTRODE = {"capacitance_f": 3e-10, "couplings_n_per_v": {"mode-4": 0.02}, "share_a": 0.1, "share_b": 0.12}
 COIL = {"kind": "half-bridge", "network": "inductor"}
 CASES = {
     "`bimodal40`, 60 V, −30°": Case("bimodal40", {"voltage": 60.0, "phase_deg": 90.0, "target_deg": -30.0}, 20e-3),
+    "`bimodal40`, 60 V, −30°, feedback electrode with 5 % of the shares of the voltages": Case(
+        "bimodal40",
+        {"voltage": 60.0, "phase_deg": 90.0, "target_deg": -30.0, "sense": "feedback", "capacitance_error": 0.05},
+        20e-3, changes={"feedback": ELECTRODE},
+    ),
     "`andersen2002`, 50 V and 100 V, 1 kHz": Case(
         "andersen2002", {"voltage": 50.0, "ratio_b": 2.0, "bandwidth_hz": 1000.0, "ripple_ratio": 2.0}, 8e-3
     ),

@@ -319,38 +319,6 @@ static double phase_{0}_by(struct phase *p, double value)
     p->{0} = value;
     return {1};
 }}
-
-/* The root of an equation whose right side falls as the value rises, from the value in p, with the share of the first
-   change from the last root: secants, and halves of the interval where they leave it. The last secant is not evaluated:
-   its error is a part of the product of the two errors before it. A tenth of the preload is a scale of small forces. */
-static double phase_{0}(struct phase *p)
-{{
-    double now = p->{0}, next = now, low = now, high = now, before = now, last = 0.0;
-    double share = p->{0}_share > 0.0 ? p->{0}_share : 1.0, scale, end = now;
-
-    for (int i = 0; i < 100; i++) {{
-        double found = phase_{0}_by(p, now), excess = found - now;
-        if (i == 0)
-            end = found, low = smaller(now, found), high = larger(now, found);
-        else
-            share = (now - before) / (last - excess);
-        if (excess > 0.0)
-            low = now;
-        else
-            high = now;
-        next = now + share * excess;
-        scale = fabs(now) + 0.1 * p->preload;
-        if (fabs(excess) <= 1e-13 * scale || (i > 0 && fabs(excess * last) <= 1e-10 * scale * scale)) {{
-            next = smaller(larger(next, low), high);
-            break;
-        }}
-        if (!(next > low && next < high) && (i != 1 || next != end)) /* the root of a constant is the end */
-            next = 0.5 * (low + high);
-        before = now, last = excess, now = next;
-    }}
-    p->{0}_share = share > 0.0 && share <= 1.0 ? share : 1.0;
-    return next;
-}}
 """
 
 
@@ -363,7 +331,7 @@ def phase_source(terms: Terms = ALL_TERMS) -> str:
     texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
     implicit = [name for name, text in found.values.items() if f"V({name})" in text]
     fields += [f"{name}_share" for name in implicit]
-    lines = texts | {name: f"phase_{name}(p)" for name in implicit}
+    lines = texts | {name: f"falling_root(phase_{name}_by, p, p->{name}, &p->{name}_share)" for name in implicit}
     parameters, values = (
         {name: lines[name] for name in lines if name in of} for of in (found.parameters, found.values)
     )

@@ -85,12 +85,10 @@ class ErrorEstimate:
         """Why a run with this estimate is not trusted, empty if it is."""
         if self.unknown:
             return f"The error against the full motor is not known: {self.unknown}"
-        if max(self.shares.values(), default=0.0) <= TRUSTED:
+        if not (above := {name: share for name, share in self.shares.items() if share > TRUSTED}):
             return ""
-        return (
-            f"The estimated error against the full motor is above {100.0 * TRUSTED:g} %: {self}. Use the full motor, "
-            "or more phases and harmonics where the analysis takes them."
-        )
+        said = f"The estimated error against the full motor is above {100.0 * TRUSTED:g} %: {ErrorEstimate({}, above)}."
+        return f"{said} Use the full motor, or more phases and harmonics where the analysis takes them."
 
     def __str__(self) -> str:
         """Return the shares, or that they are not known."""

@@ -34,7 +34,7 @@ from pyspice_runner.motor.thermal import Thermal
 from pyspice_runner.result import Result
 from pyspice_runner.steady.small_signals import loop_margins
 from pyspice_runner.steady.steady import STANDS
-from pyspice_runner.units import linear_words
+from pyspice_runner.units import engineering, linear_words
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -157,11 +157,12 @@ class ControlLoop(Result):
         """Return gains, margins and overshoot."""
         shown = {f"{name} gain": f"{value:.4g} {self.gain_units[name]}" for name, value in self.gains.items()}
         bound = "none" if self.gain_margin_db is None else f"{self.gain_margin_db:.3g} dB"
+        by_design, of_motor = (round(100.0 * share, 2) for share in (self.overshoot, self.overshoot_simulated))
         shown |= {
             "crossover": f"{self.crossover_hz:.4g} Hz",
             "phase margin": f"{self.phase_margin_deg:.3g}°",
             "gain margin": bound,
-            "overshoot": f"{100.0 * self.overshoot:.3g} %, averaged motor {100.0 * self.overshoot_simulated:.3g} %",
+            "overshoot": f"{by_design:.3g} %, averaged motor {of_motor:.3g} %",
         }
         if margins := [one.phase_margin_deg for one in self.spread if one.phase_margin_deg is not None]:
             places = [one.crossover_hz for one in self.spread if one.crossover_hz is not None]
@@ -169,9 +170,12 @@ class ControlLoop(Result):
                 f"{min(margins):.3g} to {max(margins):.3g}° at {min(places):.4g} to {max(places):.4g} Hz, "
                 f"{len(margins)} of {len(self.spread)} points"
             )
+        at = self.provenance["run"]["operating_point"]
+        shown["operating point"] = f"{at['speed']:.4g} rad/s, phase of the current {at['current_phase_a']:.4g}°"
+        shown["sample time"] = engineering(self.provenance["run"]["sample_time_s"], "s")
         if self.dead_band_v is not None:
             shown["dead band"] = f"{self.dead_band_v:.3g} V"
-        return shown
+        return self._localised(shown)
 
     def to_dict(self) -> dict[str, Any]:
         """Return gains, margins, overshoot, step responses and settings, JSON-ready."""
@@ -237,16 +241,11 @@ class LoopController:
         return float(self._proportional * error + self._other * self._sum)
 
 
-def dead_band(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> float:
-    """Return the amplitude of group A in V below which the motor does not turn as it does at the drive.
+def over_amplitudes(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[float, dict[float, float]]:
+    """Return the dead band of group A in V, and amplitudes from one that does not turn the motor on, with the speed.
 
-    Group B has its ratio. Each run begins at rest. Raise SimulationError if the equations have no solution.
+    Each run begins at rest; group B has its ratio. Raise SimulationError if the equations have no solution.
     """
-    return _over_amplitudes(motor, drive, load_torque)[0]
-
-
-def _over_amplitudes(motor: Motor, drive: TwoPhaseDrive, load_torque: float) -> tuple[float, dict[float, float]]:
-    """Return the dead band in V, and amplitudes from one that does not turn the motor on, with the speed from rest."""
     running = AveragedMotor(motor)
 
     def speed(voltage: float) -> float:
@@ -335,7 +334,7 @@ def sampled_loop(
     plant = _plant(motor, drive, load_torque, quantity, sample_time)
     band, cautions = None, list[str]()
     if quantity != "phase":
-        band, speeds = _over_amplitudes(motor, drive, load_torque)
+        band, speeds = over_amplitudes(motor, drive, load_torque)
         cautions = list(_wrong_signs(plant.sign(highest), plant.point["speed"], drive, speeds))
     try:
         crossover, margin = _chosen(plant, crossover, margin)

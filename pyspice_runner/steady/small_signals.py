@@ -53,8 +53,8 @@ FEWEST, OFFSETS = 16, 96  # points whose steps lie between each other's, evenly 
 UNEVEN, JUMP, NARROWEST = 5e-3, 0.1, 1e-3  # shares of a mean by an interval of steps and by its ends; of a step
 ACCURATE = 0.05  # error of a transfer function, relative to its magnitude, above which there is a caution
 HIGHEST = 0.45  # of the drive's frequency
-_SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b")
-_CURRENTS = slice(2, 4)  # of the signals
+_SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b", "electrode")
+_CURRENTS, _SENSED = slice(2, 4), [2, 3, 6]  # of the signals
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,6 +77,8 @@ class SmallSignals(Result):
         errors: (output, input) → estimated error of the transfer function by the time step and by the size of the
             deviations from the steady state, in its unit.
         hot_admittance_error_s: estimated error of each entry of the hot admittance by the same, S.
+        electrode: voltage that the charge of a feedback electrode has beside the drive, over that of each group; its
+            image; and the error of the first, shape (3, frequencies, 2).
     """
 
     state: SteadyState
@@ -88,6 +90,7 @@ class SmallSignals(Result):
     image_admittance_s: Complex = field(repr=False)
     errors: dict[tuple[str, str], Array] = field(repr=False)
     hot_admittance_error_s: Array = field(repr=False)
+    electrode: Complex = field(repr=False)
 
     def transfer(self, output: str, of: str) -> Complex:
         """Return the transfer function from an input to an output, over :attr:`modulation_hz`.
@@ -249,7 +252,10 @@ def linearised(point: Point, frequencies: Sequence[float] | Array, offsets: int 
     cold = np.array([cold_admittance(point.motor, at) for at in probed.tolist()])
     hot, image = found.pop("hot"), found.pop("image")
     hot_error, _ = errors.pop("hot"), errors.pop("image")
-    return SmallSignals(state, modulation, found, probed, hot, cold, image, errors, hot_error)
+    electrode = np.array([hot[:, 2], image[:, 2], hot_error[:, 2]])
+    return SmallSignals(
+        state, modulation, found, probed, hot[:, :2], cold, image[:, :2], errors, hot_error[:, :2], electrode
+    )
 
 
 def _between(places: Array, gaps: Array, changes: Mapping[Any, Array], means: Mapping[Any, Complex]) -> list[float]:
@@ -287,7 +293,7 @@ class _Linear:
             for of, response in _modulated(drive, one).items():
                 for output, value in _outputs(response, carriers, of, plant).items():
                     found.setdefault((output, of), []).append(value)
-        above, below = (every[:, first:4:2, _CURRENTS].swapaxes(1, 2) for first in (0, 1))
+        above, below = (every[:, first:4:2, _SENSED].swapaxes(1, 2) for first in (0, 1))
         hot = np.concatenate([below[::-1, ..., -1].conj(), above[..., 1]])
         image = np.concatenate([below[::-1, ..., 1], above[..., -1].conj()])
         return {name: np.array(values) for name, values in found.items()} | {"hot": hot, "image": image}
@@ -365,10 +371,11 @@ def _outputs(response: Complex, carriers: Mapping[str, complex], of: str, plant:
 
 
 def _signals(plant: Plant, trace: Trace) -> Array:
-    """Return speed, friction force, currents and motional currents over a period."""
+    """Return speed, friction force, currents, motional currents and charge of the electrode in V over a period."""
     currents = [current(plant, group, trace) for group in GROUPS]
     motional = plant.motor.stator.coupling.T @ modal(plant, trace)[1]
-    return np.array([speed(plant, trace), forces_on_rotor(plant, trace)[1], *currents, *motional])
+    electrode = trace.states[plant.places["feedback"]] if plant.motor.feedback else [0.0 * trace.time]
+    return np.array([speed(plant, trace), forces_on_rotor(plant, trace)[1], *currents, *motional, *electrode])
 
 
 def cold_admittance(motor: Motor, frequency: float) -> Complex:

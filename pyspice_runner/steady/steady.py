@@ -203,8 +203,8 @@ class SteadyState(Quantities, Result):
             yield "No steady state was found. Run simulate to see how the motor moves."
         elif not self.stable:
             yield f"The steady state is not stable: {self.instability}."
-            if self.reached:
-                yield "Its values are time averages of the motor that runs from rest."
+            average, own = "time averages of the motor that runs from rest", "those of a motion that the motor leaves"
+            yield f"Its values are {average if self.reached else f'{own}; speed_torque has time averages'}."
         if self.held_by_friction:
             yield STUCK
             bounds = (engineering(value, "N·m") for value in (self.torque_min_n_m, self.torque_max_n_m))

@@ -10,7 +10,8 @@ copies of the clamped capacitances at both side bands. The phase of the differen
     \\delta\\varphi = \\frac{m_+}{M} + \\frac{m_-}{M^*} - \\frac{f_+}{F} - \\frac{f_-}{F^*}
 
 with the phasors M and F of both, and the coefficients m, f of :math:`e^{j(\\omega\\pm\\Omega)t}` that the modulation
-:math:`e^{j\\omega t}` adds to the current and to the force.
+:math:`e^{j\\omega t}` adds to the current and to the force. On a feedback electrode the current is the
+rate of the charge there.
 
 The detector compares rising edges. Behind a bridge the force has harmonics, which move its edge and change its slope
 there. They follow the oscillator: a phase shift ψ of the oscillator shifts the harmonic k by kψ. The response of the
@@ -105,7 +106,7 @@ def swept_hz(tracker: Tracker) -> Array:
 
 
 Complex = NDArray[np.complex128]
-Answers = tuple[Complex, Complex, Array]  # as of :func:`_running`
+Answers = tuple[Complex, Complex, Array]  # as of :func:`_running`, for currents and electrode
 
 POINTS = 33  # modulations; a crossover is within 0.1 % of that by 81
 OFFSETS = 16  # of the points about which the motor is linearised
@@ -143,23 +144,27 @@ def running_loop(known: Motor, source: TrackedSource, point: Point, force: Compl
 
 def _free(point: Point, modulation: Array) -> Answers:
     """Return what :func:`_running` does, of a stator without a rotor."""
-    frequency = point.drive.frequency
-    missing = len(GROUPS) - len(point.motor.groups)
+    frequency, motor = point.drive.frequency, point.motor
+    missing = len(GROUPS) - len(motor.groups)
+    stator = motor.loaded_stator if motor.is_transducer else motor.stator.on_carrier(motor.mount)
 
-    def admittance(at: float) -> Complex:
-        return np.pad(cold_admittance(point.motor, at), (0, missing))
+    def answer(at: float) -> Complex:
+        charged, omega = 0.0 * stator.coupling[0], 2.0 * pi * at
+        if stator.feedback:
+            displaced = np.linalg.solve(stator.dynamic_stiffness(omega), stator.coupling)
+            charged = -stator.feedback_gain(omega) * (stator.sensed @ displaced)
+        return np.vstack([np.pad(one, (0, missing)) for one in (cold_admittance(motor, at), charged)])
 
-    above, below = (np.array([admittance(frequency + side * at) for at in modulation]) for side in (1.0, -1.0))
+    above, below = (np.array([answer(frequency + side * at) for at in modulation]) for side in (1.0, -1.0))
     none = np.zeros_like(above)
-    currents = admittance(frequency) @ volts(point.drive)
-    return currents, np.block([[above, none], [none, below.conj()]]), np.zeros(len(modulation))
+    return answer(frequency) @ volts(point.drive), np.block([[above, none], [none, below.conj()]]), np.zeros((2, 1))
 
 
 def _running(point: Point, modulation: Array) -> Answers:
-    """Return currents of the full motor for small voltages beside its drive, at modulations in Hz.
+    """Return what the full motor answers to small voltages beside its drive, at modulations in Hz.
 
-    They are the phasors of the drive's currents in A; the admittances in S from the voltages at the side band above and
-    the conjugate ones below to such currents, shape (modulations, 4, 4); and their estimated error in S.
+    They are the phasors of both currents, A, and of the electrode's charge, V, at the drive; those at the side band
+    above and the conjugate ones below over such voltages there, shape (modulations, 6, 4); and errors in S and V/V.
     """
     places = np.log(modulation / modulation[0]) / np.log(modulation[-1] / modulation[0]) * 2.0 - 1.0
     nodes = chebyshev.chebpts1(POINTS)
@@ -169,11 +174,17 @@ def _running(point: Point, modulation: Array) -> Answers:
     assert waves is not None
     wave = np.exp(-2j * pi * frequency * waves.time_s)
     columns = [getattr(waves, groups.column("current", group, "a")) for group in GROUPS]
+    columns.append(0.0 * wave)
+    if electrode := point.motor.feedback:
+        columns[-1] = waves.feedback_v - electrode.shares @ np.array([waves.voltage_a_v, waves.voltage_b_v])
     currents = np.array([2j * frequency * np.trapezoid(column * wave, waves.time_s) for column in columns])
     above, below = slice(POINTS, None), slice(POINTS - 1, None, -1)  # of the frequencies of the side bands
-    hot, image, error = found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s.max(axis=(1, 2))
+    of_groups = (found.hot_admittance_s, found.image_admittance_s, found.hot_admittance_error_s)
+    hot, image, error = (np.hstack([one, at[:, None]]) for one, at in zip(of_groups, found.electrode, strict=True))
     inner = np.block([[hot[above], image[below]], [image[above].conj(), hot[below].conj()]])
-    return currents, np.tensordot(between, inner, axes=1), np.interp(places, nodes, error[above] + error[below])
+    errors = np.array([error[:, :2].max(axis=(1, 2)), error[:, 2].max(axis=1)]).real
+    errors = np.array([np.interp(places, nodes, one[above] + one[below]) for one in errors])
+    return currents, np.tensordot(between, inner, axes=1), errors
 
 
 def _turns(
@@ -184,41 +195,51 @@ def _turns(
     The sensed phase in degrees is that of the motional current ahead of the edges of the force. ``at`` are modulations
     in Hz, with the currents of :func:`_running`.
     """
-    drawn, inner, error = answers
-    frequency, weights = drive.frequency, parts.sensing(known, source.tracker, source.mode)
+    drawn, inner, of_kinds = answers
+    frequency, tracker, weights = drive.frequency, source.tracker, parts.sensing(known, source.tracker, source.mode)
     currents, forces = (by_group(weights, kind) for kind in ("current", "force"))
-    pins = volts(drive)
-    share = source.tracker.sensed_share
-    motional = complex(currents @ (share(frequency) * drawn - copies(weights, frequency) @ pins))
+    pins, electrode = volts(drive), known.feedback if tracker.sense == "feedback" else None
+    target = tracker.target_deg + degrees(phase(parts.sensed_velocity(known, tracker, source.mode)))
+
+    def sensed(at: Any, answer: Any, held: Any) -> Complex:
+        """Return the sensed current at frequencies in Hz, for what the motor answers and the voltages of the groups."""
+        if electrode:
+            left = np.array(electrode.shares) * (1.0 - tracker.copies * (1.0 + tracker.capacitance_error))
+            return np.asarray(-2j * pi * electrode.capacitance_f * at * (answer[..., 2] + held @ left))
+        taken = (copies(weights, at) @ held[..., np.newaxis])[..., 0]
+        return np.asarray((np.asarray(tracker.sensed_share(at))[..., np.newaxis] * answer[..., :2] - taken) @ currents)
+
+    motional = complex(sensed(frequency, drawn, pins))
     harmonics = np.array([forces @ pins]) if force is None else force
     orders = np.arange(1, len(harmonics) + 1)
-    wanted = harmonics * _reference(source, orders * frequency)
+    wanted = harmonics * _reference(tracker, target, orders * frequency)
     edge = _edge(wanted)
     slopes = orders * wanted * np.exp(1j * orders * edge)
     slope, follows = float(slopes.real.sum()), float(slopes.real[1:].sum())
     series, across = _network(source, frequency)
-    stage = pins + series * (drawn + across * pins)
+    stage = pins + series * (drawn[:2] + across * pins)
     emf = 0.5 * np.concatenate([stage, stage.conj()])
     bands = np.stack([frequency + at, at - frequency], axis=1)
     networks = np.array([_network(source, band) for band in bands.ravel().tolist()])
     series, across = networks.swapaxes(0, 1).reshape(2, -1, 4, 1)
     # [v+; v-] = emf − series ([i+; i-] + across [v+; v-]), with the stage turned by e^{jωt}
-    moved = np.linalg.solve(np.eye(4) + series * (inner + across * np.eye(4)), emf[:, np.newaxis])
-    sides = [part.reshape(-1, 2, 2, 1) for part in (inner @ moved, moved)]
-    seen = share(bands)[..., np.newaxis, np.newaxis] * sides[0]
-    current = (seen - copies(weights, bands) @ sides[1])[..., 0] @ currents
-    turned = sides[1][..., 0] @ forces * _reference(source, bands)
+    by_groups = inner[:, [0, 1, 3, 4]]
+    moved = np.linalg.solve(np.eye(4) + series * (by_groups + across * np.eye(4)), emf[:, np.newaxis])
+    held = moved.reshape(-1, 2, 2)
+    current = sensed(bands, (inner @ moved).reshape(-1, 2, 3), held)
+    turned = held @ forces * _reference(tracker, target, bands)
     ahead = current @ np.array([1.0 / motional, 1.0 / motional.conjugate()])
     ahead -= (turned @ np.exp([1j * edge, -1j * edge]) + follows) / slope
-    errors = np.abs(currents).sum() * error * np.abs(moved).max(axis=(1, 2)) / abs(motional) / at
-    sensed = degrees(phase(motional)) + degrees(edge) + source.tracker.target_deg
-    return ahead / (1j * at), errors, (sensed + 180.0) % 360.0 - 180.0
+    error = np.abs(currents).sum() * of_kinds[0]
+    error = 2.0 * pi * frequency * electrode.capacitance_f * of_kinds[1] if electrode else error
+    errors = error * np.abs(moved).max(axis=(1, 2)) / abs(motional) / at
+    of_mode = degrees(phase(motional)) + degrees(edge) + tracker.target_deg
+    return ahead / (1j * at), errors, (of_mode + 180.0) % 360.0 - 180.0
 
 
-def _reference(source: TrackedSource, frequency: Any) -> Complex:
+def _reference(tracker: Tracker, target_deg: float, frequency: Any) -> Complex:
     """Return the factors from the force to the signal with which the detector compares the current."""
-    tracker = source.tracker
-    target = np.radians(tracker.target_deg)
+    target = np.radians(target_deg)
     return np.asarray(np.cos(target) + 1j * frequency / tracker.frequency * np.sin(target))
 
 

@@ -612,9 +612,6 @@ def _track_full(run: TrackedRun, progress: Callable[[float, float], object] | No
     found = replace(found, ceramic=stressed, sensing=_sensing(run, pins, drawn, found.end_frequency_hz))
     if not (run.margin and found.locked):
         return found
-    if source.tracker.sense == "feedback":
-        words = "The loop gain is that of sensed currents; no loop gain is computed with a feedback electrode."
-        return replace(found, no_loop=words)
     force = np.array([_phasor(vectors, "v(force)", order) for order in range(1, HARMONICS_OF_FORCE + 1)])
     return _with_loop(run, found, pins, force)
 

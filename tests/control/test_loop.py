@@ -12,7 +12,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner.cli import run
-from pyspice_runner.control.loop import PHASES_OF_PLANT, LoopController, dead_band
+from pyspice_runner.control.loop import PHASES_OF_PLANT, LoopController, over_amplitudes
 from tests.motors import BEAM40, recommended
 from tests.runs import unestimated
 
@@ -191,20 +191,20 @@ def test_a_motor_stands_below_its_dead_band_and_turns_above(motor: pr.Motor, dri
     milliradians; after it, its contact creeps by the area that the path of the tip encloses.
     """
     for (one, given), begin, still in ((beam(), 0.0, 20e-6), ((motor, drive), 0.1, 50e-6)):
-        band = dead_band(one, given, 0.0)
+        band = over_amplitudes(one, given, 0.0)[0]
         for volts, turns in ((band - 1.0, False), (band + 1.0, True)):
             run = pr.simulate_averaged(one, given.model_copy(update={"voltage": volts}), 0.2)
             late = run.rotor_position_rad[-1] - np.interp(begin, run.time_s, run.rotor_position_rad)
             assert (late > 1e-3) == turns
             assert abs(late) < still or turns
-        assert dead_band(one, given, 2e-3) > band
+        assert over_amplitudes(one, given, 2e-3)[0] > band
 
 
 @pytest.mark.soak
 def test_the_full_motor_stands_in_the_dead_band_and_turns_above(motor: pr.Motor, drive: pr.TwoPhaseDrive) -> None:
     """After the first oscillations; below, the flagship slips for less than one of the averaged motor's 64 phases."""
     for (one, given), begin, moves, still in ((beam(), 9, 0.2e-3, 2e-6), ((motor, drive), 29, 5e-3, 1e-3)):
-        band = dead_band(one, given, 0.0)
+        band = over_amplitudes(one, given, 0.0)[0]
         for volts, turns in ((band - 1.5, False), (band + 1.5, True)):
             weak = given.model_copy(update={"voltage": volts})
             end = (begin + 11) * 1e-3
