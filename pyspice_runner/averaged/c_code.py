@@ -179,7 +179,7 @@ def _contact_values(motor: Motor) -> dict[str, float]:
             "series_compliance": contact.series_compliance_m_per_n,
             "series_compliance_x": contact.tangential_series_compliance_m_per_n, "radius": one.radius_m,
             "sliding_ratio": contact.sliding_ratio, "stribeck_velocity": contact.stribeck_velocity_m_s,
-            "share": one.share, "height": -one.gap_m, "direction": float(one.direction),
+            "share": one.share, "height": 0.0 - one.gap_m, "direction": float(one.direction),
             "friction_ratio": contact.friction / motor.contact.friction,
         }  # fmt: skip
         for axis, row in zip("xy", motion[2 * place :], strict=False):

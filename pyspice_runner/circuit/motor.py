@@ -316,8 +316,7 @@ class MotorSubCircuit(Assembly):
                 shared = [item for item in self.settable if item.name not in others]
                 kept = {"deflection", *(("mu" if item.name == "friction" else item.name) for item in shared)}
                 expressions = {name: text for name, text in expressions.items() if name in kept}
-                named = {name: item.default for name, item in own.own.items()} | values
-                expressions |= _own_values(shared, named, one, motor.contact.preload_n)
+                expressions |= _own_values(shared, {name: item.default for name, item in own.own.items()} | values, one)
             nodes = [moved.get(pin, pin if pin == "shaft" else f"{pin}{suffix}") for pin in PINS]
             self._put(f"contact{suffix}", plain, nodes, {**values, **expressions})
 
@@ -531,15 +530,13 @@ def touching_values(
     return values | {name: value for name, value in beside.items() if name in declared and name not in values}
 
 
-def _own_values(
-    shared: Sequence[LibraryParameter], values: Mapping[str, float], one: Touching, preload_n: float
-) -> dict[str, str]:
+def _own_values(shared: Sequence[LibraryParameter], values: Mapping[str, float], one: Touching) -> dict[str, str]:
     """Return the parameters in which one of several contacts differs from those of the X line, as expressions.
 
     Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes the new value for
     that name in the expressions behind it.
     """
-    found = {"preload": f"{{{one.share or one.contact.preload_n / preload_n!r}*{PRELOAD_ALL}}}"}
+    found = {"preload": f"{{{one.share!r}*{PRELOAD_ALL}}}" if one.share else repr(one.contact.preload_n)}
     for item in shared:
         name = "mu" if item.name == "friction" else item.name
         value = values.get(name, item.default)

@@ -10,7 +10,7 @@ have the sum of the forces at the same displacements, which is the law of a sing
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -53,16 +53,6 @@ class Touching:
     def height_m(self) -> float:
         """Penetration at rest, negative for a gap, above that of :attr:`contact` under its preload; 0 if it touches."""
         return 0.0 if self.share else -self.gap_m - static_penetration(self.contact)
-
-    def bearing(self, force_n: float, depth_m: float) -> Touching:
-        """Return the contact with another normal force at rest in N; of none the depth is that of the gap."""
-        if not force_n:
-            return replace(self, share=0.0, gap_m=max(-depth_m, 0.0))
-        one, all_of = ({"preload_n": force_n / points} for points in (self.multiplicity, 1))
-        share = self.share * force_n / self.contact.preload_n
-        return replace(
-            self, share=share, contact=self.contact.model_copy(update=all_of), point=self.point.model_copy(update=one)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,33 +99,31 @@ def touching_of(
     """Return the contacts of a motor as they rest; without places it is one."""
     if not places:
         return (Touching("contact", "", contact, contact, radius_m, 1.0),)
-    found = []
-    for number, (place, share) in enumerate(zip(places, shares_of(places), strict=True), start=1):
-        preload = share * contact.preload_n
+    stated, found, height = shares_of(places), list[Touching](), np.array([place.height_m for place in places])
+    shares, gaps = stated, [0.0] * len(places)
+    if height.any():
+        even = touching_of(contact, [one.model_copy(update={"height_m": 0.0}) for one in places], radius_m, modes)
+        towards = motion_rows(places, modes)[1::2]
+        flexibility = (towards / np.array([mode.stiffness_n_per_m for mode in modes])) @ towards.T
+        shares, gaps = settled(even, height, flexibility)
+    for number, (place, share, gap) in enumerate(zip(places, shares, gaps, strict=True), start=1):
+        preload = (share or stated[number - 1]) * contact.preload_n
         own = gathered(contact.model_copy(update=place.contact), place.part, preload / place.multiplicity)
         found.append(
             Touching(
                 place.name, "" if number == 1 else str(number), gathered(own, place.multiplicity, preload), own,
-                place.radius_m or radius_m, share, place.multiplicity, place.direction, law=place.law,
+                place.radius_m or radius_m, share, place.multiplicity, place.direction, gap, place.law,
             )
         )  # fmt: skip
-    height = np.array([place.height_m for place in places])
-    if not height.any():
-        return tuple(found)
-    towards = motion_rows(places, modes)[1::2]
-    return settled(found, height, (towards / np.array([mode.stiffness_n_per_m for mode in modes])) @ towards.T)
+    return tuple(found)
 
 
-def settled(touching: Sequence[Touching], height_m: Array, flexibility: Array) -> tuple[Touching, ...]:
-    r"""Return the contacts at rest, of those whose tips, on a stator of a flexibility in m/N, have different heights.
+def settled(touching: Sequence[Touching], height_m: Array, flexibility: Array) -> tuple[list[float], list[float]]:
+    """Return share of the preload and gap at rest of contacts at heights h; given are they at height 0, with δ⁰ and F⁰.
 
-    The carrier, or the distance of the stator, moves by a until the normal forces sum to the preload. With C the
-    flexibility of stator and what is in series, F⁰ the preloads of equal heights and h the heights,
-
-    .. math::
-        \delta = \delta^0 + h + a - C\,(F(\delta) - F^0), \qquad \sum F_i(\delta_i) = \sum F^0_i .
-
-    Newton's method begins where all touch. F is convex, so that the forces of each step sum to the preload or more.
+    δ = δ⁰ + h + a − C (F(δ) − F⁰), with the flexibility C of the stator, in m/N, and of what is in series, and the
+    motion a of the carrier or the support that lets the forces sum to the preload. Newton's method begins where all
+    touch. F is convex, so that the forces of each step sum to the preload or more.
     """
     contacts, rest = [one.contact for one in touching], AtRest.of(touching)
     softness = flexibility + np.diag([one.series_compliance_m_per_n for one in contacts])
@@ -152,16 +140,12 @@ def settled(touching: Sequence[Touching], height_m: Array, flexibility: Array) -
         step = part * (moved + further * along)
         depth, common = depth + step, common + part * further
         if np.abs(step).max() <= _SETTLED * np.abs(depth).max():
-            break
-    else:
-        raise ValueError(
-            "the heights of [[contacts]] have no equilibrium that Newton's method finds: make them smaller"
-        )
-    forces *= (forces >= _LEAST_N) * rest.preload_n.sum() / forces.sum()
-    return tuple(one.bearing(*pair) for one, pair in zip(touching, np.stack([forces, depth], 1).tolist(), strict=True))
+            forces *= forces >= _LEAST_N
+            return (forces / forces.sum()).tolist(), np.maximum(-depth, 0.0).tolist()
+    raise ValueError("the heights of [[contacts]] have no equilibrium that Newton's method finds: make them smaller")
 
 
-def unlike_shares(touching: Sequence[Touching], places: Sequence[ContactPlace]) -> tuple[str, ...]:
+def uneven(touching: Sequence[Touching], places: Sequence[ContactPlace]) -> tuple[str, ...]:
     """Return a sentence if heights leave contacts without their stated shares, or away from the rotor."""
     if not any(one.gap_m for one in touching) and not any(place.height_m and place.share for place in places):
         return ()
@@ -250,6 +234,8 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
             valid = isinstance(law, dict) and all((key == "name") == isinstance(one, str) for key, one in law.items())
             require(valid, f"{where}: {path}.law", named["law"], "a name, or a table of name and numbers")
             named["law"] = law
+        if isinstance(named, dict) and named.get("direction") is True:  # pydantic takes it for 1
+            named["direction"] = "true"
         places.append(build(ContactPlace, named, path, where))
     first = places[0]
     found["modes"] = [

@@ -27,15 +27,7 @@ from pyspice_runner.display import Shown
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor import contact as contact_law
 from pyspice_runner.motor.beam_limits import beam_cautions
-from pyspice_runner.motor.contacts import (
-    AtRest,
-    Touching,
-    check_places,
-    motion_rows,
-    resolved,
-    touching_of,
-    unlike_shares,
-)
+from pyspice_runner.motor.contacts import AtRest, Touching, check_places, motion_rows, resolved, touching_of, uneven
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.materials import SOURCES, Lining, Materials, Source
 from pyspice_runner.motor.parameters import (
@@ -115,7 +107,7 @@ OTHER_PRESSURE = (
 )
 # of a lining: a neo-Hookean one then bears (1/λ² − λ)/3ε = 1.27 of the linear law's force (L. R. G. Treloar, The
 # Physics of Rubber Elasticity, 1975, ch. 5)
-LINEAR_STRAIN = 0.2
+LINEAR_STRAIN = 20.0  # %
 DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
 
 
@@ -386,8 +378,7 @@ class Motor(Shown, Parameters):
         if self.lining_strain >= 1.0:
             raise ValueError(
                 f"contact.preload_n = {self.contact.preload_n:g} N compresses the lining by {self.lining_strain:.3g} "
-                "times contact.lining.thickness_m; it must be less than once, so lower the preload or specify a larger "
-                "area or modulus"
+                "times contact.lining.thickness_m; it must be less than once, so lower it or enlarge the area"
             )
         shaking = stator.recoil[:, : len(carriers(self.mount))] / np.sqrt(stator.mass[:, np.newaxis])
         shaken = float(np.linalg.norm(shaking, 2)) ** 2 if self.mount else 0.0  # along the direction that moves most
@@ -595,13 +586,11 @@ class Motor(Shown, Parameters):
         limits = None if self.is_transducer or self.contact.exponent == HERTZ else self.limits
         if limits and (limits.contact_pressure_pa or limits.contact_tension_pa):
             of_theory = (*of_theory, OTHER_PRESSURE.format(self.contact.exponent))
-        if not self.is_transducer and self.lining_strain >= LINEAR_STRAIN:
-            strain = (
-                f"The preload compresses the lining by {100.0 * self.lining_strain:.2g} % of its thickness: beyond "
-            )
-            of_theory = (*of_theory, f"{strain}{100.0 * LINEAR_STRAIN:g} % it is stiffer than the linear law.")
+        if not self.is_transducer and (strain := 100.0 * self.lining_strain) >= LINEAR_STRAIN:
+            words = f"{strain:.2g} % of its thickness: from {LINEAR_STRAIN:g} % on it is stiffer than the linear law."
+            of_theory = (*of_theory, f"The preload compresses the lining by {words}")
         if self.contacts:
-            of_theory = (*of_theory, *unlike_shares(self.touching, self.contacts))
+            of_theory = (*of_theory, *uneven(self.touching, self.contacts))
         return (*unknown_recoil(self.modes, self.mount, self.stator.contact), *of_theory, *self.left_out)
 
     def summary(self) -> dict[str, str]:

@@ -13,15 +13,7 @@ from functools import cached_property
 from math import pi, sqrt
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    SerializerFunctionWrapHandler,
-    model_serializer,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from pyspice_runner.errors import ParameterError
 from pyspice_runner.motor.groups import GROUPS
@@ -487,8 +479,7 @@ class ContactPlace(Parameters):
     radius_m: float | None = quantity(
         "radius of the rotor at the contact; not given: rotor.radius_m", "m", ge=1e-4, le=10.0, default=None
     )
-    # a Literal takes true for 1
-    direction: Annotated[Literal[1, -1], BeforeValidator(lambda given: f"{given}" if given is True else given)] = Field(
+    direction: Literal[1, -1] = Field(
         default=1, description="1, or -1 for a tip whose motion along the stator's x drives the rotor backward"
     )
     multiplicity: Annotated[int, Field(ge=1, le=1000)] = Field(

@@ -344,13 +344,10 @@ class CoarserRuns:
             return None
         setup, rested = self._setup, self._record_from == 0.0
         depth = float(setup.motor.at_rest.depth_m.max()) if setup.law else 0.0
-        first = _distance(waves, coarser[0], rested, depth)
+        distance = partial(_distance, rested=rested, depth_m=depth)
+        first = distance(waves, coarser[0])
         opens = setup.law is not None and bool((waves.get("normal_force_n", np.ones(1)) <= 0.0).any())
-        second_order = (
-            len(coarser) == 2
-            and not opens
-            and _distance(coarser[0], coarser[1], rested, depth) >= _SECOND_ORDER * first
-        )
+        second_order = len(coarser) == 2 and not opens and distance(coarser[0], coarser[1]) >= _SECOND_ORDER * first
         speed, force = (_of_mean(name, [waves, *coarser], setup.source.period) for name in JUDGED[2:])
         torque = None if force is None else setup.motor.rotor.radius_m * force  # there is none of a transducer
         return Errors(first / 3.0 if second_order else first, speed, torque, seconds)
@@ -369,9 +366,7 @@ def _of_mean(name: str, runs: list[Mapping[str, Array]], period: float) -> float
 
 
 def _distance(fine: Mapping[str, Array], coarse: Mapping[str, Array], rested: bool, depth_m: float) -> float:
-    """Return the RMS distance of two tips over the RMS of the motion; 0 for a tip that does not move.
-
-    ``depth_m`` is its static penetration.
+    """Return the RMS distance of two tips of a static penetration over the RMS of the motion; 0 if they do not move.
 
     The place of rest under the preload depends a little on the step. Where the runs began at ``rested``, motions are
     counted from there; they are otherwise a multiple of themselves apart where the drive is weak.

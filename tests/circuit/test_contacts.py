@@ -135,7 +135,7 @@ def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
         ({"contacts.p1.direction": -1}, "the first contact defines forward"),
         ({"contacts.p2.contact.friction": -1.0}, "contacts.p2.contact.friction = -1"),
         ({"modes.0.tip_x": 1.0}, "follows from contacts.0"),
-        ({"contacts.p2.direction": True}, "contacts.p2.direction = 'True' is not valid: it must be one of 1, -1"),
+        ({"contacts.p2.direction": True}, "contacts.p2.direction = 'true' is not valid: it must be one of 1, -1"),
         ({"contacts.p9.height_m": 0.0}, "The contacts of .* are p1, p2"),
         ({"contacts.p2.tip_x.sine": 1e9}, r"p2.tip_x.sine = 1e\+09 is not valid: it must be a number ≥ -10000 and ≤"),
         ({"contacts.p2.law": "brush"}, "The contact brush of p2 is for a motor with one contact"),

@@ -108,12 +108,7 @@ def test_the_set_has_two_modes_that_split_and_a_wave_that_runs_past_its_contacts
     assert high.frequency_hz / low.frequency_hz - 1 == pytest.approx(one.splitting, rel=1e-3)
     assert [place.multiplicity for place in motor.contacts] == 8 * [9]
     assert not motor.cautions
-    with pytest.raises(pr.ParameterError, match=r"radius_m is ring\.contact_radius_m = 0\.029 m"):
-        motor.updated({"rotor.radius_m": 0.02})
-    soft = "contact.lining.youngs_modulus_pa"
-    assert "compresses the lining by 39 %" in motor.updated({soft: 2e6}).cautions[0]
-    with pytest.raises(pr.ParameterError, match=r"compresses the lining by 7\.87 times contact\.lining\.thickness_m"):
-        motor.updated({soft: 1e5})
+    assert "compresses the lining by 39 %" in motor.updated({"contact.lining.youngs_modulus_pa": 2e6}).cautions[0]
     for points in (3, 4, 16):  # [contact] is of the whole circle, which is as stiff with any number of points
         pressed = changed_motor("ring60", {"ring.points": points, "contact.preload_n": 170.0}).pressed_stator
         assert pressed.stiffness == pytest.approx(motor.pressed_stator.stiffness, rel=1e-9, abs=1e-3)
@@ -143,7 +138,8 @@ WRONG = {
     "ceramic": ("steel", "there are PZT-4"), "material": ("wood", "is not known"),
     "inner_radius_m": (0.031, "must be less than outer_radius_m"), "points": (6, "odd, or a multiple of 4"),
     "contact_radius_m": (0.028, "radius_m is ring.contact_radius_m"), "waves_feedback": (0.0, "[feedback] belongs to"),
-    "teeth": (0, "belong together"),
+    "teeth": (0, "belong together"), "rotor.radius_m": (0.02, "radius_m is ring.contact_radius_m = 0.029 m"),
+    "contact.lining.youngs_modulus_pa": (1e5, "compresses the lining by 7.87 times contact.lining.thickness_m"),
 }  # fmt: skip
 
 
@@ -157,6 +153,6 @@ def test_a_ring_beyond_the_theory_says_so(name: str) -> None:
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_ring_is_told_what_is_wrong(name: str) -> None:
     with pytest.raises(pr.ParameterError) as error:
-        changed_motor("ring60", {f"ring.{name}": WRONG[name][0]})
+        changed_motor("ring60", {name if "." in name else f"ring.{name}": WRONG[name][0]})
     assert WRONG[name][1] in str(error.value)
     assert reads_well(str(error.value))
