@@ -103,12 +103,9 @@ def shares_of(places: Sequence[ContactPlace]) -> list[float]:
         total = sum(place.multiplicity for place in places)
         return [place.multiplicity / total for place in places]
     without = ", ".join(place.name for place in places if place.share is None)
-    if without:
-        raise ValueError(
-            f"[[contacts]] without a share are {without}: give each its share, or none of the contacts one"
-        )
-    if abs(sum(given) - 1.0) > _SHARES:
-        raise ValueError(f"the shares of [[contacts]] sum to {sum(given):g}; correct them to a sum of 1")
+    if without or abs(sum(given) - 1.0) > _SHARES:
+        said = f"the shares of [[contacts]] sum to {sum(given):g}{f', without one for {without}' if without else ''}"
+        raise ValueError(f"{said}: give all of them, with a sum of 1, or none")
     return [share / sum(given) for share in given]
 
 
@@ -167,8 +164,8 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
         named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
         if isinstance(named, dict) and isinstance(named.get("law"), str):
             named["law"] = {"name": named["law"]}
-        own_name = isinstance(entry, Mapping) and isinstance(entry.get("name"), str)
-        places.append(build(ContactPlace, named, f"contacts.{named['name'] if own_name else number}", where))
+        label = entry.get("name", number) if isinstance(entry, Mapping) else number
+        places.append(build(ContactPlace, named, f"contacts.{label}", where))
     first = places[0]
     found["modes"] = [
         {
