@@ -66,7 +66,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
                 f"|{row['highest_hz'] / 1e3:g} kHz|{row['modes']}|{one['frequency_hz'] / 1e3:.2f}|{forces}|"
                 f"{100.0 * one['efficiency'][2]:.1f} %|"
             )
-    return "\n".join(lines).replace("-", "−").replace("|" + "−−−|" * 8, "|" + "---|" * 8)
+    return "\n".join(dict.fromkeys(lines)).replace("-", "−").replace("|" + "−−−|" * 8, "|" + "---|" * 8)
 
 
 def main() -> None:

@@ -443,14 +443,15 @@ def busy(what: str, part: str = "") -> Iterator[Callable[..., None]]:
 def run_progress(what: str) -> Iterator[Callable[[float, float], None]]:
     """Show the progress of a run and the remaining time; without a terminal the latter once, of a long run."""
     columns = progress.BarColumn(), progress.TaskProgressColumn(), progress.TextColumn("{task.fields[left]}")
-    quiet, said = not Console(stderr=True).is_terminal, list[float]()
+    quiet = not Console(stderr=True).is_terminal
     with _bar(what, *columns, total=1.0, transient=True) as update:
 
         def show(done: float, left: float) -> None:
+            nonlocal quiet
             update(completed=done, left=f"{left:.0f} s left")
-            if quiet and not said and done * left > _LONG * (1.0 - done):
-                said.append(left)
-                complain(f"piezomotor: {what}: about {left:.2g} s left.", style=None)
+            if quiet and done * left > _LONG * (1.0 - done):
+                quiet = False
+                complain(f"piezomotor: {what}: about {left:.0f} s left.", style=None)
 
         yield show
 

@@ -60,18 +60,17 @@ def show(call: Call) -> None:
     source, ring = loaded.materials, loaded.ring  # from which values above follow
     origins = {f"contact.{source.TABLE}": source.model_dump(exclude_none=True)} if source else {}
     values = [*leaves(document), *leaves(origins | ({"ring": ring.model_dump()} if ring else {}))]
-    units, power = dict[str, str](), HERTZ if loaded.is_transducer else loaded.contact.exponent
-    if power != HERTZ:
-        units = {"n_per_m15": " N/m", "m_per_n23": " m/N"}
-        units = units if power == 1.0 else {"n_per_m15": f" N/m^{power:g}", "m_per_n23": f" m/N^(1/{power:g})"}
+    power = HERTZ if loaded.is_transducer else loaded.contact.exponent
+    units = {} if power == HERTZ else {"n_per_m15": f" N/m^{power:g}", "m_per_n23": f" m/N^(1/{power:g})"}
     rows = [["parameter", "value"], *([path, f"{value}"] for path, value in values)]
     table = Table("parameter", "value", "from", title=loaded.name)
     for path, value in values:
         origin = loaded.provenance.get(path)
         shown = f"{value:.6g}" if isinstance(value, float) else str(value)
-        shown += "".join(unit for ending, unit in units.items() if path.endswith(ending))
-        other = "default" if path.startswith(("ring.", "contact.lining.")) else "derived"
-        table.add_row(path, shown, origin.kind if origin else other)
+        for unit in (unit for ending, unit in units.items() if path.endswith(ending)):
+            shown += unit.removesuffix("^(1/1)").removesuffix("^1")
+        without = "default" if path.startswith(("ring.", "contact.lining.")) else "derived"
+        table.add_row(path, shown, origin.kind if origin else without)
     if loaded.cautions:
         document["cautions"] = list(loaded.cautions)
     call.write(document, table, lambda path: common.write_table(path, document, rows), loaded.plot)

@@ -91,8 +91,9 @@ def track(call: Call) -> None:
         tracker = tracker.updated({"voltage": usual})
     if call.frequency is None:
         tracker = centred(motor, tracker, mode=mode, contact=call.law is not None)
-    shorter = " (--averaged takes seconds)" if call.tracker == "pll" and not call.averaged else ""
-    with common.run_progress(f"The motor runs with the tracker {call.tracker}{shorter}") as progress:
+    shown: Any = common.busy if call.averaged else common.run_progress
+    hint = "" if call.tracker != "pll" or call.averaged or motor.is_transducer else " (--averaged takes seconds)"
+    with shown(f"The motor runs with the tracker {call.tracker}{hint}") as progress:
         driver = None
         if call.driver:
             pins = phases.updated({"frequency": tracker.frequency, "voltage": tracker.voltage})

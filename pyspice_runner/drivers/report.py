@@ -299,11 +299,11 @@ class DriveReport(Balance, Result):
         for name in ("shaft power", "mean rotor speed", "mean torque") if self.of_transducer else ():
             del found[name]
         for part, losses in groupby(best.losses_w.items(), key=lambda loss: loss[0].partition(".")[0]):
-            notes = [
+            notes = (
                 f"{name.partition('.')[2]} {engineering(power, 'W')}" for name, power in losses
                 if abs(power) >= _ABSENT * abs(best.power_in_w)
-            ]  # fmt: skip
-            found |= {f"losses of {part}": ", ".join(notes)} if notes else {}
+            )  # fmt: skip
+            found[f"losses of {part}"] = ", ".join(notes)
         for group, port in best.groups.items():
             found |= self._of_group(group, port)
         for edge in best.switching:

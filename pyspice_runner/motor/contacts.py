@@ -161,12 +161,9 @@ def shares_of(places: Sequence[ContactPlace]) -> list[float]:
         total = sum(place.multiplicity for place in places)
         return [place.multiplicity / total for place in places]
     without = ", ".join(place.name for place in places if place.share is None)
-    if without:
-        raise ValueError(
-            f"[[contacts]] without a share are {without}: give each its share, or none of the contacts one"
-        )
-    if abs(sum(given) - 1.0) > _SHARES:
-        raise ValueError(f"the shares of [[contacts]] sum to {sum(given):g}; correct them to a sum of 1")
+    if without or abs(sum(given) - 1.0) > _SHARES:
+        said = f"the shares of [[contacts]] sum to {sum(given):g}{f', without one for {without}' if without else ''}"
+        raise ValueError(f"{said}: give all of them, with a sum of 1, or none")
     return [share / sum(given) for share in given]
 
 
@@ -224,19 +221,7 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
         return {name: value for name, value in found.items() if name != "contacts"}
     if not entries or not isinstance(entries, list | tuple):
         raise ParameterError(f"{where}: contacts must be one or more tables [[contacts]].")
-    places = []
-    for number, entry in enumerate(entries):
-        named = {"name": f"contact{number + 1}", **entry} if isinstance(entry, Mapping) else entry
-        own_name = isinstance(entry, Mapping) and isinstance(entry.get("name"), str)
-        path = f"contacts.{named['name'] if own_name else number}"
-        if isinstance(named, dict) and "law" in named:
-            law = {"name": named["law"]} if isinstance(named["law"], str) else named["law"]
-            valid = isinstance(law, dict) and all((key == "name") == isinstance(one, str) for key, one in law.items())
-            require(valid, f"{where}: {path}.law", named["law"], "a name, or a table of name and numbers")
-            named["law"] = law
-        if isinstance(named, dict) and named.get("direction") is True:  # pydantic takes it for 1
-            named["direction"] = "true"
-        places.append(build(ContactPlace, named, path, where))
+    places = [_place(entry, number, where) for number, entry in enumerate(entries)]
     first = places[0]
     found["modes"] = [
         {
@@ -262,3 +247,19 @@ def resolved(parts: Mapping[str, Any], where: str) -> dict[str, Any]:
     found["contact"] = gathered(own, first.part * first.multiplicity, own.preload_n).model_dump()
     del found["contacts"]
     return found
+
+
+def _place(entry: Any, number: int, where: str) -> ContactPlace:
+    """Return one of the contacts; without a name it has its number."""
+    if not isinstance(entry, Mapping):
+        return build(ContactPlace, entry, f"contacts.{number}", where)
+    given = {"name": f"contact{number + 1}", **entry}
+    path = f"contacts.{entry.get('name', number)}"
+    if "law" in given:
+        law = {"name": given["law"]} if isinstance(given["law"], str) else given["law"]
+        valid = isinstance(law, dict) and all((key == "name") == isinstance(one, str) for key, one in law.items())
+        require(valid, f"{where}: {path}.law", given["law"], "a name, or a table of name and numbers")
+        given["law"] = law
+    if given.get("direction") is True:  # pydantic takes it for 1
+        given["direction"] = "true"
+    return build(ContactPlace, given, path, where)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from numbers import Real
+from operator import ge, gt, le, lt
 from typing import Any, ParamSpec, Self, TypeVar, get_args, get_type_hints
 
 from pydantic import ConfigDict, ValidationError, validate_call
@@ -19,6 +20,9 @@ from pyspice_runner.motor.parameters import Parameters
 _P = TypeVar("_P", bound=Parameters)
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
+_LIMITS = {  # of a JSON schema: sign, and whether a value keeps it
+    "minimum": ("≥", ge), "exclusiveMinimum": (">", gt), "maximum": ("≤", le), "exclusiveMaximum": ("<", lt),
+}  # fmt: skip
 
 
 class Stated(Parameters):
@@ -128,12 +132,9 @@ def schema_of(kind: type[Parameters], name: str) -> dict[str, Any]:
 def limited(kind: type[Parameters], name: str, value: Any, path: str, where: str) -> float:
     """Return the value if it is valid for the field of that name. Raise ParameterError otherwise."""
     schema = schema_of(kind, name)
-    inside = (
-        _is_number(value)
-        and schema.get("exclusiveMinimum", float("-inf")) < value < schema.get("exclusiveMaximum", float("inf"))
-        and schema.get("minimum", float("-inf")) <= value <= schema.get("maximum", float("inf"))
-    )
-    if not inside:
+    if not _is_number(value) or not all(
+        holds(value, schema[name]) for name, (_, holds) in _LIMITS.items() if name in schema
+    ):
         raise _invalid(value, path, where, allowed_range(kind, name), _unit(kind, name))
     return float(value)
 
@@ -155,15 +156,11 @@ def _in_words(schema: Mapping[str, Any], unit: str) -> str:
     if schema.get("type") == "string":
         return f"a text of at most {schema.get('maxLength', 1000)} {schema.get('made_of', 'characters')}"
     if schema.get("type") == "array":
-        return (
-            f"{schema['minItems']} to {schema['maxItems']}" if "minItems" in schema else f"at most {schema['maxItems']}"
-        )
-    if not any("imum" in name for name in schema):
-        return "a finite number"
-    low = f"≥ {schema['minimum']:g}" if "minimum" in schema else f"> {schema.get('exclusiveMinimum', float('-inf')):g}"
-    high = f"≤ {schema['maximum']:g}" if "maximum" in schema else f"< {schema.get('exclusiveMaximum', float('inf')):g}"
+        least = f"{schema['minItems']} to" if "minItems" in schema else "at most"
+        return f"{least} {schema['maxItems']}"
+    limits = " and ".join(f"{sign} {schema[name]:g}" for name, (sign, _) in _LIMITS.items() if name in schema)
     noun = "a whole number" if schema.get("type") == "integer" else "a number"
-    return f"{noun} {low} and {high}{unit}"
+    return f"{noun} {limits}{unit}" if limits else "a finite number"
 
 
 def unit_of(kind: type[Parameters], name: str) -> str:

@@ -145,11 +145,6 @@ class Ring(Parameters):
         return self.ceramic_thickness_m + self.thickness_m + self.tooth_height_m
 
     @property
-    def feedback_phase(self) -> float:
-        """Phase φ of the middle of the feedback electrode."""
-        return pi * (self.waves + self.waves_a + self.waves_b - GAP_WAVES)
-
-    @property
     def face_m(self) -> float:
         """Height of the face of the metal between the teeth."""
         return self.ceramic_thickness_m + self.thickness_m
@@ -380,7 +375,8 @@ def capacitance_f(ring: Ring, waves: float) -> float:
 def ring_modes(ring: Ring, wave: Wave) -> tuple[list[dict[str, Any]], list[float]]:
     """Return the two modes as tables ``[[modes]]``, without their tip, and force per volt of the feedback electrode."""
     axis = radians(ring.splitting_axis_deg)
-    sensed, half = ring.feedback_phase, pi * ring.waves_feedback
+    middle = pi * (ring.waves + ring.waves_a + ring.waves_b - GAP_WAVES)  # phase of that of the feedback electrode
+    half = pi * ring.waves_feedback
     modes, feedback = [], []
     for name, turned, side in zip(MODES, (axis, axis + 0.5 * pi), (-1.0, 1.0), strict=True):
         omega = 2.0 * pi * wave.frequency_hz * (1.0 + 0.5 * side * ring.splitting)
@@ -392,7 +388,7 @@ def ring_modes(ring: Ring, wave: Wave) -> tuple[list[dict[str, Any]], list[float
             "recoil_kg": 0.0, "recoil_x_kg": 0.0,
         })  # fmt: skip
         # force_n_per_v is that of ∫|cos φ| dφ = 4 of a wave
-        feedback.append(wave.force_n_per_v * _clean(0.5 * sin(half) * cos(sensed - turned)))
+        feedback.append(wave.force_n_per_v * _clean(0.5 * sin(half) * cos(middle - turned)))
     return modes, feedback
 
 

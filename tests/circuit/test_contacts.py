@@ -130,7 +130,7 @@ def test_the_pressed_admittance_follows_from_the_matrices(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"contacts.p2.share": 0.3}, "without a share are p1, p3"),
+        ({"contacts.p2.share": 0.3}, "sum to 0.3, without one for p1, p3"),
         ({"contacts.p2.contact.preload_n": 1.0}, "specify share"),
         ({"contacts.p1.direction": -1}, "the first contact defines forward"),
         ({"contacts.p2.contact.friction": -1.0}, "contacts.p2.contact.friction = -1"),

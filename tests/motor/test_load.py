@@ -419,7 +419,7 @@ MISTAKES: list[tuple[Document, str]] = [
     (changed(MODES, "contact", LEFT_OUT | {"lining": SOFT}), "[contact.lining]: specify one of stiffness_ratio"),
     (changed(MODES, "contact", LEFT_OUT | {"lining": BULK}), "area_m2 belongs to stiffness_n_per_m3 or"),
     (changed(MODES, "contact", LEFT_OUT | {"lining": ROUGH}), "exponent = 2 must be 1 with poisson"),
-    (changed(MODES, "contact", LEFT_OUT | {"lining": STIFF}), "stiffness_ratio = 1: K in N/m^1 is 1e+13; correct them"),
+    (changed(MODES, "contact", LEFT_OUT | {"lining": STIFF}), "stiffness_ratio = 1: K is 1e+13 N/m^1; it must be"),
     (changed(MODES, "contact.normal_stiffness_n_per_m15", 2e13), "must be at most 1e+13 N/m^1.5 with exponent"),
     (changed(MODES, "contact.exponent", 4.0), "contact.exponent = 4 is not valid: it must be a number ≥ 1 and"),
     (changed(MODES, "contact", LEFT_OUT | {"materials": MATERIALS, "exponent": 2.0}), "exponent = 2 is not that"),
