@@ -383,7 +383,7 @@ def say(what: Table | str) -> None:
             console.width = max(console.width, words)
         with console.capture() as shown:  # rich's own print would end the program at a closed pipe
             console.print(what)
-        what = re.sub(r" +$", "", shown.get(), flags=re.MULTILINE)
+        what = "".join(f"{line.rstrip()}\n" for line in shown.get().splitlines())
     sys.stdout.write(what)
     sys.stdout.flush()
 

@@ -43,16 +43,14 @@ class Touching:
     direction: int = 1  # -1 if the x of the stator points backward there
     gap_m: float = 0.0  # from the rotor at rest
     law: Mapping[str, str | float] = field(default_factory=dict, hash=False)  # its own: name and own parameters
+    preload_n: float = field(init=False)  # normal force at rest
+    # penetration at rest, negative for a gap, above that of ``contact`` under its preload; 0 if it touches
+    height_m: float = field(init=False)
 
-    @property
-    def preload_n(self) -> float:
-        """Its normal force at rest."""
-        return self.contact.preload_n if self.share else 0.0
-
-    @property
-    def height_m(self) -> float:
-        """Penetration at rest, negative for a gap, above that of :attr:`contact` under its preload; 0 if it touches."""
-        return 0.0 if self.share else -self.gap_m - static_penetration(self.contact)
+    def __post_init__(self) -> None:
+        touches = bool(self.share)
+        object.__setattr__(self, "preload_n", self.contact.preload_n if touches else 0.0)
+        object.__setattr__(self, "height_m", 0.0 if touches else -self.gap_m - static_penetration(self.contact))
 
 
 @dataclass(frozen=True, eq=False)
