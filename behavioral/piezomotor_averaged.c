@@ -86,7 +86,7 @@ static inline double falling_root(double (*right)(struct phase *, double), struc
         else
             high = now;
         next = now + share * excess;
-        if (fabs(excess) <= 1e-13 * scale || (i > 0 && fabs(excess * last) <= 1e-10 * scale * scale)) {
+        if (fabs(excess) <= 1e-13 * scale || (i > 0 && fabs(excess * last) <= 1e-13 * scale * scale)) {
             next = smaller(larger(next, low), high);
             break;
         }
