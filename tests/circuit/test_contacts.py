@@ -101,8 +101,7 @@ def test_the_energy_of_unequal_contacts_balances(held):
 def test_contacts_rest_at_their_shares_and_heights_at_once(name, height):
     shares, drive = {"left": 0.3, "right": 0.7}, pr.TwoPhaseDrive(0.0, 40e3, 90.0)
     motor = with_contacts(pr.load_motor(name), *({"name": side, "share": share} for side, share in shares.items()))
-    own, total = motor.contact, motor.contact.preload_n
-    motor = motor.updated({"contacts.left.height_m": height})
+    own, total, motor = motor.contact, motor.contact.preload_n, motor.updated({"contacts.left.height_m": height})
     run = pr.simulate(motor, drive, duration=1e-4)
     assert run.error_estimate == 0.0  # of a tip that does not move
     forces = np.array([run.of_contacts[f"normal_force_{side}_n"] for side in shares])
