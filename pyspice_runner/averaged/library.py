@@ -42,7 +42,7 @@ from pyspice_runner.motor.motor import Motor, require_one_contact
 from pyspice_runner.motor.parameters import HERTZ
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.motor.thermal import Thermal
-from pyspice_runner.spice.library import Library, LibraryParameter, Pin, check_name, read_library
+from pyspice_runner.spice.library import Library, Pin, check_name, read_library
 
 SUBCIRCUIT = "piezomotor_averaged"
 PINS = ("a_re", "a_im", "b_re", "b_im", "frequency", "shaft", "temperature", "heat")
@@ -201,15 +201,11 @@ def averaged_phase(terms: Terms) -> Library:
     text = "\n".join(lines.values())
     for term, instead in (*left, *terms.power.items()):
         text = text.replace(term, instead)
-    parameters = tuple(_of_power(item, terms.exponent) for item in library.parameters if item.name not in absent)
+    parameters = tuple(item for item in library.parameters if item.name not in absent)
+    if terms.exponent != HERTZ:
+        other = (of_power(item, f"{terms.exponent:g}") for item in parameters)
+        parameters = tuple(replace(one, meaning=one.meaning.replace("the Hertz law", "the power law")) for one in other)
     return replace(library, subcircuit=text, parameters=parameters)
-
-
-def _of_power(item: LibraryParameter, exponent: float) -> LibraryParameter:
-    """Return a parameter of the contact with unit and range for an exponent."""
-    if exponent == HERTZ:
-        return item
-    return replace(of_power(item, f"{exponent:g}"), meaning=item.meaning.replace("the Hertz law", "the power law"))
 
 
 def _carry(node: str, last: str, start: str) -> tuple[str, ...]:
@@ -301,9 +297,7 @@ class AveragedSubCircuit(Assembly):
         name: str = SUBCIRCUIT,
     ) -> None:
         motor = require_averaged(motor)
-        require_one_contact(
-            motor, "The averaged motor in ngspice, and its .lib, are", "Export a .fmu, or a .lib without --averaged"
-        )
+        require_one_contact(motor, "The averaged motor in ngspice, and its .lib, are", "Export a .fmu or a full .lib")
         motor = motor.on_carrier()
         contact = motor.contact
         values = {

@@ -284,17 +284,6 @@ def resonator_modes(
     )  # fmt: skip
 
 
-def residual_compliances(beam: Beam, patches: Sequence[Patch], tip: Tip) -> Array:
-    """Return the compliances of the omitted modes at a tip on a stem, normal and tangential, in m/N.
-
-    A force on the head bends and stretches the stem, and the two modes contain little of that. It is 0 without a stem,
-    as in the paper.
-    """
-    if tip.stem_youngs_modulus_pa is None:
-        return np.zeros(2)
-    return solve_resonator(beam, patches, tip).residual_m_per_n
-
-
 def clamped_capacitances(beam: Beam, patches: Sequence[Patch]) -> tuple[float, float]:
     """Return the capacitances (F) of groups A and B with the deflection held at zero, free to stretch.
 

@@ -469,8 +469,9 @@ def _softening(
     """Return the compliances in series with the contact to which left-out modes of a solid, or of a stem, add."""
     if isinstance(structure, Solid):
         left_out = np.diag(stator_of(structure).residual_m_per_n)
-    elif isinstance(structure, Structure):
-        left_out = beam_model.residual_compliances(structure.beam, structure.patches, structure.tip)
+    elif isinstance(structure, Structure) and structure.tip.stem_youngs_modulus_pa is not None:
+        # a force on the head bends and stretches the stem, and the two modes contain little of that
+        left_out = beam_model.solve_resonator(structure.beam, structure.patches, structure.tip).residual_m_per_n
     else:
         return {}
     found: dict[str, float] = {}

@@ -15,12 +15,6 @@ from pyspice_runner.run.kernel import Outcome, run_bench
 Swept = tuple[NDArray[np.float64], NDArray[np.complex128]]  # frequencies in Hz, matrices in S
 
 
-def _currents(bench: Bench) -> list[str]:
-    """Return the currents into a group (row), of a driven group (column)."""
-    present = bench.circuit.element_names
-    return [f"i(v{group}{copy})" for group in "ab" for copy in "12" if f"V{group}{copy}" in present]
-
-
 def two_port_bench(motor: Motor, *, preloaded: bool) -> Bench:
     """Return the bench of a two-port."""
     return Bench(admittance_bench(motor, preloaded=preloaded), AC_OPTIONS)
@@ -29,7 +23,9 @@ def two_port_bench(motor: Motor, *, preloaded: bool) -> Bench:
 def sweep_two_port(bench: Bench, timeout: float | None, start: float, stop: float, points: int) -> Outcome:
     """Run the AC analysis of a two-port at evenly spaced frequencies in Hz."""
     sweep = {"variation": "lin", "number_of_points": points, "start_frequency": start, "stop_frequency": stop}
-    return run_bench(bench, _currents(bench), timeout, "ac", sweep)
+    places = [f"{group}{copy}" for group in "ab" for copy in "12"]  # of a group (row) while one is driven (column)
+    currents = [f"i(v{place})" for place in places if f"V{place}" in bench.circuit.element_names]
+    return run_bench(bench, currents, timeout, "ac", sweep)
 
 
 def two_port(outcome: Outcome) -> Swept:

@@ -184,14 +184,10 @@ def speed_torque(curves: Mapping[float, xarray.Dataset]) -> go.Figure:
         label = label._replace(name=label.name.partition(" on the ")[0])
         panels.append(partial(plot_curves.over_speed, named, [quantity], label, "", linear))
     figure = _stacked(panels, 640, spacing=0.06)
-    figure.update_yaxes(range=_efficiency_range(curves), row=3, col=1)
-    return figure
-
-
-def _efficiency_range(curves: Mapping[float, xarray.Dataset]) -> list[float]:
-    """Return the range of efficiencies in %: from a tenth of the best below zero, or to -100 if the shaft is driven."""
     best = 100.0 * max(float(np.nanmax([0.0, *curve["efficiency"].values.ravel()])) for curve in curves.values())
-    return [-0.1 * best, min(1.05 * best, 100.0)] if best else [-100.0, 0.0]
+    # in %: from a tenth of the best below zero, or to -100 if the shaft is driven
+    figure.update_yaxes(range=[-0.1 * best, min(1.05 * best, 100.0)] if best else [-100.0, 0.0], row=3, col=1)
+    return figure
 
 
 def calibration(points: Sequence[RecordedPoint]) -> go.Figure | None:

@@ -69,7 +69,7 @@ def test_the_tutorial_leads_to_a_deck_parts_and_a_margin(
     loaded, idle = (1e3 * point["motional_current_a"] for point in generator["design"]["points"][:2])
     assert f"{generator['load_power_w']:.3g} W of load power" in TEXT.replace("50.0", "50")
     assert f"{loaded:.0f} mA under load and {idle:.0f} mA idle" in TEXT
-    for name, volts in re.findall(r"(load step|load off) ([\d.]+) V", TEXT):
+    for name, volts in re.findall(r"(load step|load off|stop|frequency sweep) ([\d.]+) V", TEXT):
         assert float(volts) == pytest.approx(generator["events"][name]["voltage_a_v"], rel=0.02)
     design, margin = answers["drive"]["design"], answers["sweep"]
     assert design["feasible"]
