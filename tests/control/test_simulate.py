@@ -166,7 +166,7 @@ def test_a_run_that_ngspice_cannot_follow_is_saved_without_a_netlist(motor: pr.M
 
 
 def test_the_error_of_the_averaged_motor_is_in_the_result() -> None:
-    """At 150 V the contact of beam40 opens; at 60 V its slow motion is unstable, without an estimate."""
+    """At 150 V the contact opens. From 60 V there is no estimate: at low speeds the motion is unstable."""
     motor = pr.load_motor(BEAM40)
     drive = pr.default_drive(motor).model_copy(update={"voltage": 100.0})
     quarter = 10.0 * drive.period
