@@ -151,6 +151,7 @@ class Recording:
                 columns[name] = np.zeros(len(columns["time_s"]))
                 continue
             start = first.get(name, scale[name] * vector[0] if name in _CURRENTS else 0.0)
+            start = vector[0] if name == "normal_force_n" and self._jumps else start
             columns[name] = self._after(start, vector, scale.get(name, 1.0))
             first_law = laws_of(self.point.motor, self.point.law)[:1]
             if name == "contact_displacement_m" and any("averaged" in law.forms for law in first_law):
@@ -180,6 +181,11 @@ class Recording:
         return found
 
     @property
+    def _jumps(self) -> bool:
+        """Whether voltages at the start move the contact, so that its force is at once not the preload."""
+        return bool(pushes(self.point.motor, self.point.law)) and any(self.point.source.initial_voltages())
+
+    @property
     def _preload(self) -> float:
         return self.point.motor.contact.preload_n if self.point.law else 0.0
 
@@ -194,8 +200,8 @@ class Recording:
         """Return the penetration of a contact in m, 0 where it is open."""
         if not self.point.law:
             return np.zeros(len(samples["time"]) + self.started)
-        start = contact_law.static_penetration(one.contact) + one.height_m
-        depth = self._after(start, samples[_depth(one)], 1e-6)
+        rest, deep = contact_law.static_penetration(one.contact) + one.height_m, samples[_depth(one)]
+        depth = self._after(1e-6 * deep[0] if self._jumps else rest, deep, 1e-6)
         return np.maximum(depth, 0.0, out=depth)
 
     def _courses(self, samples: Mapping[str, Array], kind: Kind) -> Array:
