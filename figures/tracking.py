@@ -30,9 +30,12 @@ def drifted(motor: pr.Motor) -> pr.Motor:
 
 
 def resonance_of(motor: pr.Motor) -> float:
-    """Return the frequency in Hz at which the running averaged motor has the phase 0, after a loop has settled."""
+    """Return the frequency in Hz at which the running averaged motor has the phase 0, after a loop has settled.
+
+    It has one decimal: a start that differs by 5 µHz changes the phases of the first milliseconds by 0.2°.
+    """
     tracker = pr.Tracker(kind="pll", frequency=START, **DRIVE)
-    return float(pr.track(motor, tracker, duration=30e-3, averaged=True, margin=False).end_frequency_hz)
+    return round(pr.track(motor, tracker, duration=30e-3, averaged=True, margin=False).end_frequency_hz, 1)
 
 
 def draw(folder: Path) -> list[str]:
