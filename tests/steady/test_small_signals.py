@@ -26,7 +26,7 @@ from pyspice_runner.run.point import Point
 from pyspice_runner.spice.library import data_path
 from pyspice_runner.steady.copies import Copy, copies_bench
 from pyspice_runner.steady.period_map import PeriodMap
-from pyspice_runner.steady.small_signals import INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
+from pyspice_runner.steady.small_signals import _SIGNALS, INPUTS, OUTPUTS, SmallSignals, _outputs, small_signals
 from pyspice_runner.steady.steady import steady_states
 from pyspice_runner.trackers.loop import running_loop
 from pyspice_runner.trackers.tracker import TrackedSource, propose_filter, stator_lag
@@ -303,7 +303,7 @@ def test_the_hot_admittance_of_a_motor_that_sticks_is_that_of_the_preloaded_stat
 
 @pytest.mark.soak
 def test_a_group_that_moves_no_mode_has_no_phase_of_its_motional_current() -> None:
-    bands = np.ones((6, 3), complex)
+    bands = np.ones((len(_SIGNALS), 3), complex)
     carriers = {"current_a": 1j, "current_b": 1j, "motional_a": 1j, "motional_b": 0.0}
     solution = signals(FAST).state.solution
     found = _outputs(bands, carriers, "amplitude", solution.plant)
