@@ -47,7 +47,8 @@ WORN_FORCE = (
     "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
     "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
 )
-# parameters that another exponent than Hertz's changes: unit and range; SOFTNESS over the stiffest lining, 1e13 N/m
+# unit and range of the parameters that depend on the exponent; the minimum compliance is SOFTNESS over the stiffness
+# of the stiffest lining, 1e13 N/m
 OTHER_POWER = {"normal_stiffness": ("N/m^{}", "1e3", "1e25"), "compliance": ("m/N^(1/{})", "1e-14", "1e-2")}
 REACH = 4.0  # penetration over the static one that the sliders of a brush cover evenly: at eight times the force
 
@@ -208,7 +209,7 @@ def _width(depth: float, flat: float) -> float:
 
 @derived
 def laws_of(motor: Motor, law: Law | None) -> tuple[Law, ...]:
-    """Return the law of each contact: its own, or that of the motor; of a free tip none.
+    """Return the law of each contact: its own law, or else the law of the motor. A free tip has no law: ``()``.
 
     Raise ParameterError for one that is not valid; the message names the contact.
     """
@@ -238,7 +239,7 @@ def law_settings(motor: Motor, law: Law | None) -> dict[str, object]:
 
 
 def libraries_of(motor: Motor, law: Law | None) -> tuple[Library, ...]:
-    """Return the library of each contact, for those with the same law with what any of them needs; of a free tip none.
+    """Return the library of each contact; contacts with one law share a library. A free tip has no library: ``()``.
 
     A second file of the user's own has another name in a netlist.
     """
@@ -367,7 +368,7 @@ def lined(library: Library) -> Library:
 
 
 def of_power(item: LibraryParameter, exponent: str) -> LibraryParameter:
-    """Return a parameter of a Hertz contact as that of a lining, with the exponent as its unit shows it."""
+    """Return a parameter of a Hertz contact with the unit and range of a lining; the unit contains ``exponent``."""
     if item.name not in OTHER_POWER:
         return item
     unit, least, greatest = OTHER_POWER[item.name]

@@ -531,7 +531,7 @@ def touching_values(
 
 
 def _own_values(shared: Sequence[LibraryParameter], values: Mapping[str, float], one: Touching) -> dict[str, str]:
-    """Return the parameters in which one of several contacts differs from those of the X line, as expressions.
+    """Return the parameters of one of several contacts that differ from the X line, as expressions.
 
     Its preload is a share of :data:`PRELOAD_ALL`: on a line that sets ``preload``, ngspice takes the new value for
     that name in the expressions behind it.

@@ -25,7 +25,7 @@ from pyspice_runner.units import engineering
 Array = NDArray[np.float64]
 _SHARES = 1e-6  # by which given shares may miss 1
 _STEPS = 200  # each leaves 1 - 1/p of a depth or less: 1 mm becomes 1 nm in 41 for p = 3.5
-_LEAST_N = 1e-6  # of contact.preload_n: what bears less does not touch
+_LEAST_N = 1e-6  # N, the minimum of contact.preload_n; a contact with a smaller force does not touch
 _SETTLED = 1e-12  # of the largest depth or gap: last step of Newton's method, which is quadratic
 
 
@@ -44,7 +44,7 @@ class Touching:
     gap_m: float = 0.0  # from the rotor at rest
     law: Mapping[str, str | float] = field(default_factory=dict, hash=False)  # its own: name and own parameters
     preload_n: float = field(init=False)  # normal force at rest
-    # penetration at rest, negative for a gap, above that of ``contact`` under its preload; 0 if it touches
+    # 0 if it touches at rest; otherwise minus the gap and the static penetration of ``contact``
     height_m: float = field(init=False)
 
     def __post_init__(self) -> None:

@@ -46,9 +46,9 @@ class Materials(Parameters):
 class Lining(Parameters):
     """A lining, or rough surfaces: F_N = K δ^p, from which the contact's constants follow.
 
-    K is that in all, per area, or of a layer of thickness h: E A/h of one that bulges freely, or with Poisson's ratio
-    that of a wide one that is bonded, E (1 − ν)/((1 + ν)(1 − 2ν)) A/h, and E/(2 + 2ν) A/h along the tangent.
-    The loss factor η is that of small vibrations under the preload at the frequency f where 2π f δ₀ is
+    K is given for the whole contact, per area, or by a layer of thickness h. A layer that bulges freely has E A/h. With
+    Poisson's ratio the layer is wide and bonded: E (1 − ν)/((1 + ν)(1 − 2ν)) A/h, and E/(2 + 2ν) A/h along the tangent.
+    The loss factor η holds for small vibrations under the preload at the frequency f where 2π f δ₀ is
     ``contact.restitution_velocity_m_s``, with the static penetration δ₀; it grows in proportion to f.
     """
 

@@ -105,9 +105,9 @@ STIFFEST_CONTACT = 100.0  # fastest motion in contact over that of the stator: t
 OTHER_PRESSURE = (
     "The contact has the exponent {:g}, not Hertz's: pressure and tension, which have limits, are not known."
 )
-# of a lining: a neo-Hookean one then bears (1/λ² − λ)/3ε = 1.27 of the linear law's force (L. R. G. Treloar, The
-# Physics of Rubber Elasticity, 1975, ch. 5)
-LINEAR_STRAIN = 20.0  # %
+# of a lining, in %; a neo-Hookean lining has (1/λ² − λ)/3ε = 1.27 times the force of the linear law at this strain
+# (L. R. G. Treloar, The Physics of Rubber Elasticity, 1975, ch. 5)
+LINEAR_STRAIN = 20.0
 DEEPEST_SLIDER_M = 1e-3  # a tenth of the radius of a large tip: Hertz's theory holds for a shallow contact
 
 

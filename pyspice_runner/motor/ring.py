@@ -375,7 +375,7 @@ def capacitance_f(ring: Ring, waves: float) -> float:
 def ring_modes(ring: Ring, wave: Wave) -> tuple[list[dict[str, Any]], list[float]]:
     """Return the two modes as tables ``[[modes]]``, without their tip, and force per volt of the feedback electrode."""
     axis = radians(ring.splitting_axis_deg)
-    middle = pi * (ring.waves + ring.waves_a + ring.waves_b - GAP_WAVES)  # phase of that of the feedback electrode
+    middle = pi * (ring.waves + ring.waves_a + ring.waves_b - GAP_WAVES)  # phase of the feedback electrode
     half = pi * ring.waves_feedback
     modes, feedback = [], []
     for name, turned, side in zip(MODES, (axis, axis + 0.5 * pi), (-1.0, 1.0), strict=True):

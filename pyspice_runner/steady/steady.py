@@ -203,7 +203,7 @@ class SteadyState(Quantities, Result):
             yield "No steady state was found. Run simulate to see how the motor moves."
         elif not self.stable:
             yield f"The steady state is not stable: {self.instability}."
-            average, own = "time averages of the motor that runs from rest", "those of a motion that the motor leaves"
+            average, own = "time averages of the motor that runs from rest", "those of the unstable motion"
             yield f"Its values are {average if self.reached else f'{own}; speed_torque has time averages'}."
         if self.held_by_friction:
             yield STUCK
