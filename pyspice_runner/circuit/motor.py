@@ -693,8 +693,7 @@ def add_motor(
         check_parameters(name, definition.settable, settings)
     starts: dict[str, float] = {}
     if start:
-        states = motor_states(motor, law)
-        starts, _ = start_values(states, [state.of(start) for state in states], discretisation)
+        starts, _ = start_values(motor_states(motor, law), start, discretisation)
     circuit.X(instance, name, *nodes, **(settings or {}), **starts)
 
 
