@@ -148,10 +148,9 @@ def _bench(
 ) -> Bench:
     """Return the bench of a motor and its source, with the initial voltages of its states only for a given motion."""
     options = not_below_rounding(source.options(motor, law), [motor], law, discretisation)
-    nodes = first_guess(motor, law, start.stem_m if start else (), discretisation)
+    nodes = first_guess(motor, law, start or {}, discretisation)
     if start is not None:
-        states = motor_states(motor, law)
-        nodes |= start_values(states, [state.of(start) for state in states], discretisation)[1]
+        nodes |= start_values(motor_states(motor, law), start, discretisation)[1]
     else:
         for group, voltage in zip(motor.groups, source.initial_voltages(), strict=False):
             nodes |= dict.fromkeys(plates_of(motor, group), voltage) if abs(voltage) > 1e-12 else {}

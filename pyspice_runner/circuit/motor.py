@@ -170,6 +170,10 @@ class MotorSubCircuit(Assembly):
     ``check`` there is a node of that name (``piezomotor_check``). If not ``plotted``, a brush has no nodes ``slider``
     and ``state``. If ``sensed``, the node f of a feedback electrode is a pin, the fifth. The names of the parts begin
     with ``prefix``, by default the name; motors with the same law may share parts.
+
+    That of a transducer, under its load, is ``.subckt transducer a com``, with a pin b for a second group. Its X line
+    has the resistance of the load as parameter ``load``; with ``approach`` that is the voltage of a pin ``tool``,
+    1 V = 1 N·s/m.
     """
 
     def __init__(
@@ -188,25 +192,21 @@ class MotorSubCircuit(Assembly):
         name: str = "",
         prefix: str = "",
     ) -> None:
+        law, transducer = None if motor.is_transducer else law, motor.is_transducer
+        if thermal and transducer:
+            raise ParameterError("The drift with temperature is that of motors. Leave it out for a transducer.")
         self._laws, libraries = laws_of(motor, law), libraries_of(motor, law)
-        touching: dict[str, float] = {}
-        if law:
-            touching = touching_values(motor, self._laws[0], motor.touching[0], discretisation)
-            touching |= {"preload": motor.contact.preload_n}
-        turning = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
-        rotor = read_library("piezomotor_rotor")
-        self.settable = (
-            *_settable(libraries[0] if law else None, touching),
-            *(replace(item, default=rounded(turning[item.name])) for item in rotor.parameters if item.name in turning),
-            *([replace(AMPLIFIER, default=motor.feedback.resistance_ohm)] if motor.feedback else []),
-        )
+        self._suffixes = [""] if transducer else [one.suffix for one in motor.touching]
         starts = [state for state in (motor_states(motor, law) if startable else ()) if state.part]
         warm = ("temperature", "heat") if thermal else ()
         pin_f = (FEEDBACK,) if sensed and motor.feedback else ()
-        pins = ("a", "b", "com", "shaft", *pin_f, *warm, *(("approach",) if approach else ()))
+        pins = (*motor.groups, "com", *(() if transducer else ("shaft",)), *pin_f, *warm)
+        pins = (*pins, "tool" if transducer else "approach") if approach else pins
+        self.settable = _settable(motor, self._laws, libraries, discretisation)
         defaults = {parameter.name: repr(parameter.default) for parameter in self.settable}
         defaults |= {state.parameter: "0" for state in starts}
-        super().__init__(name or (THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT), *pins, **defaults)
+        plain = TRANSDUCER if transducer else THERMAL_SUBCIRCUIT if thermal else SUBCIRCUIT
+        super().__init__(name or plain, *pins, **defaults)
         self.prefix, self._starts = prefix or self.name, starts
         self._motor, self._law, self._discretisation, self._thermal = motor, law, discretisation, thermal
         self._plotted = plotted
@@ -220,14 +220,17 @@ class MotorSubCircuit(Assembly):
         if law:
             self._add_contacts(libraries, approach=approach)
         else:
-            for force in (f"{name}{one.suffix}" for one in motor.touching for name in ("fx", "fy")):
+            for force in (f"{name}{suffix}" for suffix in self._suffixes for name in ("fx", "fy")):
                 self.R(f"free_{force}", force, self.gnd, 1)
             if self._mount:
                 values = spring_values(self._mount, discretisation) | {"preload": 0.0}
                 self._put("mount", "piezomotor_mount", (self.gnd, "y", "vy", *MOUNTED.values(), "base"), values)
                 self._add_tangential(self.gnd, "x")
-        self._put("rotor", rotor, ("shaft",), turning, tuple(turning))
-        if motor.rotor.bearing_friction_n_m:
+        if transducer:
+            self._add_load("V(tool)" if approach else "{load}")
+        else:
+            self._put("rotor", "piezomotor_rotor", ("shaft",), (turning := _turning(motor)), tuple(turning))
+        if not transducer and motor.rotor.bearing_friction_n_m:
             dry = {"torque": motor.rotor.bearing_friction_n_m, "angle": motor.rotor.bearing_presliding_rad}
             self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), dry)
         if check:
@@ -351,7 +354,6 @@ class MotorSubCircuit(Assembly):
     def _add_modes(self, warm: tuple[str, ...]) -> None:
         """Add the modes and the resistors that sum their motion and heat."""
         pressed = self._motor.stator.preload_motion if self._law else ()
-        suffixes = [one.suffix for one in self._motor.touching] if not self._motor.is_transducer else [""]
         shaking = written_stator(self._motor, self._discretisation, self._mount).carrier_recoil.T.tolist()
         pins = [*self._motor.groups, *[self._common] * (3 - len(self._motor.groups))]
         for index, (mode, (along_y, along_x)) in enumerate(zip(self._motor.modes, shaking, strict=True), start=1):
@@ -373,12 +375,15 @@ class MotorSubCircuit(Assembly):
             tip["stiffness"] = values["stiffness"]
             force, _, velocity, elastic = inside
             for suffix, (tip_x, tip_y) in zip(
-                suffixes, self._motor.stator.contact[:, index - 1].reshape(-1, 2), strict=True
+                self._suffixes, self._motor.stator.contact[:, index - 1].reshape(-1, 2), strict=True
             ):
                 ends = (force, velocity, elastic, *(f"{node}{suffix}" for node in ("fx", "fy", "x", "y", "vx", "vy")))
                 of_this = {"tip_x": float(tip_x), "tip_y": float(tip_y)} if suffix else {}
                 self._put(f"tip{index}{suffix and f'_{suffix}'}", "piezomotor_tip", ends, tip | of_this)
-        for node in (*(f"{name}{suffix}" for suffix in suffixes for name in _OF_TIP), *(("heat",) if warm else ())):
+        for node in (
+            *(f"{name}{suffix}" for suffix in self._suffixes for name in _OF_TIP),
+            *(("heat",) if warm else ()),
+        ):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:
             self.R("open_temperature", "temperature", self.gnd, 1e9)
@@ -465,39 +470,6 @@ class MotorSubCircuit(Assembly):
         self._put("mount", "piezomotor_mount", nodes, values, ["preload"])
         return MOUNTED
 
-
-class TransducerSubCircuit(MotorSubCircuit):
-    """``.subckt transducer a com`` of a transducer under its load, with a pin b for a second group.
-
-    The X line has the resistance of the load as parameter ``load``; with ``approach`` it is the voltage of a pin
-    ``tool``, 1 V = 1 N·s/m. Other arguments are those of :class:`MotorSubCircuit`, as far as they have a meaning.
-    """
-
-    def __init__(
-        self, motor: Motor, *, discretisation: Discretisation | None = None, approach: bool = False,
-        startable: bool = False, check: bool = False, name: str = "", thermal: Thermal | None = None, **_: Any,
-    ) -> None:  # fmt: skip
-        if thermal:
-            raise ParameterError("The drift with temperature is that of motors. Leave it out for a transducer.")
-        what = f"resistance of the load, against {'the face' if motor.loads_face else 'a mode'}"
-        self.settable = (LibraryParameter("load", "N.s/m", rounded(motor.load_resistance_n_s_per_m), 0.0, 1e9, what),)
-        tool = ["tool"] if approach else []
-        pins = (*motor.groups, "com", *tool)
-        starts = [state for state in (motor_states(motor, None) if startable else ()) if state.part]
-        defaults = {state.parameter: "0" for state in starts}
-        Assembly.__init__(self, name or TRANSDUCER, *pins, load=repr(self.settable[0].default), **defaults)
-        self._starts = starts
-        self._motor, self._law, self._discretisation, self._thermal = motor, None, discretisation, None
-        self._common, self._mount = "common" if check else "com", None
-        self._add_groups(())
-        self._add_modes(())
-        self.R("free_fx", "fx", self.gnd, 1)
-        self.R("free_fy", "fy", self.gnd, 1)
-        self._add_load("V(tool)" if approach else "{load}")
-        if check:
-            limits: dict[str, float | str] = {"step": coarsest_step(motor), "outside": outside(self.settable)}
-            self._put("check", "piezomotor_check", ("a", "com", self._common, "check"), limits)
-
     def _add_load(self, resistance: str) -> None:
         """Add the force of the load, a current drawn from a node where 1 A = 1 N, by the velocity that it opposes."""
         motor, load = self._motor, self._motor.tool
@@ -570,14 +542,31 @@ def _outer(name: str) -> str:
     return "friction" if name == "mu" else name
 
 
-def _settable(law: Library | None, values: Mapping[str, float]) -> list[LibraryParameter]:
-    """Return the parameters of the X line that set those of the contact."""
-    declared = {_outer(item.name): item for item in (law.parameters if law else ()) if item.name not in _DERIVED}
-    return [
-        replace(declared[name], name=name, default=rounded(values.get(declared[name].name, declared[name].default)))
-        for name in dict.fromkeys([*_FIRST, *declared])
-        if name in declared
-    ]
+def _turning(motor: Motor) -> dict[str, float]:
+    """Return the parameters of the rotor."""
+    return {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
+
+
+def _settable(
+    motor: Motor, laws: Sequence[Law], libraries: Sequence[Library], discretisation: Discretisation | None
+) -> tuple[LibraryParameter, ...]:
+    """Return the parameters of the X line: those of contact, rotor and electrode; of a transducer its load."""
+    if motor.is_transducer:
+        what = f"resistance of the load, against {'the face' if motor.loads_face else 'a mode'}"
+        return (LibraryParameter("load", "N.s/m", rounded(motor.load_resistance_n_s_per_m), 0.0, 1e9, what),)
+    declared, values = dict[str, LibraryParameter](), _turning(motor)
+    if laws:
+        declared = {_outer(item.name): item for item in libraries[0].parameters if item.name not in _DERIVED}
+        values |= touching_values(motor, laws[0], motor.touching[0], discretisation)
+        values["preload"] = motor.contact.preload_n
+    order = [name for name in dict.fromkeys([*_FIRST, *declared]) if name in declared]
+    items = {name: replace(declared[name], name=name) for name in order}
+    items |= {item.name: item for item in read_library("piezomotor_rotor").parameters if item.name in _turning(motor)}
+    return (
+        *(replace(item, default=rounded(values.get("mu" if name == "friction" else name, item.default)))
+          for name, item in items.items()),
+        *([replace(AMPLIFIER, default=motor.feedback.resistance_ohm)] if motor.feedback else []),
+    )  # fmt: skip
 
 
 def outside(settable: Sequence[LibraryParameter]) -> str:
@@ -693,22 +682,19 @@ def add_motor(
         check_parameters(name, definition.settable, settings)
     starts: dict[str, float] = {}
     if start:
-        states = motor_states(motor, law)
-        starts, _ = start_values(states, [state.of(start) for state in states], discretisation)
+        starts, _ = start_values(motor_states(motor, law), start, discretisation)
     circuit.X(instance, name, *nodes, **(settings or {}), **starts)
 
 
 @derived
 def _definition(motor: Motor, /, **settings: Any) -> MotorSubCircuit:
     """Return the subcircuit of a motor; many runs of one motor share it."""
-    if motor.is_transducer:
-        return TransducerSubCircuit(motor, **settings)
     return MotorSubCircuit(motor, **settings)
 
 
 def _transducer_library(motor: Motor, **settings: Any) -> str:
     """Return the library of a transducer."""
-    circuit, step = TransducerSubCircuit(motor, check=True, **settings), coarsest_step(motor)
+    circuit, step = MotorSubCircuit(motor, check=True, **settings), coarsest_step(motor)
     about = [
         f"* {circuit.name}: transducer {motor.name}, under its load",
         "*",

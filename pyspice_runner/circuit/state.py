@@ -30,6 +30,8 @@ FEEDBACK = "f"  # node, and pin of an exported motor, of the feedback electrode
 CHARGED = "charged_f"  # node of its capacitance
 _STRONG = 100.0  # factor of the force by damping, if all of the preload came within half a step
 Array = NDArray[np.float64]
+#: the state of a running motor, from which a run with ``uic`` can continue: SI values by the names of states; 0 without
+Motion = Mapping[str, float]
 Kind = Literal["mode", "contact", "stem", "mount", "feedback", "rotor", "bearing", "group"]
 
 
@@ -105,23 +107,22 @@ def held_piezo(motor: Motor, law: Law | None) -> Piezo:
 
 
 def first_guess(
-    motor: Motor, law: Law | None, stems_m: Sequence[float], discretisation: Discretisation | None
+    motor: Motor, law: Law | None, start: Motion, discretisation: Discretisation | None
 ) -> dict[str, float]:
     """Return the voltages inside a motor from which ngspice's first iteration starts, by node.
 
     Without a guess the iteration starts at zero force. It then diverges where damping, by the rate of a soft compliance
     in series, multiplies the force by a hundred or more. Other motors need no guess, and the result is empty.
-    ``stems_m`` are the compressions of the compliances in series along y at the start in m, less those at rest, of the
-    contacts that have one; by default 0.
+    The compressions of the compliances in series along y are those of the motion at the ``start``.
     """
-    found, compressed = dict[str, float](), iter(stems_m)
+    found = dict[str, float]()
     if law is None or discretisation is None:
         return found
     for one, own in zip(motor.touching, laws_of(motor, law), strict=True):
         contact, compliance = one.contact, one.contact.series_compliance_m_per_n
         if not compliance:
             continue
-        force = max(one.preload_n + next(compressed, 0.0) / compliance, 0.0)
+        force = max(one.preload_n + start.get(f"stem{one.suffix}", 0.0) / compliance, 0.0)
         if not {"delta", "factor"} <= {*contact_library(own, contact).subcircuit.split()}:  # of the user's own law
             continue
         rate = compliance * contact.preload_n / discretisation.slider_time
@@ -149,37 +150,12 @@ def static_places(motor: Motor, law: Law | None, discretisation: Discretisation 
 
 
 @dataclass(frozen=True)
-class Motion:
-    """The state of a running motor, from which a run with ``uic`` can continue."""
-
-    displacements_m: tuple[float, ...]  # modal displacements r, in the order of the modes
-    velocities_m_s: tuple[float, ...]  # modal velocities
-    speed_rad_s: float = 0.0  # speed of the rotor
-    plates_a_v: tuple[float, ...] = ()  # voltages of the capacitances :data:`PLATES` of group A
-    plates_b_v: tuple[float, ...] = ()  # the same of group B
-    contact_m: tuple[float, ...] = ()  # states of the law, the nodes :attr:`.Law.states` of each contact, 1 V = 1 µm
-    # compressions of the compliances in series with the contacts, less those at rest, and their rates, with their lags
-    stem_m: tuple[float, ...] = ()
-    stem_m_s: tuple[float, ...] = ()
-    stem_x_m: tuple[float, ...] = ()  # the same along the rotor
-    stem_x_m_s: tuple[float, ...] = ()
-    carrier_m: float = 0.0  # displacement of the carrier towards the rotor
-    carrier_m_s: float = 0.0  # velocity of the carrier
-    carrier_x_m: float = 0.0  # displacement of the carrier along the rotor
-    carrier_x_m_s: float = 0.0  # its velocity
-    bearing: float = 0.0  # share of its torque that a dry bearing takes, from -1 to 1
-    charged_v: float = 0.0  # voltage of the feedback electrode by the charge on its capacitance
-
-
-@dataclass(frozen=True)
 class State:
     """One number of the state of a motor."""
 
     name: str  # its name
     kind: Kind  # the part of the motor that it belongs to
     vector: str  # the vector that holds it, a format of the instance of the motor and the node of the shaft
-    field: str  # its field of :class:`Motion`
-    index: int | None = None  # its place in that field; ``None`` for a field with one number
     part: str = ""  # instance whose parameter sets its start; empty if the initial voltage of its node does
     start: str = "start"  # that parameter
     unit: float = 1.0  # SI value of 1 of the start, and of 1 V or 1 A of the vector if there is no spring
@@ -203,13 +179,6 @@ class State:
         """Return the SI value at preloaded rest."""
         return self.rest / written(self.spring, discretisation)[1] if self.spring else 0.0
 
-    def of(self, motion: Motion) -> float:
-        """Return the SI value of a motion; 0 for a number that the motion does not have."""
-        found = getattr(motion, self.field)
-        if self.index is None:
-            return float(found)
-        return float(found[self.index]) if found else 0.0
-
 
 @derived
 def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None = None) -> tuple[State, ...]:
@@ -218,49 +187,37 @@ def motor_states(motor: Motor, law: Law | None, kinds: tuple[Kind, ...] | None =
     rest = -motor.stator.preload_motion * motor.contact.preload_n if law else np.zeros(len(modes))
     states = [
         State(
-            f"displacement_{at + 1}", "mode", f"v({{0}}.xmode{at + 1}.elastic)", "displacements_m", at,
-            f"mode{at + 1}", unit=MICRO, spring=mode, rest=float(rest[at]),
+            f"displacement_{at + 1}", "mode", f"v({{0}}.xmode{at + 1}.elastic)", f"mode{at + 1}", unit=MICRO,
+            spring=mode, rest=float(rest[at]),
         )
         for at, mode in modes
     ]  # fmt: skip
     states += [
-        State(
-            f"velocity_{at + 1}", "mode", f"i(v.{{0}}.xmode{at + 1}.vvelocity)", "velocities_m_s", at,
-            f"mode{at + 1}", "velocity",
-        )
+        State(f"velocity_{at + 1}", "mode", f"i(v.{{0}}.xmode{at + 1}.vvelocity)", f"mode{at + 1}", "velocity")
         for at, _ in modes
-    ]  # fmt: skip
+    ]
     laws = zip(motor.touching if law else (), laws_of(motor, law), strict=True)
     inside = [node for one, own in laws for node in own.states_of(one.suffix)]
-    states += [
-        State(node, "contact", f"v({{0}}.{node})", "contact_m", at, unit=MICRO) for at, node in enumerate(inside)
-    ]
-    seen: dict[str, int] = {}
+    states += [State(node, "contact", f"v({{0}}.{node})", unit=MICRO) for node in inside]
     for name in stems(motor, law):
-        kind = "stem_x" if name.startswith("stem_x") else "stem"
-        at = seen[kind] = seen.get(kind, -1) + 1
         states += [
-            State(name, "stem", f"v({{0}}.x{name}.lag)", f"{kind}_m", at, name, unit=MICRO),
-            State(f"{name}_rate", "stem", f"v({{0}}.x{name}.slow)", f"{kind}_m_s", at, name, "velocity"),
+            State(name, "stem", f"v({{0}}.x{name}.lag)", name, unit=MICRO),
+            State(f"{name}_rate", "stem", f"v({{0}}.x{name}.slow)", name, "velocity"),
         ]
-    for spring, (name, part) in zip(
-        carriers(carrier(motor, law)), (("carrier", "mount"), ("carrier_x", "mount_x")), strict=False
-    ):
+    parts = (("carrier", "mount"), ("carrier_x", "mount_x"))
+    for spring, (name, part) in zip(carriers(carrier(motor, law)), parts, strict=False):
         states += [
-            State(name, "mount", f"v({{0}}.x{part}.elastic)", f"{name}_m", None, part, unit=MICRO, spring=spring),
-            State(f"{name}_velocity", "mount", f"i(v.{{0}}.x{part}.vvelocity)", f"{name}_m_s", None, part, "velocity"),
+            State(name, "mount", f"v({{0}}.x{part}.elastic)", part, unit=MICRO, spring=spring),
+            State(f"{name}_velocity", "mount", f"i(v.{{0}}.x{part}.vvelocity)", part, "velocity"),
         ]
     if motor.feedback:
-        states.append(State(CHARGED, "feedback", f"v({{0}}.{CHARGED})", "charged_v"))
+        states.append(State(CHARGED, "feedback", f"v({{0}}.{CHARGED})"))
     if not motor.is_transducer:
-        states.append(State("speed", "rotor", "v({1})", "speed_rad_s", part="rotor"))
+        states.append(State("speed", "rotor", "v({1})", "rotor"))
         if motor.rotor.bearing_friction_n_m:
-            states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing", part="bearing"))
-    states += [
-        State(node, "group", f"v({{0}}.{node})", groups.column("plates", group, "v"), at)
-        for group in motor.groups
-        for at, node in enumerate(plates_of(motor, group))
-    ]
+            states.append(State("share", "bearing", "v({0}.xbearing.share)", "bearing"))
+    nodes = [node for group in motor.groups for node in plates_of(motor, group)]
+    states += [State(node, "group", f"v({{0}}.{node})") for node in nodes]
     return tuple(state for state in states if kinds is None or state.kind in kinds)
 
 
@@ -303,29 +260,20 @@ def recorded_motion(
 ) -> Motion:
     """Return the motion that the vectors of :func:`state_vectors` hold at one time."""
     states = motor_states(motor, law)
-    return motion_of(states, [values[state.within("xmotor")] * state.scale(discretisation) for state in states])
-
-
-def motion_of(states: Sequence[State], values: Sequence[float]) -> Motion:
-    """Return the motion with the SI values of states; others are 0 or missing."""
-    fields: dict[str, float | tuple[float, ...]] = {}
-    for state, value in zip(states, values, strict=True):
-        before = fields.get(state.field, ())
-        fields[state.field] = float(value) if state.index is None else (*before, float(value))  # type: ignore[misc]
-    return Motion(**fields)  # type: ignore[arg-type]
+    return {state.name: values[state.within("xmotor")] * state.scale(discretisation) for state in states}
 
 
 def start_values(
-    states: Sequence[State], values: Sequence[float], discretisation: Discretisation | None
+    states: Sequence[State], motion: Motion, discretisation: Discretisation | None
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the parameters of the X line and the initial voltages of a motor that starts at SI values of its states.
+    """Return the parameters of the X line and the initial voltages of a motor that starts from a motion.
 
     The voltages, by node inside the motor, are those of the states without a parameter.
     """
     parameters: dict[str, float] = {}
     nodes: dict[str, float] = {}
-    for state, value in zip(states, values, strict=True):
-        start = float((value - state.at_rest(discretisation)) / state.unit)
+    for state in states:
+        start = float((motion.get(state.name, 0.0) - state.at_rest(discretisation)) / state.unit)
         if state.part:
             parameters[state.parameter] = start
         else:

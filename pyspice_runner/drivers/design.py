@@ -429,7 +429,8 @@ def moving(motor: Motor, driver: Driver, sources: Any) -> tuple[Driver, Motion]:
         for _, before in driver.passed(group, voltage, current, omega)
         if "cseries" in before.stores
     }
-    motion = Motion(tuple(moved.imag.tolist()), tuple((1j * omega * moved).imag.tolist()))
+    motion = {f"displacement_{at}": float(one.imag) for at, one in enumerate(moved, start=1)}
+    motion |= {f"velocity_{at}": float((1j * omega * one).imag) for at, one in enumerate(moved, start=1)}
     return driver.charged(volts), motion
 
 

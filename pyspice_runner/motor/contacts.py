@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pyspice_runner.errors import ParameterError, require
 from pyspice_runner.motor.contact import elastic_force, limit_ratio, static_penetration, stiffnesses_at_preload
-from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode, Piezo
+from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode
 from pyspice_runner.motor.refusal import build
 from pyspice_runner.units import engineering
 
@@ -103,7 +103,7 @@ def touching_of(
         even = touching_of(contact, [one.model_copy(update={"height_m": 0.0}) for one in places], radius_m, modes)
         towards = motion_rows(places, modes)[1::2]
         flexibility = (towards / np.array([mode.stiffness_n_per_m for mode in modes])) @ towards.T
-        shares, gaps = settled(even, height, flexibility)
+        shares, gaps = resting(even, height, flexibility)
     for number, (place, share, gap) in enumerate(zip(places, shares, gaps, strict=True), start=1):
         preload = (share or stated[number - 1]) * contact.preload_n
         own = gathered(contact.model_copy(update=place.contact), place.part, preload / place.multiplicity)
@@ -116,7 +116,7 @@ def touching_of(
     return tuple(found)
 
 
-def settled(touching: Sequence[Touching], height_m: Array, flexibility: Array) -> tuple[list[float], list[float]]:
+def resting(touching: Sequence[Touching], height_m: Array, flexibility: Array) -> tuple[list[float], list[float]]:
     """Return share of the preload and gap at rest of contacts at heights h; given are they at height 0, with δ⁰ and F⁰.
 
     δ = δ⁰ + h + a − C (F(δ) − F⁰), with the flexibility C of the stator, in m/N, and of what is in series, and the
@@ -174,12 +174,8 @@ def motion_rows(places: Sequence[ContactPlace], modes: Sequence[Mode]) -> Array:
     return np.array(rows, dtype=float)
 
 
-def check_places(
-    contact: Contact, places: Sequence[ContactPlace], modes: Sequence[Mode], piezo: Piezo | None = None
-) -> None:
+def check_places(contact: Contact, places: Sequence[ContactPlace], modes: Sequence[Mode]) -> None:
     """Raise ValueError for contacts that do not go together with the modes or with the values of all."""
-    if piezo and any(value for axis in piezo.motion for value in axis):
-        raise ValueError("piezo.motion_x_a_m_per_v and other motions per volt are for one contact: set them to 0")
     names, known = [place.name for place in places], {mode.name for mode in modes}
     if len(set(names)) != len(names):
         raise ValueError(f"two contacts share a name in {names}; give each its own")

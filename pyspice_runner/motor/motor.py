@@ -339,7 +339,7 @@ class Motor(Shown, Parameters):
         for mode in self.modes:
             _check_mode(mode)
         if self.contacts and not self.is_transducer:
-            check_places(self.contact, self.contacts, self.modes, self.piezo)
+            check_places(self.contact, self.contacts, self.modes)
         lowest, highest = (bound(mode.frequency_hz for mode in self.modes) for bound in (min, max))
         if highest > WIDEST_SPREAD * lowest:
             raise ValueError(
@@ -373,8 +373,7 @@ class Motor(Shown, Parameters):
             raise ValueError("[load] and piezo.reference_hz belong to a transducer, without contact and rotor")
         if not stator.contact.any():
             raise ValueError("no mode moves the tip: give tip_x or tip_y to one of them")
-        if not self.contacts:
-            self._check_motion()
+        self._check_motion()
         if self.lining_strain >= 1.0:
             raise ValueError(
                 f"contact.preload_n = {self.contact.preload_n:g} N compresses the lining by {self.lining_strain:.3g} "
@@ -421,6 +420,12 @@ class Motor(Shown, Parameters):
             )
 
     def _check_motion(self) -> None:
+        if self.contacts:
+            if any(value for axis in self.piezo.motion for value in axis):
+                raise ValueError(
+                    "piezo.motion_x_a_m_per_v and other motions per volt are for one contact: set them to 0"
+                )
+            return
         stator, held = self.stator, self.stator.capacitance.copy()  # while these springs are held
         for axis, moved, softness in zip(("x", "y"), stator.residual_per_volt, np.diag(stator.residual), strict=True):
             if not moved.any():

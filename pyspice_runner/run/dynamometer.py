@@ -9,7 +9,7 @@ the simulated time.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from math import ceil, nan, pi, sqrt
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from pyspice_runner.circuit.bench import dynamometer_bench
 from pyspice_runner.circuit.motor import dielectric_branches, require_linear
-from pyspice_runner.circuit.state import CHARGED, PLATES, Motion, held_piezo, motion_of, motor_states
+from pyspice_runner.circuit.state import CHARGED, Motion, held_piezo, motor_states, plate_nodes
 from pyspice_runner.motor import groups, strength
 from pyspice_runner.motor.motor import Motor
 from pyspice_runner.motor.stator import carriers, square
@@ -117,10 +117,11 @@ class Dynamometer:
 
     def rest(self) -> Motion:
         """Return preloaded rest on a turning rotor, before the source is switched on."""
-        states = motor_states(self.setup.motor, self.setup.law)
-        rest = motion_of(states, [state.at_rest(self.setup.discretisation) for state in states])
-        plates_a, plates_b = ((voltage,) * len(PLATES) for voltage in self.setup.source.initial_voltages())
-        return replace(rest, speed_rad_s=self.speed, plates_a_v=plates_a, plates_b_v=plates_b)
+        setup = self.setup
+        rest = {state.name: state.at_rest(setup.discretisation) for state in motor_states(setup.motor, setup.law)}
+        for group, voltage in zip(groups.GROUPS, setup.source.initial_voltages(), strict=True):
+            rest |= dict.fromkeys(plate_nodes(group), voltage)
+        return rest | {"speed": self.speed}
 
     def run(self, start: Motion, begun: float, *, meters: bool = True) -> Block:
         """Run one block at the speed of the operating point. The source was switched on ``begun`` seconds ago.
@@ -177,12 +178,16 @@ class Dynamometer:
 
     def stored(self, motion: Motion) -> float:
         """Return the energy in J in modes, plates and mount, without rotor and contact."""
-        lifts, rises = (motion.carrier_m, motion.carrier_x_m), (motion.carrier_m_s, motion.carrier_x_m_s)
-        energy = stored_energy(self.setup.motor, motion.displacements_m, motion.velocities_m_s, lifts, rises)
-        piezo = held_piezo(self.setup.motor, self.setup.law)
+        motor, law = self.setup.motor, self.setup.law
+        modes = [motion[state.name] for state in motor_states(motor, law, ("mode",))]
+        mount = [motion[state.name] for state in motor_states(motor, law, ("mount",))]
+        half = len(motor.modes)
+        energy = stored_energy(motor, modes[:half], modes[half:], mount[::2], mount[1::2])
+        piezo = held_piezo(motor, law)
         share = piezo.capacitance_ab_f / piezo.capacitance_a_f
-        branches = zip(*(dielectric_branches(self.setup.motor, group, self.setup.law) for group in "ab"), strict=True)
-        for (a, b), u, v in zip(branches, motion.plates_a_v, motion.plates_b_v, strict=True):
+        branches = zip(*(dielectric_branches(motor, group, law) for group in "ab"), strict=True)
+        plates = ([motion[node] for node in plate_nodes(group)] for group in "ab")
+        for (a, b), u, v in zip(branches, *plates, strict=True):
             energy += 0.5 * (a.capacitance_f * u * (u - 2.0 * share * v) + b.capacitance_f * v**2)
         return energy
 
@@ -266,8 +271,7 @@ def stored_energy(
 ) -> float:
     """Return the energy in J in the modes and the mount, whose carrier has displacements along y and x."""
     stator = motor.stator.with_carrier(motor.mount if lifts_m else None)
-    free = len(stator.mass)  # a carrier moves along as many axes as it has springs
-    moved, velocity = np.array([*displacements_m, *lifts_m])[:free], np.array([*velocities_m_s, *rises_m_s])[:free]
+    moved, velocity = np.array([*displacements_m, *lifts_m]), np.array([*velocities_m_s, *rises_m_s])
     energy = 0.5 * (velocity @ square(stator.mass) @ velocity + moved @ square(stator.stiffness) @ moved)
     energy -= 0.25 * (motor.stator.stiffness * motor.stator.softening) @ moved[: len(motor.modes)] ** 4
     if motor.mount and lifts_m:

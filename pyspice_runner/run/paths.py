@@ -18,6 +18,7 @@ from typing import Any
 from pyspice_runner.circuit.law import PAPER_LAW, Law, touching_law
 from pyspice_runner.errors import ParameterError, did_you_mean
 from pyspice_runner.motor.motor import Motor, refuse_source
+from pyspice_runner.motor.parameters import Contact, ContactPlace, Mode
 from pyspice_runner.motor.refusal import Stated, quoted, unit_of
 from pyspice_runner.units import linear_unit, unit_in
 
@@ -76,39 +77,40 @@ def parameter(path: str, motor: Motor, drive: Stated, run: Mapping[str, Any]) ->
         section, key = "materials", path.rpartition(".")[2]
     lists = {"modes": motor.modes, "contacts": motor.contacts}
     if section in lists:
-        owner, key = _entry(motor, section, key)
+        kind, key, nominal = _entry(motor, section, key)
     else:
         owner = drive if section == "drive" else getattr(motor, section, None) if key else None
-    fields = getattr(type(owner), "model_fields", {})
-    if key not in fields and not (section == "modes" and owner and key in _DERIVED):
+        kind, nominal = type(owner), getattr(owner, key, None)
+    fields = getattr(kind, "model_fields", {})
+    if key not in fields and not (kind is Mode and key in _DERIVED):
         entries = ((f"{name}.{number}", one) for name, several in lists.items() for number, one in enumerate(several))
         parts = [*motor, *entries, ("drive", drive)]
         table = motor.materials.TABLE if motor.materials else ""
         parts = [(f"contact.{table}" if name == "materials" else name, part) for name, part in parts]
         every = [f"{name}.{key}" for name, part in parts for key in getattr(type(part), "model_fields", ())]
         raise unknown(path, [*every, *LOADS, *(f"run.{name}" for name in run)])
-    nominal = getattr(owner, key)
     if not isinstance(nominal, Real):
         raise ParameterError(f"{quoted(path)} is not a number. Name a parameter that is.")
     if key not in fields:
         return Parameter(path, float(nominal), unit_in(key))
-    return Parameter(path, float(nominal), unit_of(type(owner), key), str(fields[key].description))
+    return Parameter(path, float(nominal), unit_of(kind, key), str(fields[key].description))
 
 
-def _entry(motor: Motor, section: str, path: str) -> tuple[Any, str]:
-    """Return the mode or the contact that a path names, or what has a value of it, and the name of the value."""
+def _entry(motor: Motor, section: str, path: str) -> tuple[type, str, Any]:
+    """Return the class that declares a value of a mode or a contact that a path names, its name there and the value."""
     which, _, key = path.partition(".")
-    entries, modes = getattr(motor, section), {mode.name: mode for mode in motor.modes}
-    names, (table, _, inner) = [one.name for one in entries], key.partition(".")
+    entries, (table, _, inner) = getattr(motor, section), key.partition(".")
+    names = [one.name for one in entries]
     place = names.index(which) if which in names else int(which) if which.isdecimal() else len(names)
-    if place >= len(names) or section == "modes":
-        return (entries[place] if place < len(names) else None), key
-    own, one = entries[place], motor.touching[place]
-    if table in ("tip_x", "tip_y") and inner in modes:
-        return modes[inner].model_copy(update={table: getattr(own, table).get(inner, 0.0)}), table
-    if table == "contact":
-        return motor.contact.model_copy(update=own.contact), inner
-    return own.model_copy(update={"share": own.share or one.share, "radius_m": one.radius_m}), key
+    own = entries[place] if place < len(names) else None
+    if isinstance(own, ContactPlace):
+        if table in ("tip_x", "tip_y") and inner in [mode.name for mode in motor.modes]:
+            return Mode, table, getattr(own, table).get(inner, 0.0)
+        if table == "contact":
+            return Contact, inner, own.contact.get(inner, getattr(motor.contact, inner, None))
+        if key == "radius_m" or (key == "share" and not own.share):
+            return ContactPlace, key, getattr(motor.touching[place], key)
+    return type(own), key, getattr(own, key, None)
 
 
 def law_parameter(path: str, law: Law) -> tuple[Parameter, float, float]:

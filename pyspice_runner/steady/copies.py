@@ -240,11 +240,11 @@ class Plant:
 
         The voltages are those of plates and of states without a parameter.
         """
-        values, nodes = start_values(self.states, state.tolist(), discretisation)
+        motion = dict(zip((one.name for one in self.states), state.tolist(), strict=True))
+        values, nodes = start_values(self.states, motion, discretisation)
         if self.load.speed is not None:
             values["start_speed"] = self.load.speed
-        compressed = [value for one, value in zip(self.states, state, strict=False) if one.field == "stem_m"]
-        nodes |= first_guess(self.motor, self.law, compressed, discretisation)
+        nodes |= first_guess(self.motor, self.law, motion, discretisation)
         for group, tones in zip("ab", self.drive.tones, strict=True) if plates else ():
             for node, (ohm, farad) in zip(plate_nodes(group), dielectric_branches(self.motor, group), strict=True):
                 nodes[node] = 0.0

@@ -271,7 +271,7 @@ def _behind_network(plant: Plant, start: Orbit) -> Array:
             pins[group] = complex(2j * np.trapezoid(waves[f"v({group})"] * turns, time) / drive.period)
         currents[group] = complex(2j * np.trapezoid(amperes * turns, time) / drive.period)
     turned = np.exp(1j * omega * begun)
-    plates = [float((pins[state.field[len("plates_")]] * turned).imag) for state in plant.states[plant.inner :]]
+    plates = [float((pins[state.name[len("xgroup_")]] * turned).imag) for state in plant.states[plant.inner :]]
     stores = [float((phasor * turned).imag) for phasor in plant.store_phasors(pins, currents)]
     return np.array([*start.moved(begun).state[: plant.inner], *plates, *stores])  # a held shaft has no state
 

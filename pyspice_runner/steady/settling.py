@@ -85,7 +85,7 @@ def settle(
         return _settle_from_rest(bench, settling, stop)
     # what goes on from another motion is driven at full amplitude
     begun = ceil(drive.soft_start / source.period) * source.period if start else 0.0
-    motion = replace(start, speed_rad_s=bench.speed) if start else bench.rest()
+    motion = {**start, "speed": bench.speed} if start else bench.rest()
     blocks: list[Block] = []
     meters = False
     while True:

@@ -54,7 +54,8 @@ UNEVEN, JUMP, NARROWEST = 5e-3, 0.1, 1e-3  # shares of a mean by an interval of 
 ACCURATE = 0.05  # error of a transfer function, relative to its magnitude, above which there is a caution
 HIGHEST = 0.45  # of the drive's frequency
 _SIGNALS = ("speed", "friction", "current_a", "current_b", "motional_a", "motional_b", "electrode")
-_CURRENTS, _SENSED = slice(2, 4), [2, 3, 6]  # of the signals
+_CURRENTS = [_SIGNALS.index(groups.named("current", group)) for group in GROUPS]
+_SENSED = [*_CURRENTS, _SIGNALS.index("electrode")]
 
 
 @dataclass(frozen=True, repr=False)
@@ -286,7 +287,7 @@ class _Linear:
         every = every.reshape(-1, len(sides), len(_SIGNALS), 3)
         wave = np.exp(-2j * pi * drive.frequency * trace.time[1:])
         # phasors of currents and motional currents: the real part of phasor · e^{jΩt} is the current
-        base = zip(_SIGNALS[2:], _signals(plant, trace)[2:, 1:], strict=True)
+        base = zip(_SIGNALS, _signals(plant, trace)[:, 1:], strict=True)
         carriers = {name: complex(2.0 * np.mean(signal * wave)) for name, signal in base}
         found: dict[Any, list[complex]] = {}
         for one in every:

@@ -22,7 +22,7 @@ from pyspice_runner.averaged.library import OPTIONS as AVERAGED_OPTIONS
 from pyspice_runner.averaged.library import AveragedSubCircuit, require_averaged
 from pyspice_runner.circuit.bench import AC_OPTIONS, motor_bench
 from pyspice_runner.circuit.law import LAWS, PAPER_LAW, Law
-from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit, TransducerSubCircuit
+from pyspice_runner.circuit.motor import Assembly, MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource, transient_options
 from pyspice_runner.circuit.state import Discretisation, State, motor_states, plates_of
 from pyspice_runner.errors import ParameterError
@@ -247,7 +247,7 @@ def live_vectors(motor: Motor, *, driver: bool) -> list[str]:
 def _vibration(motor: Motor, *, steady: bool) -> str:
     """Return the deck of a transducer: its steady state by small signals, or a run from the motion of that state."""
     step = live_step(motor)
-    circuit = TransducerSubCircuit(motor, discretisation=None if steady else Discretisation(step), startable=not steady)
+    circuit = MotorSubCircuit(motor, discretisation=None if steady else Discretisation(step), startable=not steady)
     passed, starts = ({}, []) if steady else _starts(motor, None, Discretisation(step))
     plates: dict[str, str] = {}
     if not steady:
@@ -268,12 +268,11 @@ def _vibration(motor: Motor, *, steady: bool) -> str:
 
 def _admittance(motor: Motor) -> str:
     """Return the deck of the electrical ports: free, and pressed against a rotor at rest; or idle, and under load."""
-    low, high, kind = 0.7 * min(mode.frequency_hz for mode in motor.modes), 1.2 * fastest(motor), MotorSubCircuit
+    low, high = 0.7 * min(mode.frequency_hz for mode in motor.modes), 1.2 * fastest(motor)
     if motor.is_transducer:  # whose resonances are narrow: about the drive
         low, high = (share * default_drive(motor).frequencies[0] for share in (0.9, 1.1))
-        kind = TransducerSubCircuit
-    pressed = kind(motor)
-    free = kind(motor.model_copy(update={"load": None}), law=None, name=f"{pressed.name}_free")
+    pressed = MotorSubCircuit(motor)
+    free = MotorSubCircuit(motor.model_copy(update={"load": None}), law=None, name=f"{pressed.name}_free")
     copies = [f"{state}_{driven}" for state in ("free", "pressed") for driven in motor.groups]
     return _deck(
         "admittance.cir.j2", motor, lowest=low, highest=high, pressed=pressed, free=free, options=AC_OPTIONS,

@@ -8,7 +8,7 @@ from pyspice_runner.circuit.bench import motor_bench
 from pyspice_runner.circuit.law import Law
 from pyspice_runner.circuit.motor import MotorSubCircuit
 from pyspice_runner.circuit.source import DriveSource
-from pyspice_runner.circuit.state import Discretisation, motion_of, motor_states, state_vectors
+from pyspice_runner.circuit.state import Discretisation, motor_states, state_vectors
 from pyspice_runner.run.kernel import transient
 from pyspice_runner.run.point import Point
 from tests.motors import BEAM40
@@ -24,9 +24,8 @@ def test_a_run_starts_at_the_values_of_its_states(motor: pr.Motor, law: Law | No
     discretisation = Discretisation(1e-7)
     states = motor_states(motor, law)
     # different for each state, of the size of 10 nm or 10 mm/s
-    values = [state.unit * 0.01 * (1.0 + 0.1 * place) for place, state in enumerate(states)]
-    start = motion_of(states, values)
-    assert [state.of(start) for state in states] == values
+    start = {state.name: state.unit * 0.01 * (1.0 + 0.1 * place) for place, state in enumerate(states)}
+    assert len(start) == len(states)
     bench = motor_bench(
         motor, DriveSource(pr.default_drive(motor)), law=law, discretisation=discretisation, start=start
     )
@@ -35,7 +34,7 @@ def test_a_run_starts_at_the_values_of_its_states(motor: pr.Motor, law: Law | No
     found = Point.of(motor, pr.default_drive(motor), contact=law, step=discretisation.step).motion(begun)
     for state in states:
         if state.kind != "group":  # an ideal source recharges the plates
-            assert state.of(found) == pytest.approx(state.of(start), rel=1e-3), state.name
+            assert found[state.name] == pytest.approx(start[state.name], rel=1e-3), state.name
 
 
 def test_without_a_motion_the_start_of_a_startable_motor_is_preloaded_rest() -> None:

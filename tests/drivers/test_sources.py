@@ -77,9 +77,9 @@ def test_a_warming_motor_drifts_and_its_energy_still_balances() -> None:
 
 def test_a_run_says_its_final_state(ideal: Waveforms) -> None:
     state = ideal.final_state
-    tip = sum(mode.tip_x * r for mode, r in zip(MOTOR.modes, state.displacements_m, strict=True))
+    tip = sum(mode.tip_x * state[f"displacement_{at}"] for at, mode in enumerate(MOTOR.modes, start=1))
     assert tip == pytest.approx(ideal.tip_x_m[-1], rel=1e-6)
-    assert state.speed_rad_s == ideal.rotor_speed_rad_s[-1]
+    assert state["speed"] == ideal.rotor_speed_rad_s[-1]
     assert pr.simulate(MOTOR, DRIVE, duration=1e-4, signals=["tip_x_m"]).final_state is None
 
 

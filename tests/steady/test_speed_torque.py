@@ -112,7 +112,7 @@ def test_a_block_goes_on_from_the_one_before_as_if_they_were_one_run(law: Any, m
         MOTOR, excitation, duration=2 * bench.duration, speed=6.0, step=bench.setup.step, contact=contact
     )
     x, y = (
-        sum(getattr(mode, share) * r for mode, r in zip(MOTOR.modes, motion.displacements_m, strict=True))
+        sum(getattr(mode, share) * motion[f"displacement_{at}"] for at, mode in enumerate(MOTOR.modes, start=1))
         for share in ("tip_x", "tip_y")
     )
     # the grids of steps differ, which moves each change of state by up to half a step: 0.1 % of the motion
