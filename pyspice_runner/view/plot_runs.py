@@ -165,7 +165,7 @@ def loop_design(loop: LoopDesign) -> Sheet:
 
 
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
-    bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": np.abs(loop.plant)})
+    bode_magnitude(ax, loop, loop.loop_gain, {"plant / its first value": np.abs(loop.plant)})
     if loop.gain_margin_db is not None:
         ax.axhline(10.0 ** (-loop.gain_margin_db / 20.0), color=VERMILION, linestyle=":", linewidth=1.0)
         ax.set_title(f"Magnitude; gain margin {loop.gain_margin_db:.3g} dB")
@@ -209,7 +209,7 @@ def _loop_step(loop: ControlLoop, ax: Axes) -> None:
     ]
     title = f"Step; overshoot {100.0 * loop.overshoot_simulated:.3g} %"
     draw_lines(
-        ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation over the step", ""), lines, title
+        ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation / step", ""), lines, title
     )
     ax.axhline(1.0, color=GREY, linewidth=0.7)
 
