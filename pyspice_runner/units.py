@@ -81,6 +81,6 @@ def engineering(value: float | None, unit: str) -> str:
     if value is None or not isfinite(value):
         return "–"
     if unit in _WITHOUT_PREFIX:
-        return f"{value:.4g}\N{NO-BREAK SPACE}{unit}"
+        return f"{value:.4g}\N{NO-BREAK SPACE}{unit}".rstrip()
     exponent = 0 if abs(value) < 1e-16 else min(max(floor(log10(abs(value)) / 3), -5), 3)
     return f"{value / 1000.0**exponent:.4g}\N{NO-BREAK SPACE}{_PREFIXES[exponent]}{unit}"

@@ -158,7 +158,8 @@ def number(text: str, units: str = "") -> float:
     value, prefix, unit = match.groups()
     named = _UNITS.get(unit or "")
     if named is not None and not re.search(rf"[,:] {re.escape(named)}(?![\w/])", units):
-        raise pr.ParameterError(f"{text!r} has the unit {unit}, which this value does not have. Leave it out.")
+        fault = "which this value does not have" if units else "which is not read here"
+        raise pr.ParameterError(f"{text!r} has the unit {unit}, {fault}. Leave it out.")
     return float(value) * _SCALES[prefix]
 
 
@@ -169,7 +170,7 @@ def grid(option: str, text: str) -> list[float]:
             return [number(value) for value in text.split(",")]
         start, stop, count = text.split(":")
         first, last = number(start), number(stop)
-        if not 0 <= int(count) <= MOST_VALUES or not isfinite(last - first):
+        if not 1 <= int(count) <= MOST_VALUES or not isfinite(last - first):
             raise ValueError
         return [float(value) for value in np.linspace(first, last, int(count))]
     except ValueError:
@@ -249,7 +250,7 @@ def check_targets(
             continue
         if path.suffix not in allowed:
             raise pr.ParameterError(
-                f"No format follows from the name {path.name!r}: let it end in {', '.join(allowed)}."
+                f"No format follows from the name {path.name or str(path)!r}: let it end in {', '.join(allowed)}."
             )
         what = _obstacle(path)
         if what:

@@ -90,6 +90,8 @@ def drive(call: Call) -> None:
         except NoDriverError as error:
             if against is not None:
                 raise pr.ParameterError(f"{spec.name}: {error.design.reason}") from None
+            if call.output is not None and call.output.suffix not in (".json", ".csv"):
+                raise pr.ParameterError(f"{error.design.reason} There is no deck for {call.output}.") from None
             refused = {"motor": motor.to_dict(), "design": error.design.to_dict(), "maxima": {}}
             rows = [["reason"], [error.design.reason]]
             reason = f"{motor.name}: {error.design.reason}\n"

@@ -150,9 +150,10 @@ class DriverSpec:
     def __post_init__(self) -> None:
         if len(self.targets) > 1:
             raise ParameterError(f"{' and '.join(self.targets)} are given: give one of {', '.join(TARGETS)}.")
-        for name in ("rail", "source_ohm", *TARGETS):
+        units = {"rail": "V", "source_ohm": "Ω", "power": "W", "current": "A", "amplitude": "m"}
+        for name, unit in units.items():
             value = getattr(self, name)
-            require(value is None or _positive(value), name, value, "a number > 0")
+            require(value is None or _positive(value), name, value, f"a number > 0 {unit}", unit=unit)
         require(self.at in (None, "series", "between", "parallel"), "at", self.at, "series, between or parallel")
         parts: Any = self.parts
         require(isinstance(parts, Mapping), "parts", parts, "a dictionary of values by PART.PARAMETER")

@@ -309,7 +309,7 @@ def first_answer(motor: Motor, decks: Mapping[str, str], torque: float) -> dict[
     names = live.live_vectors(motor, driver=False)
     run = _vectors(cycles, names, stop)
     time = run["time"]
-    kept = time >= time[-1] - 1.001 * period
+    kept = slice(int(np.searchsorted(time, time[-1] - 1.001 * period)) - 1, None)  # the page interpolates to its start
     followed = ["v(shaft)", "v(xmotor.friction)"]
     ramp = _vectors(curve, followed, live.RAMP)
     return {

@@ -60,7 +60,7 @@ def _values(result: Calibration, ax: Axes) -> None:
         ax.set_xscale("log")
         for set_formatter in (ax.xaxis.set_major_formatter, ax.xaxis.set_minor_formatter):
             set_formatter("{x:g}")
-    dress(ax, "value over that at the start", "", "Values with 95 % intervals (ring: not identified by the data)")
+    dress(ax, "value / value at the start", "", "Values with 95 % intervals (ring: not identified by the data)")
 
 
 def _curves(result: Calibration) -> dict[tuple[tuple[str, float | None], ...], list[int]]:
@@ -125,4 +125,6 @@ def residuals_over(along: Label | str, parts: Mapping[str, tuple[np.ndarray, np.
         ax.plot(at, residuals, mark, color=colour, label=name, ms=3)
     ax.axhline(0.0, **AXIS)
     ax.axhspan(-2.0, 2.0, color="0.92", zorder=0)
+    if isinstance(along, str):
+        ax.locator_params(axis="x", integer=True)
     dress(ax, along, "(predicted - measured) / error", f"Residuals, {data}; grey: two errors")

@@ -45,7 +45,7 @@ def speed_torque(curves: Curves) -> Sheet:
         name: partial(over_speed, lines, quantities, label_of(label, linear), title, linear)
         for name, quantities, label, title in (
             ("torque", ["torque_n_m"], "torque_n_m", "Force" if linear else "Torque"),
-            ("efficiency", ["efficiency"], "efficiency", "Efficiency: power at the shaft over electrical power"),
+            ("efficiency", ["efficiency"], "efficiency", "Efficiency: power at the shaft / electrical power"),
             ("power", ["electrical_power_w"], "electrical_power_w", "Electrical power of both groups"),
             ("current", currents, "current_rms_a", "Currents of group A and (dashed) group B"),
         )

@@ -21,10 +21,12 @@ from pyspice_runner.run.waveforms import Array, Waveforms
 from pyspice_runner.steady.steady import SteadyState
 from pyspice_runner.trackers.loop import LoopDesign, phase_shown_deg
 from pyspice_runner.trackers.track import Tracking
+from pyspice_runner.units import engineering
 from pyspice_runner.view.draw import DASHES, LAST_PERIODS, Panel, Sheet, draw_lines, dress, last_periods
 from pyspice_runner.view.style import BLUE, GREEN, GREY, GROUPS, LABELS, STATES, VERMILION, Label, label_of, time_label
 
 _HERTZ = Label("frequency", "Hz")
+_STILL = 1e-6  # relative change of a constant frequency that the spacing of the points alone leaves
 LOWEST_SHOWN = 0.01  # of the crossover, of a loop gain
 
 
@@ -34,7 +36,7 @@ def waveforms(run: Waveforms) -> Sheet:
         "speed": (partial(_speed, run), ("rotor_speed_rad_s",)),
         "path": (partial(tip_path, run, LAST_PERIODS), ("tip_x_m", "tip_y_m", "contact_state")),
         "forces": (partial(forces, run, LAST_PERIODS), ("normal_force_n", "friction_force_n")),
-        "currents": (partial(of_groups, run, "current_a", "Currents"), ("current_a_a",)),
+        "currents": (partial(of_groups, run, "current_a", "Currents at the end"), ("current_a_a",)),
         "motional": (partial(of_groups, run, "motional_current_a", "Motional currents"), ("motional_current_a_a",)),
     }
     motor = run.provenance["motor"]
@@ -92,7 +94,7 @@ def forces(run: Waveforms, periods: int, ax: Axes) -> None:
         (LABELS["time_us"], time),
         LABELS["force_n"],
         lines,
-        "Contact forces, sums" if run.of_contacts else "Contact forces",
+        "Contact forces, sums, at the end" if run.of_contacts else "Contact forces at the end",
     )
 
 
@@ -163,7 +165,7 @@ def loop_design(loop: LoopDesign) -> Sheet:
 
 
 def _loop_magnitude(loop: ControlLoop, ax: Axes) -> None:
-    bode_magnitude(ax, loop, loop.loop_gain, {"plant over its first value": np.abs(loop.plant)})
+    bode_magnitude(ax, loop, loop.loop_gain, {"plant / its first value": np.abs(loop.plant)})
     if loop.gain_margin_db is not None:
         ax.axhline(10.0 ** (-loop.gain_margin_db / 20.0), color=VERMILION, linestyle=":", linewidth=1.0)
         ax.set_title(f"Magnitude; gain margin {loop.gain_margin_db:.3g} dB")
@@ -207,7 +209,7 @@ def _loop_step(loop: ControlLoop, ax: Axes) -> None:
     ]
     title = f"Step; overshoot {100.0 * loop.overshoot_simulated:.3g} %"
     draw_lines(
-        ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation over the step", ""), lines, title
+        ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation / step", ""), lines, title
     )
     ax.axhline(1.0, color=GREY, linewidth=0.7)
 
@@ -221,6 +223,9 @@ def _over_time(
     def draw_curve(values: Array, label: Label, ax: Axes) -> None:
         draw_lines(ax, (time, time_s), label, [(values, {"color": BLUE, **look})])
         ax.ticklabel_format(axis="y", useOffset=False)
+        low, high = ax.get_ylim()
+        if high - low < _STILL * max(abs(low), abs(high)):
+            ax.set_ylim(low - 10.0 * _STILL * abs(low), high + 10.0 * _STILL * abs(high))
         for begin in begins_s:
             ax.axvline(time.scale * begin, color=GREY, linestyle=":", linewidth=1.0)
 
@@ -239,7 +244,10 @@ def tracking(result: Tracking) -> Sheet:
     if result.temperature_k is not None and result.temperature_k.any():
         curves["temperature"] = (result.temperature_k, Label("temperature rise", "K"))
     disturbances, loop = result.settings["disturbances"], result.loop
-    title = f"{result.settings['motor']['name']}: {', '.join(dict.fromkeys(one['kind'] for one in disturbances))}"
+    kinds = ", ".join(dict.fromkeys(one["kind"] for one in disturbances))
+    tracker = result.settings["tracker"]
+    drive = f"{engineering(tracker['voltage'], 'V')}, target {tracker['target_deg']:g}°"
+    title = f"{result.settings['motor']['name']}, {drive}: {kinds}"
     begins = [one["begin_s"] for one in disturbances if one["kind"] not in ("start", "warm-up")]
     sheet = _over_time(result.time_s, curves, title, begins, linewidth=1.0)
     if loop is not None:

@@ -169,7 +169,7 @@ def _deviations(result: Comparison, ax: Axes) -> None:
     texts = [f"{text} ± {error:.1g}" if error else text for text, error in zip(texts, errors, strict=True)]
     ax.bar_label(bars, texts, padding=3, fontsize=7)
     ax.invert_yaxis()
-    ax.margins(x=0.3)
+    ax.margins(x=0.45)  # room for the texts at the ends
     ax.axvline(0.0, **AXIS)
     dress(ax, LABELS["deviation"], "", "Measured less reference, with standard errors")
 

@@ -411,6 +411,8 @@ def test_the_command_says_why_there_is_no_driver_for_a_rail(capsys: pytest.Captu
     assert "its transistors IRF820 take 450 V" in found["design"]["reason"]
     with table.open(encoding="utf-8", newline="") as file:
         assert list(csv.reader(file)) == [["reason"], [found["design"]["reason"]]]
+    words[-2] = str(tmp_path / "deck.cir")
+    assert f"There is no deck for {words[-2]}." in refusal(["drive", "andersen2002", *words], capsys)
 
 
 @pytest.mark.soak
