@@ -17,13 +17,6 @@
 #include <math.h>
 #include <string.h>
 
-struct phase;
-
-/* The root of an equation whose right side falls as the value rises, from a value, with the share of the first change from the
-   last root: secants, and halves of the interval where they leave it. The last secant is not evaluated: its error is a part of
-   the product of the two errors before it. The scale of small forces is a tenth of the preload. */
-static inline double falling_root(double (*right)(struct phase *, double), struct phase *p, double now, double *known_share);
-
 #include "piezomotor_phase.h" /* written by the export from piezomotor_averaged_phase.lib */
 
 #define PI 3.14159265358979323846
@@ -32,6 +25,11 @@ static inline double falling_root(double (*right)(struct phase *, double), struc
 #ifndef TOLERANCE
 #define TOLERANCE 1e-4        /* error of the states in a step, over their scales */
 #endif
+#define SWEEPS 8              /* of Newton's method for the forces of a contact, before each is found alone */
+#define ROUGH 3e-7            /* largest last change of them, over their scale: about its square is left */
+#define SMALL 1e-30           /* um, 1: of what may be 0 in both parts of a quotient */
+#define FAR 1e9               /* um, a motion by which every contact slips */
+#define REMEMBERED 1e-6       /* share of the force after a period, above which it is remembered for many periods */
 #define FORGOTTEN 1e-12       /* share of the force that the compression in series remembers no more */
 #define SOLVED 0.1            /* error of Newton's method, over that of a step */
 #define ITERATIONS 8          /* with one Jacobian matrix */
@@ -70,6 +68,10 @@ struct contact { /* one of them */
     double shift, low, high;       /* um: motion and limits of the slider over the period, for clip_slider() */
 };
 
+#if NORMAL_ROOT || FRICTION_ROOT
+/* The root of an equation whose right side falls as the value rises, from a value, with the share of the first change from the
+   last root: secants, and halves of the interval where they leave it. The last secant is not evaluated: its error is a part of
+   the product of the two errors before it. The scale of small forces is a tenth of the preload. */
 static inline double falling_root(double (*right)(struct phase *, double), struct phase *p, double now, double *known_share)
 {
     double next = now, low = now, high = now, end = now, before = now, last = 0.0;
@@ -97,15 +99,19 @@ static inline double falling_root(double (*right)(struct phase *, double), struc
     *known_share = share > 0.0 && share <= 1.0 ? share : 1.0;
     return next;
 }
+#endif
 
-/* Sum the harmonics of a displacement at every phase. */
-static void synthesise(const struct motor *m, const phasor part[HARMONICS + 1], double at[PHASES])
+/* Sum the harmonics of a displacement at every phase, and at those before the first and behind the last, in um. */
+static void synthesise(const struct motor *m, const phasor part[HARMONICS + 1], double at[PHASES + 2])
 {
     for (int n = 0; n < PHASES; n++) {
-        at[n] = part[0].re;
+        double found = part[0].re;
         for (int h = 1; h <= HARMONICS; h++)
-            at[n] += part[h].re * m->wheel[n][h].re - part[h].im * m->wheel[n][h].im;
+            found += part[h].re * m->wheel[n][h].re - part[h].im * m->wheel[n][h].im;
+        at[n + 1] = 1e6 * found;
     }
+    at[0] = at[PHASES];
+    at[PHASES + 1] = at[1];
 }
 
 /* Return the mean and the harmonics of a force. */
@@ -179,78 +185,242 @@ static double clip_slider(const struct contact *c, double slider)
     return 1e-6 * fmin(fmax(1e6 * slider + c->shift, c->low), c->high);
 }
 
+/* A period of a contact, phase by phase. */
+struct lap {
+    double x[PHASES + 2], y[PHASES + 2]; /* um, from the last phase of the period before to the first of the next */
+    double normal[PHASES + 2];           /* N, from the last phase but one of the period before */
+    double hold[PHASES];                 /* factor of the normal force by the damping */
+    double limit[PHASES], motion[PHASES], bound[PHASES], before[PHASES]; /* um, of the slider; before is where it was */
+    double most[PHASES], far[PHASES];    /* N, um: friction and slider where all slips */
+    double steep[PHASES];                /* slope of the friction by itself, over what is left of the limit^(EXPONENT - 1) */
+    double friction[PHASES];             /* N */
+    double fx[PHASES], fy[PHASES], open[PHASES], slip[PHASES];
+};
+
+/* The approach at a phase, for the normal forces at this phase and those before. */
+static inline struct phase approaching(const struct phase *every, const struct lap *l, int n)
+{
+    struct phase at = *every;
+
+    at.x_before = l->x[n], at.x = l->x[n + 1], at.x_after = l->x[n + 2];
+    at.y_before = l->y[n], at.y = l->y[n + 1], at.y_after = l->y[n + 2];
+    at.normal_earlier = l->normal[n], at.normal_before = l->normal[n + 1], at.normal = l->normal[n + 2];
+    phase_approach(&at);
+    return at;
+}
+
+/* The loops over the phases have no branches, so that compilers find vectors in them. */
+#if NORMAL_ROOT
+/* Improve the normal forces by Newton's method, at all phases at once, for a period that ends as the one before; return whether
+   it ends, and the compression in series remembers no force for a period. So many phases before remember it: from the first of
+   them, which is in the period before, each change adds to the next two. */
+static int solved_normal(const struct phase *every, struct lap *l, double phases)
+{
+    double change[PHASES], memory[PHASES], scale = 0.1 * every->preload;
+
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double before = 0.0, earlier = 0.0;
+        int rough = 0;
+        l->normal[0] = l->normal[PHASES], l->normal[1] = l->normal[PHASES + 1];
+        for (int n = 0; n < PHASES; n++) {
+            struct phase at = approaching(every, l, n);
+            double now = at.normal, found = phase_normal_by(&at, now);
+            phase_motion(&at);
+            /* slope of the right side: -spring / depth - 3 delay / hold; by the forces before: 4 and -1 delay / hold */
+            double depth = larger(at.depth, SMALL), hold = larger(at.hold, SMALL);
+            double spring = 1e6 * EXPONENT * at.series * found, delay = at.damping * at.series * at.rate * found;
+            double share = 1.0 / (depth * hold + spring * hold + 3.0 * delay * depth);
+            change[n] = share * depth * hold * (found - now);
+            memory[n] = share * depth * delay;
+        }
+        for (int k = -(int)smaller(phases, PHASES / 2); k < PHASES; k++) {
+            int n = k < 0 ? k + PHASES : k;
+            double whole = change[n] - memory[n] * earlier + 4.0 * memory[n] * before;
+            earlier = before, before = whole;
+            if (k >= 0)
+                change[n] = whole;
+        }
+        for (int n = 0; n < PHASES; n++) {
+            double now = l->normal[n + 2];
+            l->normal[n + 2] = larger(now + change[n], 0.0);
+            rough += !(fabs(change[n]) <= ROUGH * (now + scale));
+        }
+        if (rough)
+            continue;
+        l->normal[0] = l->normal[PHASES], l->normal[1] = l->normal[PHASES + 1];
+        before = earlier = phases > PHASES ? 1.0 : 0.0;
+        for (int n = 0; n < PHASES && (before != 0.0 || earlier != 0.0); n++) {
+            double whole = 4.0 * memory[n] * before - memory[n] * earlier;
+            earlier = before, before = whole;
+        }
+        return fabs(before) <= REMEMBERED;
+    }
+    return 0;
+}
+#endif
+
+#if FRICTION_ROOT
+/* A phase of which the friction force is to be found. */
+static inline struct phase rubbing(const struct phase *every, const struct lap *l, int n)
+{
+    struct phase at = *every;
+
+    at.limit = l->limit[n], at.hold = l->hold[n], at.motion = l->motion[n], at.slider_before = l->before[n];
+    phase_moved(&at);
+    return at;
+}
+
+/* Improve the friction forces in the same way. */
+static int solved_friction(const struct phase *every, struct lap *l)
+{
+    double change[PHASES], scale = 0.1 * every->preload;
+
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        int rough = 0;
+        for (int n = 0; n < PHASES; n++) {
+            struct phase at = rubbing(every, l, n);
+            double now = l->friction[n], found = phase_friction_by(&at, now);
+            double left = larger(at.limit - fabs(at.moved - 1e6 * at.series_x * now), 0.0);
+            change[n] = (found - now) / (1.0 + l->steep[n] * (EXPONENT == 1.5 ? sqrt(left) : pow(left, EXPONENT - 1.0)));
+            l->friction[n] = now + change[n];
+        }
+        for (int n = 0; n < PHASES; n++)
+            rough += !(fabs(change[n]) <= ROUGH * (fabs(l->friction[n]) + scale));
+        if (!rough)
+            return 1;
+    }
+    return 0;
+}
+#endif
+
+/* Find the normal forces of a period, in which so many phases remember a force. If one remains for a period, it is that of rest. */
+static void press(const struct phase *every, struct lap *l, double phases, const struct guess *guess)
+{
+#if NORMAL_ROOT
+    memcpy(l->normal + 2, guess->normal, sizeof guess->normal);
+    if (!solved_normal(every, l, phases)) {
+        double share = 0.0, before = every->preload, earlier = before;
+        for (int k = -(int)smaller(phases, PHASES / 2); k < PHASES; k++) {
+            int n = k < 0 ? k + PHASES : k;
+            l->normal[n] = earlier, l->normal[n + 1] = before;
+            struct phase at = approaching(every, l, n);
+            earlier = before;
+            before = l->normal[n + 2] = falling_root(phase_normal_by, &at, guess->normal[n], &share);
+        }
+    }
+#else
+    (void)phases, (void)guess;
+    memset(l->normal, 0, sizeof l->normal); /* none is remembered */
+    for (int n = 0; n < PHASES; n++) {
+        struct phase at = approaching(every, l, n);
+        l->normal[n + 2] = phase_normal_by(&at, 0.0);
+    }
+#endif
+}
+
+/* Find the friction forces of a period from where the slider was before each phase. */
+static void rub(const struct phase *every, struct lap *l, const struct guess *guess)
+{
+#if FRICTION_ROOT
+    memcpy(l->friction, guess->friction, sizeof guess->friction);
+    if (!solved_friction(every, l)) {
+        double share = 0.0;
+        for (int n = 0; n < PHASES; n++) {
+            struct phase at = rubbing(every, l, n);
+            l->friction[n] = falling_root(phase_friction_by, &at, guess->friction[n], &share);
+        }
+    }
+#else
+    (void)guess;
+#endif
+    for (int n = 0; n < PHASES; n++) {
+        struct phase at = approaching(every, l, n);
+        phase_motion(&at);
+        at.slider_before = l->before[n];
+        phase_moved(&at);
+        at.friction = l->friction[n] = FRICTION_ROOT ? l->friction[n] : phase_friction_by(&at, 0.0);
+        phase_forces(&at);
+        l->fx[n] = at.fx;
+        l->fy[n] = at.fy;
+        l->open[n] = at.open;
+        l->slip[n] = at.slip;
+    }
+}
+
 /* One period of a contact; piezomotor_phase.h takes displacements in um. */
 static struct contact touch(struct motor *m, int contact, const struct path *path)
 {
     const struct values *v = &m->value;
     const struct touching *p = &v->contact[contact];
+    struct guess *guess = &m->guess[contact];
     struct seat seat = seat_of(v, contact);
-    double x[PHASES], y[PHASES], fx[PHASES], fy[PHASES];
-    double deflection = seat.height, preload = laid_preload(m), laid = seat.share * preload;
+    struct lap l;
+    double deflection = seat.height, preload = laid_preload(m), slider = 1e6 * path->slider;
     struct contact found = {.low = -INFINITY, .high = INFINITY};
 
     for (int i = 0; i < MODES; i++)
         deflection += tip_of(v, contact, i).tip_y * bent(v, i, preload);
-    struct phase at = {
+    struct phase every = {
         .normal_stiffness = p->normal_stiffness, .compliance = p->compliance, .mu = seat.friction_ratio * v->friction, .radius = p->radius,
-        .sliding = p->sliding_ratio, .stribeck = p->stribeck_velocity, .preload = laid, .deflection = 1e6 * deflection, .damping = p->normal_damping, .series = p->series_compliance,
-        .series_x = p->series_compliance_x,
-        .slider_before = 1e6 * path->slider, .turn = 1e6 * p->radius * path->speed / (PHASES * path->frequency),
-        .rate = 0.5 * PHASES * path->frequency,
-        /* where the compression in series remembers the force for many periods, it keeps that of rest */
-        .normal_before = laid, .normal_earlier = laid,
+        .sliding = p->sliding_ratio, .stribeck = p->stribeck_velocity, .preload = seat.share * preload, .deflection = 1e6 * deflection,
+        .damping = p->normal_damping, .series = p->series_compliance, .series_x = p->series_compliance_x,
+        .turn = 1e6 * p->radius * path->speed / (PHASES * path->frequency), .rate = 0.5 * PHASES * path->frequency,
     };
-    phase_parameters(&at);
+    phase_parameters(&every);
 
-    synthesise(m, path->x, x);
-    synthesise(m, path->y, y);
-    for (int n = 0; n < PHASES; n++) {
-        x[n] *= 1e6;
-        y[n] *= 1e6;
-    }
+    synthesise(m, path->x, l.x);
+    synthesise(m, path->y, l.y);
     /* The compression in series remembers the force: phases of the period before find what it was. An error of the force E
        of the spring remains to at most 5 Q/(1 + 3 Q) in the next phase, Q = damping * series * rate * E; the number of phases
        is that after which FORGOTTEN remains. With 20 times the damping and 10 times the compliance of bimodal40, half a period
        is the result of ten periods to seven digits */
-    int first = 0;
+    double phases = 0.0;
     if (p->normal_damping > 0.0 && p->series_compliance > 0.0) {
-        double top = y[0];
-        for (int n = 1; n < PHASES; n++)
-            top = larger(top, y[n]);
-        double force = p->normal_stiffness * pow(1e-6 * fmax(at.seat + top, 0.0), EXPONENT);
-        double memory = p->normal_damping * p->series_compliance * at.rate * force;
+        double top = l.y[1];
+        for (int n = 2; n <= PHASES; n++)
+            top = larger(top, l.y[n]);
+        double force = p->normal_stiffness * pow(1e-6 * fmax(every.seat + top, 0.0), EXPONENT);
+        double memory = p->normal_damping * p->series_compliance * every.rate * force;
         double left = fmin(5.0 * memory / (1.0 + 3.0 * memory), 0.999);
-        first = -(int)fmin(PHASES / 2, left > 0.0 ? ceil(log(FORGOTTEN) / log(left)) : 0.0);
+        phases = left > 0.0 ? ceil(log(FORGOTTEN) / log(left)) : 0.0;
     }
-    for (int k = first; k < PHASES; k++) {
-        int n = (k + PHASES) % PHASES, before = (n + PHASES - 1) % PHASES, after = (n + 1) % PHASES;
-        at.x = x[n], at.x_before = x[before], at.x_after = x[after];
-        at.y = y[n], at.y_before = y[before], at.y_after = y[after];
-        struct guess *guess = &m->guess[contact][n];
-        at.normal = guess->normal, at.friction = guess->friction;
-        phase_normal_force(&at);
-        if (k >= 0) {
-            phase_forces(&at);
-            if (isfinite(at.normal) && isfinite(at.friction))
-                *guess = (struct guess){at.normal, at.friction};
-        }
-        at.normal_earlier = at.normal_before;
-        at.normal_before = at.normal;
-        if (k < 0)
-            continue;
-        found.shift += at.motion;
-        found.low = smaller(larger(found.low + at.motion, -at.bound), at.bound);
-        found.high = smaller(larger(found.high + at.motion, -at.bound), at.bound);
-        at.slider_before = at.slider;
-        fx[n] = at.fx;
-        fy[n] = at.fy;
-        found.normal += at.normal / PHASES;
-        found.friction += at.friction / PHASES;
-        found.separated += at.open / PHASES;
-        found.slip += at.slip / PHASES;
+    press(&every, &l, phases, guess);
+    for (int n = 0; n < PHASES; n++) {
+        struct phase at = approaching(&every, &l, n);
+        phase_motion(&at);
+        l.motion[n] = at.motion;
+        l.bound[n] = at.bound;
+        at.slider_before = FAR;
+        phase_moved(&at);
+        at.friction = l.most[n] = phase_friction_by(&at, 0.0);
+        phase_forces(&at);
+        l.far[n] = at.slider;
+#if FRICTION_ROOT
+        double limit = larger(at.limit, SMALL);
+        l.limit[n] = at.limit;
+        l.hold[n] = at.hold;
+        l.steep[n] = 1e6 * EXPONENT * at.series_x * at.friction / (EXPONENT == 1.5 ? limit * sqrt(limit) : pow(limit, EXPONENT));
+#endif
     }
-    analyse(m, fx, found.fx);
-    analyse(m, fy, found.fy);
+    for (int n = 0; n < PHASES; n++) {
+        l.before[n] = slider;
+        slider = smaller(larger(slider + l.motion[n], -l.far[n]), l.far[n]);
+        found.shift += l.motion[n];
+        found.low = smaller(larger(found.low + l.motion[n], -l.bound[n]), l.bound[n]);
+        found.high = smaller(larger(found.high + l.motion[n], -l.bound[n]), l.bound[n]);
+    }
+    rub(&every, &l, guess);
+    for (int n = 0; n < PHASES; n++) {
+        double normal = l.normal[n + 2], friction = l.friction[n];
+        if (isfinite(normal) && isfinite(friction))
+            guess->normal[n] = normal, guess->friction[n] = friction;
+        found.normal += normal / PHASES;
+        found.friction += friction / PHASES;
+        found.separated += l.open[n] / PHASES;
+        found.slip += l.slip[n] / PHASES;
+    }
+    analyse(m, l.fx, found.fx);
+    analyse(m, l.fy, found.fy);
     return found;
 }
 
@@ -767,7 +937,7 @@ static void find_jacobian(struct motor *m, const double state[STATES])
     struct flow here, there;
     double depth = static_penetration(&m->value);
     double slope[CONTACTS][NUMBERS][FOUND], moved[STATES];
-    struct guess guess[CONTACTS][PHASES];
+    struct guess guess[CONTACTS];
 
     find_paths(m, state, paths);
     for (int c = 0; c < CONTACTS; c++) {

@@ -245,8 +245,8 @@ struct solver {
     int known, old, slow;            /* Jacobian: there is one; of an earlier state; Newton's method takes long with it */
 };
 
-/* The forces at a phase in the last evaluation, N: where the next search of them begins. */
-struct guess { double normal, friction; };
+/* The forces at each phase in the last evaluation, N: where the next search of them begins. */
+struct guess { double normal[PHASES], friction[PHASES]; };
 
 struct motor {
     struct values value;
@@ -260,7 +260,7 @@ struct motor {
     double energy;                /* electrical energy into both groups, J */
     double taken, step;           /* last internal step, s; next one, unless the time that is left is shorter */
     struct solver solver;
-    struct guess guess[CONTACTS][PHASES];
+    struct guess guess[CONTACTS];
     phasor wheel[PHASES][ORDERS]; /* exp(2 pi j h n / PHASES) */
 #if TRACKED
     struct tracker tracker;       /* its parameters */

@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from textwrap import wrap
 from typing import NamedTuple
 
@@ -312,39 +313,29 @@ def circuit_source(name: str, parts: Parts) -> str:
     return _source([about], name, fields, *_function(f"static inline void {name}_flows", name, texts))
 
 
-# the node of a phase that its own equation contains, and what that equation gives
-_IMPLICIT = """\
-static double phase_{0}_by(struct phase *p, double value)
-{{
-    p->{0} = value;
-    return {1};
-}}
-"""
-
-
 def phase_source(terms: Terms = ALL_TERMS) -> str:
-    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase`` that a motor has."""
+    """Return the contact at one phase in C, with the equations of ``piezomotor_averaged_phase`` that a motor has.
+
+    A force is the right side of its equation, for a value of it; it is a root where the equation contains its own node.
+    """
     library = averaged_phase(terms)
     found = equations(library)
     inputs = [pin.name for pin in library.pins if pin.name not in found.values]
     fields = [*(item.name for item in averaged_phase(ALL_TERMS).parameters), *inputs, *found.parameters, *found.values]
     texts = {name: translated(text, "c", lambda used: f"p->{used}") for name, text in found.ordered()}
-    implicit = [name for name, text in found.values.items() if f"V({name})" in text]
-    fields += [f"{name}_share" for name in implicit]
-    lines = texts | {name: f"falling_root(phase_{name}_by, p, p->{name}, &p->{name}_share)" for name in implicit}
-    parameters, values = (
-        {name: lines[name] for name in lines if name in of} for of in (found.parameters, found.values)
-    )
-    until = list(values).index("normal") + 1  # the other forces are not needed where only the normal one is remembered
-    return _source(
-        [f"{library.title}; displacements in um.", f"Written from {library.name}.lib."],
-        "phase",
-        fields,
-        *_function("static void phase_parameters", "phase", parameters),
-        *(_IMPLICIT.format(name, texts[name]) for name in implicit),
-        *_function("static void phase_normal_force", "phase", dict(list(values.items())[:until])),
-        *_function("static void phase_forces", "phase", dict(list(values.items())[until:])),
-    )
+    values = [name for name in texts if name in found.values]
+    normal, bound, motion, friction = map(values.index, ("normal", "bound", "motion", "friction"))
+    ends = pairwise((0, normal, max(bound, motion) + 1, friction, len(values)))
+    lines = [*_function("static void phase_parameters", "phase", {name: texts[name] for name in found.parameters})]
+    for name in ("normal", "friction"):
+        lines += [f"#define {name.upper()}_ROOT {int(f'V({name})' in found.values[name])}"]
+        lines += [f"static inline double phase_{name}_by(struct phase *p, double value)", "{"]
+        lines += [f"    p->{name} = value;", f"    return {texts.pop(name)};", "}", ""]
+    for part, (begin, end) in zip(("approach", "motion", "moved", "forces"), ends, strict=True):
+        of_part = {name: texts[name] for name in values[begin:end] if name in texts}
+        lines += _function(f"static inline void phase_{part}", "phase", of_part)
+    about = [f"{library.title}; displacements in um.", f"Written from {library.name}.lib."]
+    return _source(about, "phase", fields, *lines)
 
 
 def _source(about: Sequence[str], name: str, fields: Sequence[str], *lines: str) -> str:

@@ -19,7 +19,8 @@ from pyspice_runner.spice.program import answer
 
 FOR_WINDOWS = "x86_64-w64-mingw32-gcc"  # of mingw-w64
 COMPILERS = ("cc", "gcc", "clang")  # the first of them on the PATH is used
-_FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra")
+_LOOPS = ("-fno-math-errno", "-fno-trapping-math")  # those with sqrt or a comparison use vector units, at equal results
+_FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", *_LOOPS)
 _FOR_WINDOWS = ("-D__USE_MINGW_ANSI_STDIO=1", "-static", "-s")
 _TIMEOUT = 120.0  # s; a compiler takes about one
 

@@ -304,21 +304,23 @@ def test_a_state_that_was_kept_is_continued(unit: Unit) -> None:
 
 
 @pytest.mark.soak
-def test_a_hundredth_of_the_tolerance_changes_the_speed_little(motor: pr.Motor, tmp_path: Path) -> None:
-    """At 1 ms by the first steps, which are a period of the drive; then by some 0.02 %, the error of the steps."""
-    for path, text in fmu_texts(motor).items():
+def test_the_tolerance_and_the_search_of_the_forces_change_the_speed_little(tmp_path: Path) -> None:
+    """At 1 ms by the first steps, which are a period of the drive; then by 0.02 %; forces have an error of 1e-13."""
+    for path, text in fmu_texts(pr.load_motor("bimodal40")).items():
         (tmp_path / Path(path).name).write_text(text, encoding="utf-8")
+    core = (tmp_path / CORE).read_text(encoding="utf-8")
+    (tmp_path / "run.c").write_text(RUN, encoding="utf-8")
     speeds = []
-    for tolerance in ("1e-4", "1e-6"):
-        core = (tmp_path / CORE).read_text(encoding="utf-8")
-        assert "TOLERANCE 1e-4 " in core
-        (tmp_path / "core.c").write_text(f"#define TOLERANCE {tolerance}\n{core}", encoding="utf-8")
-        (tmp_path / "run.c").write_text(RUN, encoding="utf-8")
-        compile_library(tmp_path, ["core.c", "run.c"], tmp_path / f"run{tolerance}.so")
-        speed = ctypes.CDLL(str(tmp_path / f"run{tolerance}.so")).speed_at
+    for name, usual, value in (("TOLERANCE", "1e-4", "1e-4"), ("TOLERANCE", "1e-4", "1e-6"), ("SWEEPS", "8", "0")):
+        assert f"{name} {usual} " in core
+        (tmp_path / "core.c").write_text(core.replace(f"{name} {usual} ", f"{name} {value} "), encoding="utf-8")
+        library = tmp_path / f"{name}{value}.so"
+        compile_library(tmp_path, ["core.c", "run.c"], library)
+        speed = ctypes.CDLL(str(library)).speed_at
         speed.restype = ctypes.c_double
         speeds.append(np.array([speed(count) for count in (1, 5, 20)]))
     assert np.all(np.abs(speeds[0] / speeds[1] - 1.0) < [5e-3, 1e-3, 2e-4])
+    assert speeds[2] == pytest.approx(speeds[0], rel=1e-10)
 
 
 def test_a_rotor_that_sticks_comes_to_rest(motor: pr.Motor, tmp_path: Path) -> None:
