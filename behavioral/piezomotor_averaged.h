@@ -240,6 +240,7 @@ struct solver {
     double jacobian[STATES][STATES]; /* derivatives of the rates */
     double matrix[STATES][STATES];   /* 1 - weight * jacobian, decomposed */
     int pivot[STATES];
+    int order[STATES], coupled;      /* of elimination; the number of states by which rates change, which are the first */
     double weight;                   /* s; 0 if the matrix is not that of the Jacobian */
     double shrink;                   /* change of Newton's method over the one before it, with this matrix */
     int known, old, slow;            /* Jacobian: there is one; of an earlier state; Newton's method takes long with it */

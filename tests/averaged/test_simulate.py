@@ -130,16 +130,13 @@ def test_without_a_compiler_ngspice_runs_the_motor(motor: pr.Motor, monkeypatch:
         simulate_averaged(motor, FAST, 1e-3, engine="compiled")
 
 
-def test_power_balances(spin_up: AveragedRun) -> None:
-    """The steps are ngspice's own; the trapezoidal sum over them is right to a part in a hundred."""
+def test_power_balances_and_the_shaft_turns_by_the_integral_of_its_speed(spin_up: AveragedRun) -> None:
+    """The steps are the engine's own; the trapezoidal sum over them is right to a part in a hundred."""
     assert spin_up.energy_residual < 0.01
     friction = spin_up.contact_power_w[-1] - spin_up.torque_n_m[-1] * spin_up.rotor_speed_rad_s[-1]
     assert friction > 0.0
-
-
-def test_the_shaft_turns_by_the_integral_of_its_speed(spin_up: AveragedRun) -> None:
     angle = np.trapezoid(spin_up.rotor_speed_rad_s, spin_up.time_s)
-    assert spin_up.rotor_position_rad[-1] == pytest.approx(angle, rel=0.01)  # ngspice's own steps
+    assert spin_up.rotor_position_rad[-1] == pytest.approx(angle, rel=0.01)
 
 
 def test_a_rotor_that_bursts_is_not_trusted(motor: pr.Motor) -> None:

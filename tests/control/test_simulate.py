@@ -11,6 +11,7 @@ import pytest
 
 import pyspice_runner as pr
 from pyspice_runner import simulate_controlled
+from pyspice_runner.control.loop import LoopController
 from pyspice_runner.control.run import ControlledRun
 from pyspice_runner.control.simulate import Sample
 from tests.motors import BEAM40, recommended
@@ -209,6 +210,16 @@ def test_a_second_of_a_speed_loop_at_4_khz_takes_less_than_a_second(motor: pr.Mo
     run = simulate_controlled(motor, DRIVE, speed_loop(), duration=1.0, sample_time=0.25e-3, engine="compiled")
     assert process_time() - begun < 1.0
     assert run.speed_rad_s[-1] == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.soak
+def test_a_second_of_a_position_loop_that_hunts_at_4_khz_takes_less_than_a_second() -> None:
+    flagship, drive = recommended("bimodal40")
+    loop = pr.control_loop(flagship, drive, quantity="position", sample_time=0.25e-3)
+    controller, begun = LoopController(loop, lambda _: 0.05), process_time()
+    run = simulate_controlled(flagship, drive, controller, duration=1.0, sample_time=0.25e-3)
+    assert process_time() - begun < 1.0
+    assert np.ptp(run.position_rad[-400:]) > 1e-3
 
 
 def test_a_run_says_what_has_settled_and_the_static_error_of_what_is_controlled(motor: pr.Motor) -> None:
