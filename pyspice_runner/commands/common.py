@@ -7,6 +7,7 @@ import glob
 import json
 import os
 import re
+import shlex
 import shutil
 import sys
 import tempfile
@@ -304,6 +305,8 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
                 with _noted(path):
                     try:
                         write(path)
+                        if path.suffix == ".cir":
+                            complain(f"piezomotor: Run it by: ngspice -b -r out.raw {shlex.quote(str(path))}", "dim")
                     except Exception as error:  # noqa: BLE001  # of any kind; the other parts come first
                         faults[path, write] = error
     finally:
