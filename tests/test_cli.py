@@ -117,11 +117,12 @@ def test_the_demo_runs_its_scripts_and_prints_one_json_object(
     assert said.err.startswith("drawn")
 
 
-def test_the_deck_that_simulate_writes_runs_by_itself(tmp_path: Path) -> None:
-    assert run([*SHORT, "--output", str(tmp_path / "run.cir")]) == 0
-    done = subprocess.run(
-        ["ngspice", "-b", "-r", "out.raw", "run.cir"], cwd=tmp_path, capture_output=True, timeout=60, check=False
-    )
+def test_the_deck_that_simulate_writes_runs_by_the_command_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*SHORT, "--output", str(tmp_path / "run $1.cir")]) == 0
+    words = shlex.split(capsys.readouterr().err.partition("Run it by: ")[2])
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=60, check=False)
     assert done.returncode == 0
     assert (tmp_path / "out.raw").stat().st_size > 10_000
 

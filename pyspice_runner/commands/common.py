@@ -7,6 +7,7 @@ import glob
 import json
 import os
 import re
+import shlex
 import shutil
 import sys
 import tempfile
@@ -45,7 +46,7 @@ _UNITS = {  # as it is typed → as the help of an option names it
     "deg": "degrees", "°": "degrees", "ohm": "Ω", "Ω": "Ω", "A": "A", "m": "m",
 }  # fmt: skip
 _NUMBER = re.compile(
-    rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(meg|[pnuµμmkG]?)({'|'.join(map(re.escape, _UNITS))})?"
+    rf"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)([mM][eE][gG]|[pnuµμmkG]?)({'|'.join(map(re.escape, _UNITS))})?"
 )
 
 DURATION = 5e-3  # s, of a run by default
@@ -160,7 +161,7 @@ def number(text: str, units: str = "") -> float:
     if named is not None and not re.search(rf"[,:] {re.escape(named)}(?![\w/])", units):
         fault = "which this value does not have" if units else "which is not read here"
         raise pr.ParameterError(f"{text!r} has the unit {unit}, {fault}. Leave it out.")
-    return float(value) * _SCALES[prefix]
+    return float(value) * _SCALES[prefix.lower() if len(prefix) > 1 else prefix]
 
 
 def grid(option: str, text: str) -> list[float]:
@@ -304,6 +305,8 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
                 with _noted(path):
                     try:
                         write(path)
+                        if path.suffix == ".cir":
+                            complain(f"piezomotor: Run it by: ngspice -b -r out.raw {shlex.quote(str(path))}", "dim")
                     except Exception as error:  # noqa: BLE001  # of any kind; the other parts come first
                         faults[path, write] = error
     finally:

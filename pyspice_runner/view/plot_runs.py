@@ -208,9 +208,7 @@ def _loop_step(loop: ControlLoop, ax: Axes) -> None:
         (loop.step_simulated, {"color": BLUE, "marker": ".", "linestyle": "", "label": "averaged motor"}),
     ]
     title = f"Step; overshoot {100.0 * loop.overshoot_simulated:.3g} %"
-    draw_lines(
-        ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation / step", ""), lines, title
-    )
+    draw_lines(ax, (time_label(float(loop.time_s[-1])), loop.time_s), Label("deviation / step", ""), lines, title)
     ax.axhline(1.0, color=GREY, linewidth=0.7)
 
 
@@ -225,7 +223,7 @@ def _over_time(
         ax.ticklabel_format(axis="y", useOffset=False)
         low, high = ax.get_ylim()
         if high - low < _STILL * max(abs(low), abs(high)):
-            ax.set_ylim(low - 10.0 * _STILL * abs(low), high + 10.0 * _STILL * abs(high))
+            ax.set_ylim(low - 100.0 * _STILL * abs(low), high + 100.0 * _STILL * abs(high))
         for begin in begins_s:
             ax.axvline(time.scale * begin, color=GREY, linestyle=":", linewidth=1.0)
 
@@ -258,9 +256,10 @@ def tracking(result: Tracking) -> Sheet:
 
 def drive_report(report: DriveReport) -> Sheet:
     """Return voltages and currents of motor and power stage, the harmonics, and the powers."""
+    of_run = "end of the run from power-up" if report.operating else ""
     panels: dict[str, Panel] = {
-        "voltages": partial(_ports, report, "v", LABELS["voltage_v"], report.driver["label"]),
-        "currents": partial(_ports, report, "a", LABELS["current_a"], ""),
+        "voltages": partial(_ports, report, "v", LABELS["voltage_v"], f"{report.driver['label']}\n{of_run}".strip()),
+        "currents": partial(_ports, report, "a", LABELS["current_a"], of_run),
         "spectrum": partial(_harmonics, report),
         "powers": partial(_powers, report),
     }
@@ -290,13 +289,14 @@ def _ports(report: DriveReport, unit: str, label: Label, title: str, ax: Axes) -
 
 
 def _harmonics(report: DriveReport, ax: Axes) -> None:
-    largest = max(port.harmonics[0].current_a for port in report.groups.values())
-    for (group, port), colour, shift in zip(report.groups.items(), GROUPS.values(), (-0.2, 0.2), strict=False):
+    ports = (report.operating or report).groups
+    largest = max(port.harmonics[0].current_a for port in ports.values())
+    for (group, port), colour, shift in zip(ports.items(), GROUPS.values(), (-0.2, 0.2), strict=False):
         harmonics = port.harmonics
         orders = [item.order + shift for item in harmonics]
         heights = [max(item.current_a, 1e-9) for item in harmonics]
         ax.bar(orders, heights, 0.4, color=colour, label=f"pin {group.upper()}")
-    dress(ax, "harmonic", "current in A")
+    dress(ax, "harmonic", "current in A, amplitude", "operating point" if report.operating else "")
     ax.set(yscale="log", ylim=(1e-5 * largest, 3.0 * largest))
     ax.set_xticks(range(1, 21, 2))
 
@@ -313,4 +313,4 @@ def _powers(report: DriveReport, ax: Axes) -> None:
         f"supply {best.power_in_w:.3g} W, power factor {best.power_factor:.3f}, "
         f"{100 * best.driver_efficiency:.1f} % reach the motor"
     )
-    dress(ax, "power in W", "", title)
+    dress(ax, "power in W", "", "operating point\n" + title if report.operating else title)

@@ -22,7 +22,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ("text", "value"),
     [
         ("40.7k", 40.7e3), ("2ms", 2e-3), ("10u", 1e-5), ("10 µs", 1e-5), ("24V", 24.0), ("-3m", -3e-3),
-        ("1.5meg", 1.5e6), ("1e-3", 1e-3), (".5n", 5e-10), ("40kHz", 40e3), ("2G", 2e9),
+        ("1.5meg", 1.5e6), ("4.07MEGHz", 4.07e6), ("1e-3", 1e-3), (".5n", 5e-10), ("40kHz", 40e3), ("2G", 2e9),
     ],
 )  # fmt: skip
 def test_a_number_may_have_a_suffix_and_a_unit_that_the_option_has(text: str, value: float) -> None:
