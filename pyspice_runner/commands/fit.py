@@ -13,13 +13,13 @@ from pyspice_runner.impedance.spectrum import Connection
 
 _CONNECTION = option("Connection of the groups, for a two-port.", Connection, "A")
 _ARMS_TRIED = "{} of at most {} arms"
-_OF_ONE_PORT = "leads no_leads opened short fixture_load load_ohm port_extension"
+_OF_ONE_PORT = "leads opened short fixture_load load_ohm port_extension"
 _OF_SERIES = "series voltages temperatures"
 _OF_GROUPS = "two_port other both difference mass velocity tips base"
 
 
 @command(
-    "file", INPUT, _OF_ONE_PORT, _OF_SERIES, _OF_GROUPS, FIT, TARGETS,
+    "file", INPUT, "no_leads", _OF_ONE_PORT, _OF_SERIES, _OF_GROUPS, FIT, TARGETS,
     connection=_CONNECTION,
     timeout=option("Time limit of the fit of a spectrum, s."),
 )  # fmt: skip
@@ -47,7 +47,7 @@ def fit(call: Call) -> None:
     if call.series or call.voltages is not None or call.temperatures is not None:
         if call.plot is not None:
             raise pr.ParameterError("--plot draws one spectrum; leave out --with.")
-        call.refuse_idle("on spectra that are fitted together", f"{_OF_ONE_PORT} noise timeout")
+        call.refuse_idle("on spectra that are fitted together", f"no_leads {_OF_ONE_PORT} noise timeout")
         _fit_jointly(call)
         return
     _fit_one_port(call)
@@ -111,7 +111,7 @@ def _fit_groups(call: Call) -> None:
         )
     given: Any = spectra["A"] if call.two_port else spectra
     with common.busy("fitting", _ARMS_TRIED) as progress:
-        result = fit_groups(given, **measured.fit_settings(call), progress=progress)
+        result = fit_groups(given, leads=not call.no_leads, **measured.fit_settings(call), progress=progress)
     motor = result.to_motor(**calibration) if calibration else None
     title = f"{result.source}: {len(result.modes)} modes; couplings in N/V per root kg; ± one standard error"
     table = common.summary_table(result.summary(), title)

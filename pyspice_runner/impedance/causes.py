@@ -57,6 +57,7 @@ LARGEST_SHIFT = 0.2  # largest relative distance of the frequencies of one mode
 _STEP = 1e-4  # of a tolerance of manufacture, relative, for its derivative
 _POLE = 0.02  # relative distance of a mode by a fit of the motor's own admittance from its pole, which counts as 1
 _OTHER = 2.0  # difference of a mode from one of the motor that makes it another one: a factor e² of θ, or 20 % of f
+_CABLE = 0.3, 1.0  # Ω and µH of usual leads, standard deviations: those of a metre of cable, assumed
 _LEAST_LOSS = 1e-4  # a smaller loss tangent does not count
 _STANDS_OUT, _MOST = 3.0, 6  # standard deviations, and number, of the deviations that are listed
 _ADDED = "coupling", "lead_ohm", "lead_h", "stray_f"  # what a size is a multiple of; of others it is a power
@@ -296,18 +297,26 @@ class Judge:
         floor += np.where(skewed & (kinds > 0), broad, 0.0)
         made = np.transpose([one.spread / _STEP * self._pattern([one], [_STEP], at) for one in self._manufacture(at)])
         covariance = np.diag(errors.taken(found).row ** 2 + floor**2) + made @ made.T
-        ranked = {HEALTHY: [self._tried((), data, covariance, at)], UNKNOWN: []}
+        healthy = self._tried((), data, covariance, at)
+        ranked = {HEALTHY: [healthy], UNKNOWN: []}
         for off in (*(kinds == quantity for quantity in range(len(_BROAD))), kinds >= 0):  # one quantity, or all
             wide = covariance + np.diag(np.where(off, broad, 0.0) ** 2)
             ranked[UNKNOWN].append((self._tried((), data, wide, at)[0] - log(len(_BROAD) + 1), ()))
+        usual = bad = 0.0  # logarithms of the densities of the leads of the fit, whose modes are those behind them
         for cause, weight, sizes in self._hypotheses(at):
-            evidence, words = self._tried(sizes, data, covariance, at)
+            if sizes[0].unit == "Ω" and isinstance(fit, TwoPortFit) and fit.leads:
+                usual, bad, words = _ahead(fit, sizes)
+                evidence = healthy[0]
+            else:
+                evidence, words = self._tried(sizes, data, covariance, at)
             ranked.setdefault(cause, []).append((evidence + log(weight), words))
         others = (1.0 - sum(_BEFORE.values())) / (len(ranked) - len(_BEFORE))
         totals = {}
         for name, items in ranked.items():
             share = _SKEWED[name == LEVEL] if skewed else 1.0 - _SKEWED[name == LEVEL]
             totals[name] = np.logaddexp.reduce([item[0] for item in items]) + log(_BEFORE.get(name, others) * share)
+            # beside another cause bad leads are a second one
+            totals[name] += {HEALTHY: usual, FIXTURE: bad}.get(name, np.logaddexp(usual, bad + log(others)))
         whole = np.logaddexp.reduce(list(totals.values()))
         causes = (Cause(name, float(np.exp(totals[name] - whole)), max(own)[1]) for name, own in ranked.items())
         return Diagnosis(
@@ -434,6 +443,18 @@ class Judge:
             for place in np.argsort(-np.abs(data) / deviation)[:_MOST]
             if abs(data[place]) > _STANDS_OUT * deviation[place]
         )
+
+
+def _ahead(fit: TwoPortFit, sizes: Sequence[_Size]) -> tuple[float, float, tuple[str, ...]]:
+    """Return the logarithms of the densities of usual and of bad leads at those of a fit, and these in words."""
+    kinds = [int(name.startswith("inductance")) for name in fit.leads]
+    to_size = np.array([1.0, 1e6])[kinds]  # Ω and µH
+    values, errors = (to_size * list(one.values()) for one in (fit.leads, fit.lead_standard_errors))
+    spreads = (np.hypot(errors, one[kinds]) for one in (np.array(_CABLE), np.array([size.spread for size in sizes])))
+    usual, bad = (float(np.sum(-0.5 * (values / one) ** 2 - np.log(one))) for one in spreads)
+    words = (f"{sizes[k].label} of group {'ABAB'[n]}" for n, k in enumerate(kinds))
+    shown = zip(words, kinds, values, errors, strict=True)
+    return usual, bad, tuple(sizes[k]._replace(label=one).shown(value, error) for one, k, value, error in shown)
 
 
 def _merged(measured: Observed, errors: Observed, most: float) -> tuple[Observed, Observed, bool]:

@@ -362,9 +362,9 @@ def compare(
     if motor:
         judges[1] = Judge(motor, state, connection, fits[0])
         if max(spectrum.ports for spectrum in spectra) == 2:
-            judges[2] = Judge(motor, state, None, fit_groups(reference))
+            judges[2] = Judge(motor, state, None, fit_groups(reference, leads=False))
     names = judges[1].called if judges else None
-    search = {"noise": noise, "timeout": timeout}
+    search = {"noise": noise, "timeout": timeout, "leads": leads is not False}
     found = tuple(
         replace(
             _compare(fit, fits[0], names), tolerances=limits,
@@ -388,7 +388,7 @@ def _diagnosed(
     with suppress(SpectrumError):
         if one.leads:
             driven = Spectrum.from_admittance(one.frequency_hz, one.measured_s, source=one.source)
-            one = fit_one_port(driven, len(one.arms), leads=False, **search)
+            one = fit_one_port(driven, len(one.arms), **{**search, "leads": False})
     return judges[1].judge(one, skewed=skewed)
 
 

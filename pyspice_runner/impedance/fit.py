@@ -42,14 +42,15 @@ def fit_spectrum(
     or both, which give the signs
     ==============================================  ===============================================================
 
-    Of a two-port, ``spectrum.driven("A")`` is the one-port. Several spectra and both groups need leads that are
-    compensated. The sweeps of several spectra have rising frequency; one alone at a known voltage gives softening and
-    growth of damping, if its resonance is skewed.
+    Of a two-port, ``spectrum.driven("A")`` is the one-port. Several spectra need leads that are compensated. Their
+    sweeps have rising frequency; one alone at a known voltage gives softening and growth of damping, if its resonance
+    is skewed.
 
     Args:
         spectrum: the data, as from :func:`read_spectrum`.
         modes: number of motional arms or modes; selected by default. One that is not significant is then rejected.
-        leads: of one spectrum: whether to look for leads; or their known resistance in Ω and inductance in H.
+        leads: whether to look for leads, of one spectrum or of each group; of one, or their known resistance in Ω and
+            inductance in H.
         voltages: amplitude at the device's terminals in V, one for each of several spectra.
         temperatures: in K or °C, one for each of several spectra.
         noise: known error of the measurement: σ of ``"proportional"`` (a share of the magnitude), ``"s11"`` (the
@@ -67,8 +68,8 @@ def fit_spectrum(
     levels = voltages is not None or temperatures is not None
     if isinstance(spectrum, Mapping) or (isinstance(spectrum, Spectrum) and spectrum.ports == 2):
         if levels or leads not in (True, False):
-            raise ParameterError("leads, voltages and temperatures do not belong to both groups. Leave them out.")
-        return fit_groups(spectrum, modes, noise=noise, **search)
+            raise ParameterError("known leads, voltages and temperatures do not belong to both groups. Leave them out.")
+        return fit_groups(spectrum, modes, leads=leads is not False, noise=noise, **search)
     if isinstance(spectrum, Spectrum) and not levels:
         return fit_one_port(spectrum, modes, leads=leads, noise=noise, **search)
     if noise is not None or leads not in (True, False):

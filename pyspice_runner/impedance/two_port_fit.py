@@ -9,12 +9,15 @@ C_ii is the capacitance of a group with the other shorted, C_AB that between the
 driven through the weights w (A: 1, 0; A−B: 1, −1) is Σ w_i w_j Y_ij. It contains θ²/m, not θ: the force
 needs one mechanical measurement, a modal mass or the velocity of the tip per motional current. All connections (of a
 two-port Y_AA, Y_BB and Y_AB) are fitted together by least squares weighted with their estimated errors. The start is
-the fit of Y_AA + Y_BB, which shows every mode. Modes beside the band are added where they improve the fit.
+the fit of Y_AA + Y_BB, which shows every mode. Modes beside the band are added where they improve the fit, and leads in
+series with the groups, Y = (Y⁻¹ + Z)⁻¹ with Z = diag(R_A + sL_A, R_B + sL_B), where Schwarz's criterion asks for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from math import hypot, inf, log, pi, sqrt
 from pathlib import Path
@@ -28,6 +31,7 @@ from pyspice_runner.files import save_by_ending
 from pyspice_runner.impedance.identify import descent
 from pyspice_runner.impedance.identify.descent import FINEST, Complexes, Vector, independent_points, rms
 from pyspice_runner.impedance.identify.errors import RESONANT_QUALITY, UNDETERMINED
+from pyspice_runner.impedance.identify.problem import PLAUSIBLE_LEADS
 from pyspice_runner.impedance.identify.selection import Progress
 from pyspice_runner.impedance.noise import noise_of
 from pyspice_runner.impedance.one_port_fit import Fit, fit_one_port, misfit
@@ -36,17 +40,24 @@ from pyspice_runner.motor.dielectric import LARGEST_LOSS_TANGENT, lossy_capacita
 from pyspice_runner.motor.load import load_motor
 from pyspice_runner.motor.motor import Motor, Provenance, assemble
 from pyspice_runner.motor.numerics import one_thread_of_scipy
-from pyspice_runner.units import engineering
+from pyspice_runner.units import engineering, unit_in
 
 _TRANSFER = "AB"  # current into A per volt on B
-_GLOBALS = 4  # ln C_A, ln C_B, tan δ, C_AB
+_GLOBALS = 8  # ln C_A, ln C_B, tan δ, C_AB, R and L of the leads of both groups
+_RESISTANCES, _INDUCTANCES, _LEADS = [4, 5], [6, 7], [4, 5, 6, 7]
 _PER_MODE = 4  # ln f, ln Q, couplings to A and B
 _VALUES = ("series_resonance_hz", "quality_factor", "coupling_a_n_per_v_kg05", "coupling_b_n_per_v_kg05")
 _PIEZO = ("capacitance_a_f", "capacitance_b_f", "loss_tangent", "capacitance_ab_f")
+_LEAD_NAMES = "resistance_a_ohm", "resistance_b_ohm", "inductance_a_h", "inductance_b_h"
 _LOSSES = None, 15, 0  # branches of a motor; three a decade, with a ripple of 1e-5; no dispersion
 _OUTSIDE = 0.98, 0.9, 0.7  # frequencies below the band over its end, and their inverses above, to start a mode from
 _FARTHEST = 2.0  # of an end of the band over the frequency of such a mode; farther, it is a capacitance
 _QUALITY_OUTSIDE = 50.0  # of its start
+_TIE = 20.0  # difference of Schwarz's criterion by which leads must be better, as in the fit of one port
+_FIRST_LEAD, _MOST_RESISTANCE = 0.01, 1.0  # of leads, to start from and the largest, in units of the median impedance
+# Of the least motional resistance of both groups: a contact, whose losses couple modes, resembles leads of up to 0.2 %
+# in spectra of the pressed bimodal40, plate40 and andersen2002.
+_LEAST_LEAD = 2.5e-3
 _AT_LIMIT = 1e-6  # relative distance from the end of the band, below which such a mode is at its limit
 _SIGNIFICANT = 3.0  # standard errors; a capacitance between the groups below is chance in 399 of 400 spectra, and 0
 
@@ -80,6 +91,9 @@ class TwoPortFit(Fit):
         loss_dispersion: whether the data show the dispersion that such a loss has by causality.
         capacitance_ab_f: between the groups, a part of both others; 0 if it is not significant.
         standard_errors: of the four values above.
+        leads: in series with the groups, ``resistance_a_ohm``, ``resistance_b_ohm``, ``inductance_a_h`` and
+            ``inductance_b_h``; empty without leads. The values above are those behind them.
+        lead_standard_errors: of these.
         rms_relative_error: connection → root mean square of the relative residual.
         noise: connection → error model, kind → σ, see :class:`SpectrumFit`.
         cautions: limits of the values.
@@ -95,6 +109,8 @@ class TwoPortFit(Fit):
     standard_errors: dict[str, float]
     rms_relative_error: dict[str, float]
     noise: dict[str, dict[str, float]]
+    leads: dict[str, float]
+    lead_standard_errors: dict[str, float]
     cautions: tuple[str, ...] = ()
 
     def to_motor(
@@ -188,6 +204,10 @@ class TwoPortFit(Fit):
             "capacitance between A and B": engineering(self.capacitance_ab_f, "F"),
             "loss tangent": f"{self.loss_tangent:.3g}, constant{'' if self.loss_dispersion else ' without dispersion'}",
         }
+        for name, value in self.leads.items():
+            kind, group, unit = *name.split("_")[:2], unit_in(name)
+            error = engineering(self.lead_standard_errors[name], unit)
+            found[f"lead {kind} of {group.upper()}"] = f"{engineering(value, unit)} ± {error}"
         for number, mode in enumerate(self.modes, start=1):
             couplings = (f"{getattr(mode, name):.4g} ±{mode.standard_errors[name]:.2g}" for name in _VALUES[2:])
             found[f"mode {number}"] = (
@@ -231,6 +251,7 @@ def fit_groups(
     spectra: Spectrum | Mapping[Connection, Spectrum],
     modes: int | None = None,
     *,
+    leads: bool = True,
     noise: Mapping[str, float] | None = None,
     timeout: float | None = None,
     progress: Progress | None = None,
@@ -267,20 +288,11 @@ def fit_groups(
                 "A-B."
             )
         source = ", ".join(spectrum.source for spectrum in ports.values())
-    problem = _Problem(ports, noise)
-    parameters = problem.lossy(problem.start(modes, timeout, progress))
-    problem.weigh(parameters)
-    parameters = problem.descend(parameters)
-    while modes is None and (doubtful := problem.doubtful(parameters)) is not None:
-        if len(parameters) == _GLOBALS + _PER_MODE:
-            raise SpectrumError(f"{source or 'The spectra'} show no mode that is significant under their error.")
-        parameters = problem.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
-    for above in (False, True):
-        parameters = problem.with_neighbour(parameters, above=above)
-    if np.any(problem.sides(parameters) != 1):  # they have distorted the choice of the loss
-        parameters = problem.lossy(parameters)
-        problem.weigh(parameters)
-        parameters = problem.descend(parameters)
+    problem = _Problem(ports, noise, source or "The spectra")
+    search = modes, timeout, progress
+    parameters = problem.solved(*search)
+    if leads:
+        problem, parameters = problem.with_leads(parameters, *search)
     return _report(problem, parameters, shown, source or "spectra", cautions)
 
 
@@ -304,14 +316,16 @@ def clamped(loss_tangent: float, frequency_hz: Vector, branches: int | None = No
 class _Problem:
     """The joint least-squares problem of several connections, in units of its own."""
 
-    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None) -> None:
-        self.ports = ports
+    def __init__(self, ports: Mapping[str, Spectrum], noise: Mapping[str, float] | None, source: str = "") -> None:
+        self.ports, self.source = ports, source
         self.branches: int | None = None  # of the loss, one of _LOSSES
         first, second = ports["A"], ports["B"]
         self.low = max(first.frequency_hz[0], second.frequency_hz[0])
         self.high = min(first.frequency_hz[-1], second.frequency_hz[-1])
         self.reference_hz = sqrt(self.low * self.high)
         self.unit_s = float(np.median(np.abs(first.admittance_s)))
+        self.unit_henry = 1.0 / (2.0 * pi * self.reference_hz * self.unit_s)
+        self.leads, self.free = np.zeros(len(_LEADS)), np.zeros(len(_LEADS), bool)  # their start; which are fitted
         self.count = sum(len(spectrum) for spectrum in ports.values())
         self.noise = {name: noise_of(noise, spectrum.admittance_s) for name, spectrum in ports.items()}
         self.deviation = {name: self._deviation(name, spectrum.admittance_s) for name, spectrum in ports.items()}
@@ -334,6 +348,23 @@ class _Problem:
         """Descend from start values to the nearest minimum."""
         return descent.descend(self.normal_equations, start, self.bounds(start), self.reach)[0]
 
+    def solved(self, modes: int | None, timeout: float | None, progress: Progress | None) -> Vector:
+        """Return the solution with the significant modes in the band and beside it."""
+        parameters = self.lossy(self.start(modes, timeout, progress))
+        self.weigh(parameters)
+        parameters = self.descend(parameters)
+        while modes is None and (doubtful := self.doubtful(parameters)) is not None:
+            if len(parameters) == _GLOBALS + _PER_MODE:
+                raise SpectrumError(f"{self.source} show no mode that is significant under their error.")
+            parameters = self.descend(np.delete(parameters, np.s_[doubtful : doubtful + _PER_MODE]))
+        for above in (False, True):
+            parameters = self.with_neighbour(parameters, above=above)
+        if np.any(self.sides(parameters) != 1):  # they have distorted the choice of the loss
+            parameters = self.lossy(parameters)
+            self.weigh(parameters)
+            parameters = self.descend(parameters)
+        return parameters
+
     def lossy(self, start: Vector) -> Vector:
         """Descend with each description of the loss; keep the one that fits best and return its parameters."""
         found = []
@@ -350,9 +381,11 @@ class _Problem:
     def covariance(self, parameters: Vector) -> Vector:
         """Return the covariance of the parameters."""
         cost, _, hessian = self.normal_equations(parameters)
-        stated = self.noise["A"].stated
-        variance = descent.variance(cost, self.count, len(parameters), self.independent(parameters), stated)
-        return descent.inverse(hessian) * variance
+        stated, free = self.noise["A"].stated, np.flatnonzero(np.diff(self.bounds(parameters), axis=0)[0])
+        variance = descent.variance(cost, self.count, len(free), self.independent(parameters), stated)
+        covariance = np.zeros_like(hessian)
+        covariance[np.ix_(free, free)] = descent.inverse(hessian[np.ix_(free, free)]) * variance
+        return covariance
 
     def doubtful(self, parameters: Vector) -> int | None:
         """Return the place of the least certain mode, if it is not significant."""
@@ -372,13 +405,18 @@ class _Problem:
         first = self.ports["A"].between(self.low, self.high)
         frequency = first.frequency_hz
         second = np.interp(frequency, self.ports["B"].frequency_hz, self.ports["B"].admittance_s)
-        trace = Spectrum.from_admittance(frequency, first.admittance_s + second, source="The sum of A and B")
+        # each behind its own resistance, as far as the other group's does not matter
+        a, b = (
+            y / (1.0 - r * y / self.unit_s) for r, y in ((self.leads[0], first.admittance_s), (self.leads[1], second))
+        )
+        trace = Spectrum.from_admittance(frequency, a + b, source="The sum of A and B")
         fit = fit_one_port(trace, modes, leads=False, timeout=timeout, progress=progress)
         start = np.zeros(_GLOBALS)
         share_a = float(np.median(first.admittance_s.imag / trace.admittance_s.imag))
         capacitance = fit.circuit.clamped_capacitance_f * 2.0 * pi * self.reference_hz / self.unit_s
         split = min(max(share_a, 0.05), 0.95)
         start[:3] = log(capacitance * split), log(capacitance * (1.0 - split)), fit.circuit.loss_tangent
+        start[_LEADS] = self.leads
         arms = [(arm.series_resonance_hz / self.reference_hz, arm.quality_factor) for arm in fit.arms if arm.in_band]
         return np.append(start, self._divided(arms))
 
@@ -392,12 +430,52 @@ class _Problem:
         neighbours = [self._divided([*arms, (place, _QUALITY_OUTSIDE)])[-_PER_MODE:] for place in places]
         found = [self.descend(np.append(parameters, one)) for one in neighbours]
         more = min(found, key=lambda one: self.normal_equations(one)[0])
-        points = self.independent(more)
-        gain = 2.0 * points * log(cost / max(self.normal_equations(more)[0], FINEST**2 * self.count))
-        if gain < _PER_MODE * log(2.0 * points) or self.sides(more)[-1] == 1:
+        if self.gain(more, self, parameters) < 0.0 or self.sides(more)[-1] == 1:
             return parameters
         self.weigh(more)
         return self.descend(more)
+
+    def with_leads(self, parameters: Vector, *search: Any) -> tuple[_Problem, Vector]:
+        """Return the problem with leads and its solution, if the data ask for them; without an inductance at its limit.
+
+        An inductance moves the resonances though the data hardly show it: the errors contain it.
+        """
+        for places in (_LEADS, _RESISTANCES):
+            other = copy(self)
+            other.noise, other.deviation, other.free = dict(self.noise), dict(self.deviation), np.isin(_LEADS, places)
+            start = parameters.copy()
+            start[places] = _FIRST_LEAD
+            start[_INDUCTANCES] = 0.0
+            found = other.descend(start)
+            better = other.gain(found, self, parameters) > _TIE
+            if better or not self.white(parameters):
+                # leads may have hidden a mode, divided one, or led nowhere from a fit that follows nothing
+                other.leads = (found if better else start)[_LEADS]
+                with suppress(SpectrumError):
+                    found = other.solved(*search)
+                for at in reversed(range(_GLOBALS, len(found), _PER_MODE) if search[0] is None else ()):
+                    fewer = other.descend(np.delete(found, np.s_[at : at + _PER_MODE]))
+                    found = fewer if other.gain(fewer, other, found) > 0.0 else found
+            arms = found[_GLOBALS:].reshape(-1, _PER_MODE)
+            motional = np.min(np.exp(-arms[:, 1]) / np.sum(arms[:, 2:] ** 2, axis=1), initial=inf)
+            inside = found[_LEADS] < other.bounds(found)[1][_LEADS]
+            large = np.max(found[_LEADS]) > _LEAST_LEAD * motional and np.all(inside[other.free])
+            if large and other.white(found) and other.gain(found, self, parameters) > _TIE:
+                return other, found
+        return self, parameters
+
+    def white(self, parameters: Vector) -> bool:
+        """Tell whether the residuals resemble noise."""
+        return self.independent(parameters) > 0.5 * self.count
+
+    def gain(self, parameters: Vector, rival: _Problem, others: Vector) -> float:
+        """Return by how much Schwarz's criterion favours a solution over that of a problem that is alike."""
+        points, least = self.independent(parameters), FINEST**2 * self.count
+        rival = copy(rival)
+        rival.deviation = self.deviation
+        ratio = rival.normal_equations(others)[0] / max(self.normal_equations(parameters)[0], least)
+        more = len(parameters) - len(others) + int(np.sum(self.free)) - int(np.sum(rival.free))
+        return 2.0 * points * log(ratio) - more * log(2.0 * points)
 
     def sides(self, parameters: Vector) -> NDArray[np.intp]:
         """Return 0, 1 or 2 for each mode below, in or above the band; one that ends at its limit is in it."""
@@ -433,8 +511,9 @@ class _Problem:
     def bounds(self, start: Vector) -> tuple[Vector, Vector]:
         """Return the minimum and maximum of every parameter."""
         ends = np.log(np.array([self.low / _FARTHEST, self.low, self.high, _FARTHEST * self.high]) / self.reference_hz)
-        lower = [-25.0, -25.0, 1e-9, -np.inf]
-        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, np.inf]
+        most = np.repeat([_MOST_RESISTANCE, PLAUSIBLE_LEADS[1] / self.unit_henry], 2)
+        lower = [-25.0, -25.0, 1e-9, -np.inf, *np.where(self.free, 0.0, self.leads)]
+        upper = [25.0, 25.0, LARGEST_LOSS_TANGENT, np.inf, *np.where(self.free, most, self.leads)]
         for side in self.sides(start):
             lower += [ends[side], log(0.6), -np.inf, -np.inf]
             upper += [ends[side + 1], log(1e6), np.inf, np.inf]
@@ -448,30 +527,40 @@ class _Problem:
         return reach
 
     def model(self, parameters: Vector, connection: str, frequency_hz: Vector) -> tuple[Complexes, Complexes]:
-        """Return the admittance of a connection in the unit of this problem, and its derivatives."""
+        """Return the admittance of a connection in the unit of this problem, and its derivatives.
+
+        Behind leads Z it is uᵀ Y (1 + ZY)⁻¹ v, with the derivative aᵀ dY b − (Ya)ᵀ dZ (Yb), where a = (1 + ZY)⁻¹ u and
+        b = (1 + ZY)⁻¹ v.
+        """
         w = frequency_hz / self.reference_hz
-        into, driven = ((1.0, 0.0), (0.0, 1.0)) if connection == _TRANSFER else 2 * (COUPLING[connection],)  # type: ignore[index]
+        pair = ((1.0, 0.0), (0.0, 1.0)) if connection == _TRANSFER else 2 * (COUPLING[connection],)  # type: ignore[index]
+        into, driven = (np.array(weights)[:, None] for weights in pair)
         shape_of_loss, slope_of_loss = clamped(float(parameters[2]), frequency_hz, self.branches)
         unit = 1.0 / (2.0 * pi * self.reference_hz)
-        plates = unit * np.exp(parameters[:2, None]) * shape_of_loss
-        log_frequency, log_quality, a, b = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
+        plates = unit * (np.diag(np.exp(parameters[:2])) + parameters[3] * (np.eye(2) - 1.0))
+        log_frequency, log_quality, *theta = parameters[_GLOBALS:].reshape(-1, _PER_MODE).T[:, :, None]
         frequency, quality = np.exp(log_frequency), np.exp(log_quality)
         shape = 1.0 / (1.0 / quality + 1j * (w / frequency - frequency / w))
-        first, second = into[0] * a + into[1] * b, driven[0] * a + driven[1] * b
+        ahead = parameters[_RESISTANCES, None] + 1j * w * parameters[_INDUCTANCES, None]
+        device = plates[:, :, None] * shape_of_loss + np.einsum("imx,jmx,mf->ijf", theta, theta, shape)
+        a, b = into + 0j, driven + 0j
+        if ahead.any():
+            behind = np.linalg.inv(np.eye(2) + np.moveaxis(ahead[:, None] * device, -1, 0))
+            a, b = (np.moveaxis(behind @ weights, 0, -1)[:, 0] for weights in (into, driven))
+        currents = [np.einsum("ijf,jf->if", device, np.broadcast_to(one, (2, len(w)))) for one in (a, b)]
+        first, second = (np.tensordot(np.array(theta)[:, :, 0], one, (0, 0)) for one in (a, b))
         product = first * second
-        groups = np.array(into) * np.array(driven)
-        between = -unit * (into[0] * driven[1] + into[1] * driven[0])
-        capacitance = unit * groups @ np.exp(parameters[:2]) + between * parameters[3]
-        y = capacitance * shape_of_loss + (product * shape).sum(axis=0)
         jacobian = np.empty((len(parameters), len(w)), dtype=complex)
-        jacobian[:2] = groups[:, None] * plates
-        jacobian[2] = capacitance * slope_of_loss
-        jacobian[3] = between * shape_of_loss
+        jacobian[:2] = np.diag(plates)[:, None] * shape_of_loss * a * b
+        jacobian[2] = np.einsum("if,ij,jf->f", a, plates, b) * slope_of_loss
+        jacobian[3] = -unit * (a[0] * b[1] + a[1] * b[0]) * shape_of_loss
+        jacobian[_RESISTANCES] = -currents[0] * currents[1]
+        jacobian[_INDUCTANCES] = 1j * w * jacobian[_RESISTANCES]
         jacobian[_GLOBALS::_PER_MODE] = 1j * product * shape**2 * (w / frequency + frequency / w)
         jacobian[_GLOBALS + 1 :: _PER_MODE] = product * shape**2 / quality
         for group in (0, 1):
-            jacobian[_GLOBALS + 2 + group :: _PER_MODE] = (into[group] * second + driven[group] * first) * shape
-        return np.asarray(y), jacobian
+            jacobian[_GLOBALS + 2 + group :: _PER_MODE] = (a[group] * second + b[group] * first) * shape
+        return np.asarray(np.sum(into * currents[1], axis=0)), jacobian
 
     def linearised(self, parameters: Vector, connection: str) -> tuple[Complexes, Complexes]:
         """Return the residual Y_model − Y of one connection over its deviation, and its derivatives."""
@@ -512,6 +601,15 @@ def _report(
         )
         unit *= flat / falling
     capacitances = np.exp(parameters[:2]) * unit
+    to_si, count = np.repeat([1.0 / problem.unit_s, problem.unit_henry], 2), np.count_nonzero(problem.free)
+    leads, spread = (
+        dict(zip(_LEAD_NAMES[:count], (to_si * row[_LEADS]).tolist(), strict=False)) for row in (parameters, deviation)
+    )
+    most = max([*leads.values()][:2], default=0.0)  # resistance
+    if most > PLAUSIBLE_LEADS[0]:
+        ohm, limit = (engineering(value, "Ω") for value in (most, PLAUSIBLE_LEADS[0]))
+        caution = f"A group has {ohm} in series, more than the {limit} of a fixture: check its joints."
+        cautions = [*cautions, f"{caution} The modes are those behind it."]
     worst = max(errors.values())
     if worst > FINEST and problem.independent(parameters) < 0.5 * problem.count:
         cautions = [*cautions, misfit("The modes do not follow the spectra", worst, "up to ")]
@@ -523,8 +621,12 @@ def _report(
         loss_tangent=float(parameters[2]),
         loss_dispersion=problem.branches != 0,
         capacitance_ab_f=float(unit * parameters[3]) if abs(parameters[3]) > _SIGNIFICANT * deviation[3] else 0.0,
-        standard_errors=dict(zip(_PIEZO, (deviation[:_GLOBALS] * [*capacitances, 1.0, unit]).tolist(), strict=True)),
+        standard_errors=dict(
+            zip(_PIEZO, (deviation[: len(_PIEZO)] * [*capacitances, 1.0, unit]).tolist(), strict=True)
+        ),
         rms_relative_error=errors,
         noise={name: dict(model.sigma) for name, model in problem.noise.items()},
+        leads=leads,
+        lead_standard_errors=spread,
         cautions=tuple(cautions),
     )

@@ -10,6 +10,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.impedance.spectrum import Connection
 from pyspice_runner.impedance.two_port_fit import _VALUES, TwoPortFit, _Problem, fit_groups
+from validation import faults
 
 pytestmark = pytest.mark.xdist_group("two-port")  # the fit is shared
 
@@ -266,6 +267,35 @@ def test_a_mode_beside_the_band_does_not_move_those_within_it() -> None:
 @pytest.mark.parametrize("noise", [1e-3, 1e-2])
 def test_intervals_hold_beside_a_mode_outside_the_band(noise: float) -> None:
     assert 0.90 <= np.mean(np.abs([beside_a_mode(noise, seed) for seed in range(40)]) < 1.96) <= 0.98
+
+
+def behind_leads(name: str, seed: int, *ohms: float) -> np.ndarray:
+    """Return deviations over their errors of a motor behind resistances and 1 µH; no leads may be found without."""
+    motor = faults.motor(name)
+    swept = pr.admittance(motor, start=36e3, stop=44e3, points=500, state="free")
+    jw = 2j * np.pi * swept.frequency_hz[:, None, None]
+    matrix = np.linalg.inv(
+        np.linalg.inv(swept.matrix_s) + np.diag(ohms or (0.0, 0.0)) + 1e-6 * bool(ohms) * jw * np.eye(2)
+    )
+    error = np.random.default_rng(seed).standard_normal((2, *matrix.shape)) * 1e-3 / np.sqrt(2.0)
+    error[:, :, 1, 0] = error[:, :, 0, 1]
+    fit = pr.fit_spectrum(pr.Spectrum.from_admittance(swept.frequency_hz, matrix * (1.0 + error[0] + 1j * error[1])))
+    assert list(fit.leads)[:2] == ["resistance_a_ohm", "resistance_b_ohm"][: len(ohms)]
+    errors = [value for mode in fit.modes for value in mode.standard_errors.values()]
+    wanted, here = [truth(motor)[-len(errors) :], ohms], [found(fit), list(fit.leads.values())[: len(ohms)]]
+    errors += list(fit.lead_standard_errors.values())[: len(ohms)]
+    return (np.concatenate(here) - np.concatenate(wanted)) / errors
+
+
+def test_leads_in_front_of_each_group_are_not_part_of_the_modes() -> None:
+    assert np.abs(behind_leads("bimodal40", 1, 2.0, 5.0)).max() < 4.0  # 70 for the quality factors without leads
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("ohms", [(), (2.0, 2.0), (5.0, 5.0), (114.0, 114.0)])
+@pytest.mark.parametrize("name", ["bimodal40", "plate40"])
+def test_intervals_hold_behind_leads(name: str, ohms: tuple[float, ...]) -> None:
+    assert 0.90 <= np.mean(np.abs([behind_leads(name, seed, *ohms) for seed in range(20)]) < 1.96) <= 0.985
 
 
 def test_a_mode_that_is_stated_but_not_there_is_not_significant(two_port: pr.Spectrum) -> None:
