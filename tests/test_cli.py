@@ -121,7 +121,7 @@ def test_the_deck_that_simulate_writes_runs_by_the_command_printed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run([*SHORT, "--output", str(tmp_path / "run $1.cir")]) == 0
-    words = shlex.split(capsys.readouterr().err.partition("Run it by: ")[2])
+    words = shlex.split(capsys.readouterr().err.partition("Run it with: ")[2])
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=60, check=False)
     assert done.returncode == 0
     assert (tmp_path / "out.raw").stat().st_size > 10_000

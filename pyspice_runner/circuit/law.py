@@ -42,11 +42,6 @@ MOST_SLIDERS = 200
 _STRIBECK = ("sliding", "stribeck")  # parameters of the friction that falls with the slip velocity
 # parameters of a library that follow from the motor and the run; any other is the law's own
 _OF_MOTOR = (*REQUIRED, *_STRIBECK, "compliance", "damping", "flat", "span", "slider_time")
-# normal force over √2 K_N of a worn tip at the penetration {0}, in N and um; q is written without cancellation
-WORN_FORCE = (
-    "{0}*(2*{0}*{0}/(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})+{{1.5*flat}})"
-    "/sqrt(sqrt({{flat*flat+1e-18}}+4*{0}*{0})+{{flat}})"
-)
 # unit and range of the parameters that depend on the exponent; the minimum compliance is SOFTNESS over the stiffness
 # of the stiffest lining, 1e13 N/m
 OTHER_POWER = {"normal_stiffness": ("N/m^{}", "1e3", "1e25"), "compliance": ("m/N^(1/{})", "1e-14", "1e-2")}
@@ -397,7 +392,8 @@ def _spring_of_worn(lines: dict[str, str]) -> None:
     """
     if "limit_ratio" not in lines.get("Bgrip", ""):
         return
-    ahead, behind = (WORN_FORCE.format(f"V({node})") for node in ("ahead", "behind"))
+    elastic = _statements(read_library("piezomotor_worn").subcircuit)["Belastic"].partition("}*")[2]
+    ahead, behind = (elastic.replace("V(deep)", f"V({node})") for node in ("ahead", "behind"))
     lines["Bgrip"] = (
         "Bahead ahead 0 V=(V(limit)-uramp(-V(held)))/({limit_ratio}*max(V(factor),0.1))\n"
         "Bbehind behind 0 V=(V(limit)-uramp(V(held)))/({limit_ratio}*max(V(factor),0.1))\n"

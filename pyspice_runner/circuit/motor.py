@@ -229,7 +229,7 @@ class MotorSubCircuit(Assembly):
         if transducer:
             self._add_load("V(tool)" if approach else "{load}")
         else:
-            self._put("rotor", "piezomotor_rotor", ("shaft",), (turning := _turning(motor)), tuple(turning))
+            self._put("rotor", "piezomotor_rotor", ("shaft",), {}, ("inertia", "bearing"))
         if not transducer and motor.rotor.bearing_friction_n_m:
             dry = {"torque": motor.rotor.bearing_friction_n_m, "angle": motor.rotor.bearing_presliding_rad}
             self._put("bearing", "piezomotor_bearing", ("shaft", "xbearing.share"), dry)
@@ -380,10 +380,7 @@ class MotorSubCircuit(Assembly):
                 ends = (force, velocity, elastic, *(f"{node}{suffix}" for node in ("fx", "fy", "x", "y", "vx", "vy")))
                 of_this = {"tip_x": float(tip_x), "tip_y": float(tip_y)} if suffix else {}
                 self._put(f"tip{index}{suffix and f'_{suffix}'}", "piezomotor_tip", ends, tip | of_this)
-        for node in (
-            *(f"{name}{suffix}" for suffix in self._suffixes for name in _OF_TIP),
-            *(("heat",) if warm else ()),
-        ):
+        for node in (*(f"{name}{suffix}" for suffix in self._suffixes for name in _OF_TIP), *warm[1:]):
             self.R(f"sum_{node}", node, self.gnd, 1)
         if warm:
             self.R("open_temperature", "temperature", self.gnd, 1e9)
@@ -542,11 +539,6 @@ def _outer(name: str) -> str:
     return "friction" if name == "mu" else name
 
 
-def _turning(motor: Motor) -> dict[str, float]:
-    """Return the parameters of the rotor."""
-    return {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
-
-
 def _settable(
     motor: Motor, laws: Sequence[Law], libraries: Sequence[Library], discretisation: Discretisation | None
 ) -> tuple[LibraryParameter, ...]:
@@ -554,19 +546,18 @@ def _settable(
     if motor.is_transducer:
         what = f"resistance of the load, against {'the face' if motor.loads_face else 'a mode'}"
         return (LibraryParameter("load", "N.s/m", rounded(motor.load_resistance_n_s_per_m), 0.0, 1e9, what),)
-    declared, values = dict[str, LibraryParameter](), _turning(motor)
+    values = {"inertia": motor.rotor.inertia_kg_m2, "bearing": motor.rotor.bearing_damping_n_m_s}
+    items = {item.name: item for item in read_library("piezomotor_rotor").parameters if item.name in values}
     if laws:
-        declared = {_outer(item.name): item for item in libraries[0].parameters if item.name not in _DERIVED}
+        items = {_outer(item.name): item for item in libraries[0].parameters if item.name not in _DERIVED} | items
         values |= touching_values(motor, laws[0], motor.touching[0], discretisation)
-        values["preload"] = motor.contact.preload_n
-    order = [name for name in dict.fromkeys([*_FIRST, *declared]) if name in declared]
-    items = {name: replace(declared[name], name=name) for name in order}
-    items |= {item.name: item for item in read_library("piezomotor_rotor").parameters if item.name in _turning(motor)}
-    return (
-        *(replace(item, default=rounded(values.get("mu" if name == "friction" else name, item.default)))
-          for name, item in items.items()),
-        *([replace(AMPLIFIER, default=motor.feedback.resistance_ohm)] if motor.feedback else []),
-    )  # fmt: skip
+        values |= {"preload": motor.contact.preload_n, "friction": values["mu"]}
+    found = [
+        replace(items[name], name=name, default=rounded(values.get(name, items[name].default)))
+        for name in dict.fromkeys([*_FIRST, *items])
+        if name in items
+    ]
+    return (*found, *([replace(AMPLIFIER, default=motor.feedback.resistance_ohm)] if motor.feedback else []))
 
 
 def outside(settable: Sequence[LibraryParameter]) -> str:

@@ -306,7 +306,7 @@ def deliver(document: Mapping[str, Any], table: Table | str, as_json: bool, *wri
                     try:
                         write(path)
                         if path.suffix == ".cir":
-                            complain(f"piezomotor: Run it by: ngspice -b -r out.raw {shlex.quote(str(path))}", "dim")
+                            complain(f"piezomotor: Run it with: ngspice -b -r out.raw {shlex.quote(str(path))}", "dim")
                     except Exception as error:  # noqa: BLE001  # of any kind; the other parts come first
                         faults[path, write] = error
     finally:

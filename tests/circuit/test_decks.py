@@ -14,6 +14,7 @@ import pytest
 import pyspice_runner as pr
 from pyspice_runner.motor.contact import limit_ratio, static_penetration
 from pyspice_runner.spice.library import data_path
+from tests.circuit.batch import batch, results
 from tests.reference.row import throw as exact_throw
 from tests.runs import simulated
 from tests.selection import mostly
@@ -192,14 +193,11 @@ def run_with(name: str, values: Mapping[str, str], folder: Path) -> dict[str, fl
         assert found == 1, parameter
     place = folder / "netlists"
     place.mkdir(exist_ok=True)
-    (place / "deck.cir").write_text(text, encoding="ascii")
     if not (place / LIBRARY).exists():
         (place / LIBRARY).symlink_to(data_path("netlists") / LIBRARY)
-    done = subprocess.run(
-        ["ngspice", "-b", "deck.cir"], cwd=place, capture_output=True, text=True, timeout=120, check=True
-    )
-    assert not re.search(r"\b(error|failed|warning)\b", done.stdout + done.stderr, re.I), done.stdout + done.stderr
-    return {key: float(value) for key, value in re.findall(r"^(\w+) *= +([-+.\de]+)", done.stdout, re.M)}
+    log = batch(place / "deck.cir", text)
+    assert not re.search(r"\b(error|failed|warning)\b", log, re.I), log
+    return results(log)
 
 
 # the circuits of these are in other decks too, or other tests run them
@@ -365,11 +363,8 @@ def test_an_xspice_device_in_an_averaged_deck_costs_no_steps_with_the_lines_of_t
     control = re.sub(r"^\* +", "", lines[0], flags=re.M)
 
     def iterations(more: str) -> int:
-        (tmp_path / "deck.cir").write_text(deck.replace(".end\n", f".options acct\n{more}.end\n"), encoding="ascii")
-        done = subprocess.run(
-            ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True
-        )
-        return int(re.findall(r"^Transient iterations = (\d+)", done.stdout, re.M)[0])
+        log = batch(tmp_path / "deck.cir", deck.replace(".end\n", f".options acct\n{more}.end\n"))
+        return int(re.findall(r"^Transient iterations = (\d+)", log, re.M)[0])
 
     alone = iterations("")
     assert iterations(device) > 3 * alone  # ngspice sets trtol = 1: measured 4.2

@@ -2,7 +2,6 @@
 """Parameters of the motor's subcircuit, as an engineer uses them in a deck of their own."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,8 @@ from pyspice_runner.circuit.law import LAWS, Law
 from pyspice_runner.circuit.motor import add_motor, motor_library
 from pyspice_runner.circuit.source import TRANSIENT_OPTIONS
 from pyspice_runner.spice.library import check_parameters, parse_library
-from pyspice_runner.spice.ngspice import find_ngspice, run_deck
+from pyspice_runner.spice.ngspice import run_deck
+from tests.circuit.batch import batch
 from tests.motors import motor as odd_motor
 
 STEP, DURATION, FREQUENCY = 1e-7, 3e-4, 51.7e3
@@ -171,12 +171,9 @@ quit
 .endc
 .end
 """
-    (tmp_path / "sweep.cir").write_text(deck, encoding="ascii")
-    command = [find_ngspice(), "-b", "sweep.cir"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    log = batch(tmp_path / "sweep.cir", deck)
     speeds, forces = (
-        [float(value) for value in re.findall(rf"^{name} *= *(\S+)", done.stdout, re.M)]
-        for name in ("speed_rad_s", "normal_n")
+        [float(value) for value in re.findall(rf"^{name} *= *(\S+)", log, re.M)] for name in ("speed_rad_s", "normal_n")
     )
     drive = pr.TwoPhaseDrive(voltage=100.0, frequency=FREQUENCY, phase_deg=90.0)
     for preload, speed, force in zip(preloads, speeds, forces, strict=True):

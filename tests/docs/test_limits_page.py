@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from math import pi, sqrt
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from pyspice_runner.motor import contact as law
 from pyspice_runner.motor.dielectric import HIGH_HZ, LOW_HZ
 from pyspice_runner.spice.ngspice import ngspice_version
 from pyspice_runner.steady.speed_torque import held_point
+from tests.circuit.batch import batch, results
 from tests.docs.numbers import DOCS, missing
 
 MOTOR = pr.load_motor("bimodal40")
@@ -113,10 +113,6 @@ def test_steps_and_options_of_a_deck(tmp_path: Path) -> None:
     for line, *printed in ROWS:
         deck = re.sub(r"^\.tran.*$", line, DECK, flags=re.M) if line.startswith(".tran") else DECK
         deck = deck.replace(".end", f"{line}\n.end") if line.startswith(".options") else deck
-        (tmp_path / "deck.cir").write_text(deck, encoding="ascii")
-        done = subprocess.run(
-            ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
-        )
-        found = dict(re.findall(r"^(current|speed) *= +(\S+)", done.stdout, re.M))
-        assert 1e3 * float(found["current"]) == pytest.approx(float(printed[0]), rel=tolerance)
-        assert float(found["speed"]) == pytest.approx(float(printed[1]), rel=tolerance)
+        found = results(batch(tmp_path / "deck.cir", deck))
+        assert 1e3 * found["current"] == pytest.approx(float(printed[0]), rel=tolerance)
+        assert found["speed"] == pytest.approx(float(printed[1]), rel=tolerance)

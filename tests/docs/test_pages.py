@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 import pytest
 
 from pyspice_runner.cli import run
+from tests.circuit.batch import batch, results
 from tests.processes import other_cache
 from tests.test_readme import COMMANDS as README_COMMANDS
 from tests.test_readme import parse
@@ -72,14 +72,9 @@ def pages_with(parts: Callable[[Path], list[str]]) -> list[Any]:
 def run_decks(page: Path, folder: Path) -> None:
     """Run the decks of a page in the folder of what its commands have written."""
     for deck in decks(page):
-        (folder / "mine.cir").write_text(deck, encoding="utf-8")
-        done = subprocess.run(
-            ["ngspice", "-b", "mine.cir"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
+        measured = results(batch(folder / "mine.cir", deck))
         for name in re.findall(r"^meas \w+ (\w+)", deck, re.M):
-            assert (float(measured[name]) == 0.0) == (name == "check")
+            assert (measured[name] == 0.0) == (name == "check")
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.stem in LONG], ids=lambda page: page.stem)

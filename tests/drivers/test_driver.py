@@ -265,9 +265,8 @@ def test_supply_follows_from_the_voltage_asked_for() -> None:
     ],
 )
 def test_errors_name_the_value_and_what_is_allowed(kind: str, changes: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(pr.ParameterError) as caught:
+    with pytest.raises(pr.ParameterError, match=re.escape(sentence)):
         driver(kind, **changes)
-    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize(("kind", "label"), [("full-bridge", "transformer"), ("push-pull", "bridge")])

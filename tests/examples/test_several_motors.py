@@ -3,13 +3,13 @@
 
 import re
 import runpy
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from tests.circuit.batch import batch, results
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -28,8 +28,7 @@ def test_stators_on_one_shaft_run_as_their_curves_say(example, deck, which, fast
     pr.export_motor(pr.load_motor(name), tmp_path / "motor.lib")
     text = (EXAMPLES / f"{deck}.cir").read_text(encoding="utf-8")
     assert [float(one) for one in re.findall(r"preload=(\S+)", text)] == list(preloads)
-    done = subprocess.run(["ngspice", "-b"], input=text, cwd=tmp_path, capture_output=True, text=True, check=True)
-    found = {key: float(value) for key, value in re.findall(r"^(\w+) += +(\S+)", done.stdout, re.M)}
+    found = results(batch(tmp_path / "deck.cir", text))
     speed, forces = example["shared_speed"](*example[which], np.linspace(0.0, fastest, 15))
     assert found["check"] == 0.0
     assert found["speed"] == pytest.approx(speed, rel=0.015)  # straight lines between the points of the curves
@@ -59,8 +58,7 @@ def test_a_loop_of_b_sources_around_an_exported_motor_locks_where_track_does(tmp
     motor, text = pr.load_motor("bimodal40"), (ROOT / "examples/own_pll.cir").read_text(encoding="utf-8")
     header = pr.export_motor(motor, tmp_path / "motor.lib").read_text(encoding="utf-8").partition(".subckt")[0]
     assert f".param copy={re.findall(r'C . C_AB = ([0-9.]+) nF', header)[0]}n " in text
-    done = subprocess.run(["ngspice", "-b"], input=text, cwd=tmp_path, capture_output=True, text=True, check=True)
-    found = {name: float(value) for name, value in re.findall(r"^(\w+) += +(\S+)", done.stdout, re.M)}
+    found = results(batch(tmp_path / "deck.cir", text))
     assert found["check"] == 0.0
     assert f"locks\nat {1e-3 * found['frequency_hz']:.3f} kHz" in (ROOT / "docs/tracking.md").read_text("utf-8")
     tracker = pr.Tracker(kind="pll", voltage=60.0, frequency=40.6e3, target_deg=-30.0)

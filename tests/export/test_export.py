@@ -6,7 +6,6 @@ formats, since neither program runs here.
 """
 
 import re
-import subprocess
 from math import atan, pi
 from pathlib import Path
 
@@ -21,8 +20,8 @@ from pyspice_runner.export.motor import FORMATS, endings
 from pyspice_runner.motor.circuit_file import load_circuit
 from pyspice_runner.motor.stator import CAPACITANCE_AT
 from pyspice_runner.run.window import Window
-from pyspice_runner.spice.ngspice import find_ngspice, run_deck
-from tests.circuit.batch import measured
+from pyspice_runner.spice.ngspice import run_deck
+from tests.circuit.batch import batch, measured
 from tests.resonators import fitted, resonator, spectrum, values
 from tests.said import output, printed
 
@@ -152,8 +151,7 @@ def test_the_admittance_is_that_of_the_exported_library_in_a_deck_by_hand(
 ) -> None:
     motor = pr.load_motor(name)
     pr.export_motor(motor, tmp_path / "m.lib")
-    (tmp_path / "deck.cir").write_text(DECK.format(values=values), encoding="utf-8")
-    subprocess.run([find_ngspice(), "-b", "deck.cir"], cwd=tmp_path, timeout=60, check=True, capture_output=True)
+    batch(tmp_path / "deck.cir", DECK.format(values=values))
     frequency, *parts = np.loadtxt(tmp_path / "out.txt").T
     found = pr.admittance(motor, start=15e3, stop=60e3, points=451, state=state)  # type: ignore[arg-type]
     assert frequency == pytest.approx(found.frequency_hz)

@@ -3,7 +3,6 @@
 
 import ast
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from pyspice_runner.averaged.library import averaged_library
 from pyspice_runner.circuit.motor import motor_library
 from pyspice_runner.cli import run
 from pyspice_runner.export.xyce import xyce_library
+from tests.circuit.batch import batch, results
 from tests.motors import BEAM40
 
 # Reference Guide, table of arithmetic functions; those with one, two or any number of arguments
@@ -148,19 +148,15 @@ def test_the_translation_means_the_same(case: str, tmp_path: Path) -> None:
     nodes = "a b 0 shaft 0 heat" if case == "drift" else "a b 0 shaft"
     back = re.sub(r"(?m)^(B.* [VI]=)\{(.*)\}$", r"\1\2", xyce_library(text)).replace("STP(", "u(")
     ends = []
-    for number, library in enumerate((text, back)):
+    for library in (text, back):
         deck = [
             "title", library, f"Xmotor {nodes} {name}",
             "Va a 0 SIN(0 110 40100 0 0 0)", "Vb b 0 SIN(0 110 40100 0 0 120)",
             ".tran 200n 100u 0 200n uic", ".measure tran speed FIND v(shaft) AT=99u",
             ".measure tran current RMS i(Va) FROM=50u TO=99u", ".end",
         ]  # fmt: skip
-        (tmp_path / f"{number}.cir").write_text("\n".join(deck), encoding="utf-8")
-        done = subprocess.run(
-            ["ngspice", "-b", f"{number}.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
-        )
-        ends.append([float(value) for value in re.findall(r"^(?:speed|current)\s*=\s*(\S+)", done.stdout, re.M)])
-    assert len(ends[0]) == 2
+        found = results(batch(tmp_path / "deck.cir", "\n".join(deck)))
+        ends.append([found["speed"], found["current"]])
     assert np.all(np.array(ends[0]) != 0.0)
     assert ends[1] == pytest.approx(ends[0], rel=1e-6)
 

@@ -100,12 +100,10 @@ def test_characteristic_frequencies_are_those_of_the_curve(motor: pr.Motor) -> N
             tolerance = 2e-6 * item.fs  # the fine grid resolves 4e-7 of the frequency
             assert item.fs == pytest.approx(fine[np.argmax(y.real)], abs=tolerance)
             assert item.fp == pytest.approx(fine[np.argmax((1 / y).real)], abs=tolerance)
-            if item.fm is not None:
-                near = np.abs(fine - item.fm) < 0.3 * width
-                assert item.fm == pytest.approx(fine[near][np.argmax(np.abs(y[near]))], abs=tolerance)
-            if item.fn is not None:
-                near = np.abs(fine - item.fn) < 0.3 * width
-                assert item.fn == pytest.approx(fine[near][np.argmin(np.abs(y[near]))], abs=tolerance)
+            for found, extremum in ((item.fm, np.argmax), (item.fn, np.argmin)):
+                if found is not None:
+                    near = np.abs(fine - found) < 0.3 * width
+                    assert found == pytest.approx(fine[near][extremum(np.abs(y[near]))], abs=tolerance)
             assert item.coupling_factor == pytest.approx(np.sqrt(1 - (item.fs / item.fp) ** 2))
 
 

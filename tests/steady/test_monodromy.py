@@ -85,7 +85,12 @@ def along_and_by_copies(plant: Plant, perturbation: float = PERTURBATION) -> tup
 )
 def test_the_derivative_along_a_trace_is_that_of_perturbed_copies(name: str) -> None:
     motor, drive, speed, law = CASES[name]
-    point, along, copies = along_and_by_copies(Plant(motor, drive, Load(speed), law))
+    check_derivative(Plant(motor, drive, Load(speed), law))
+
+
+def check_derivative(plant: Plant) -> None:
+    """Check the derivative along a trace against that of perturbed copies."""
+    point, along, copies = along_and_by_copies(plant)
     across = point.scale / point.scale[:, np.newaxis]
     for one, other in ((along.at_start, copies.at_start), (along.at_end, copies.at_end)):
         assert np.abs((one - other) * across).max() < TOLERANCE * max(1.0, np.abs(other * across).max())

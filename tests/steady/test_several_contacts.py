@@ -13,7 +13,7 @@ from pyspice_runner.steady.harmonic_balance import balanced
 from pyspice_runner.steady.monodromy import differentiable
 from tests.rings import RADIUS, ring, with_contacts
 from tests.runs import simulated
-from tests.steady.test_monodromy import TOLERANCE, along_and_by_copies
+from tests.steady.test_monodromy import check_derivative
 
 FLAGSHIP = pr.load_motor("bimodal40")
 PLATE = pr.load_motor("examples/plate40.toml")
@@ -60,15 +60,6 @@ def test_the_derivative_of_a_ring_is_that_of_perturbed_copies(speed, frequency, 
 def test_the_derivative_of_unequal_contacts_is_that_of_perturbed_copies(compliance, contact):
     motor = unequal(FLAGSHIP.updated({"contact.tangential_series_compliance_m_per_n": compliance}), contact=contact)
     check_derivative(Plant(motor, pr.default_drive(FLAGSHIP), Load(10.0), Law()))
-
-
-def check_derivative(plant):
-    point, along, copies = along_and_by_copies(plant)
-    across = point.scale / point.scale[:, np.newaxis]
-    for one, other in ((along.at_start, copies.at_start), (along.at_end, copies.at_end)):
-        assert np.abs((one - other) * across).max() < TOLERANCE * max(1.0, np.abs(other * across).max())
-    slopes = copies.forces * point.scale
-    assert np.abs(along.forces * point.scale - slopes).max() < TOLERANCE * np.abs(slopes).max()
 
 
 @pytest.mark.parametrize("changes", [{"contact": {"series_compliance_m_per_n": 1e-8}}, {"law": {"name": "coulomb"}}])

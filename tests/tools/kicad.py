@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
-from pyspice_runner.spice.ngspice import find_ngspice
+from tests.circuit.batch import batch
 
 ROOT = Path(__file__).parents[2]
 KICAD = ROOT / ".tools" / "kicad" / "bin" / "kicad-cli"
@@ -68,12 +68,7 @@ def netlist(project: Path) -> list[str]:
 
 
 def ngspice(project: Path, lines: list[str]) -> str:
-    (project / "deck.cir").write_text("\n".join([*lines, ".end", ""]), encoding="utf-8")
-    done = subprocess.run(
-        [find_ngspice(), "-b", "deck.cir"], cwd=project, capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return batch(project / "deck.cir", "\n".join([*lines, ".end", ""]))
 
 
 def test_the_transient_of_the_exported_netlist_is_that_of_simulate(project: Path, netlist: list[str]) -> None:

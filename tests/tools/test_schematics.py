@@ -5,7 +5,6 @@ The drawings are tested by parsers and by geometry; ``make kicad`` runs the last
 """
 
 import re
-import subprocess
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 import pyspice_runner as pr
+from tests.circuit.batch import batch, results
 from tools.schematics import example_texts
 
 with warnings.catch_warnings():
@@ -121,12 +121,7 @@ def test_the_circuit_of_a_drawing_runs_as_simulate_does(tool: str, read: object,
     # LTspice's .tran 0 STOP has no print step; shortened, which does not change what is drawn
     lines += [re.sub(r"^\.tran \S+ 5m", ".tran 100n 500u", line) for line in directives]
     lines += [".save v(shaft)", ".measure tran speed_end FIND v(shaft) AT=499u", ".end"]
-    (tmp_path / "deck.cir").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    done = subprocess.run(
-        ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    speed = float(re.search(r"speed_end\s*=\s*(\S+)", done.stdout)[1])  # type: ignore[index]
+    speed = results(batch(tmp_path / "deck.cir", "\n".join(lines) + "\n"))["speed_end"]
     motor = pr.load_motor("bimodal40")
     drive = pr.default_drive(motor)
     run = pr.simulate(motor, drive, duration=0.5e-3)
@@ -146,10 +141,6 @@ def test_a_parameter_that_is_edited_on_the_drawing_changes_the_motor(tool: str, 
         lines = ["edited", f".include {EXAMPLES / tool / 'motor.lib'}", f"X1 {x1}"]
         lines += ["V1 a 0 SIN(0 1 40.7k)", "V2 b 0 SIN(0 1 40.7k)", ".tran 100n 20u 0 100n uic"]
         lines += [".measure tran normal FIND v(x1.normal) AT=50n", ".end"]
-        (tmp_path / "deck.cir").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        done = subprocess.run(
-            ["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
-        )
-        forces.append(float(re.search(r"normal\s*=\s*(\S+)", done.stdout)[1]))  # type: ignore[index]
+        forces.append(results(batch(tmp_path / "deck.cir", "\n".join(lines) + "\n"))["normal"])
     # the first step after rest: the normal force is the preload, with voltages that hardly move the tip
     assert forces == pytest.approx([motor.contact.preload_n, 4.0], rel=1e-3)

@@ -3,7 +3,6 @@
 
 import hashlib
 import re
-import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +22,7 @@ from pyspice_runner.steady.transducer import transducer_state
 from pyspice_runner.view import live
 from pyspice_runner.view.live import half_load, live_page, page_data, save_live_page
 from pyspice_runner.view.live_circuit import live_decks
+from tests.circuit.batch import batch, results
 from tests.motors import BEAM40, sliding
 from tests.run.test_transducer import TWO
 from tests.view.pages import PHONE, first_paint_share, opened
@@ -251,9 +251,7 @@ def test_a_transducer_has_the_powers_and_currents_of_its_steady_state(
     assert size == pytest.approx(1.0 / abs(loaded.matrix_s[1, 0, 0]), rel=0.01)
 
     # the deck, in ngspice of this computer
-    (tmp_path / "deck.cir").write_text(page.inner_text("#deck-text"))
-    done = subprocess.run(["ngspice", "-b", "deck.cir"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    current = float(re.findall(r"current_a_rms_a\s*=\s*(\S+)", done.stdout)[0])
+    current = results(batch(tmp_path / "deck.cir", page.inner_text("#deck-text")))["current_a_rms_a"]
     assert current == pytest.approx(page.evaluate("page.results.A.full.current_a"), rel=2e-3)
     assert ".subckt transducer a " in page.inner_text("#deck-text")
 
@@ -475,13 +473,10 @@ def test_the_deck_gives_the_same_numbers_in_ngspice(drawn: tuple[Page, list[str]
     with page.expect_download() as waiting:
         page.click("#deck-save")
     waiting.value.save_as(tmp_path / "motor.cir")
-    done = subprocess.run(
-        ["ngspice", "-b", "motor.cir"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
-    )
-    measured = dict(re.findall(r"^(\w+)\s*=\s*(\S+)", done.stdout, re.M))
+    measured = results(batch(tmp_path / "motor.cir"))
     found = page.evaluate("page.results[page.slot].full")
     for name, key in (("speed_rad_s", "speed"), ("current_a_rms_a", "current_a"), ("normal_n", "normal")):
-        assert float(measured[name]) == pytest.approx(found[key], rel=2e-3), name
+        assert measured[name] == pytest.approx(found[key], rel=2e-3), name
 
 
 # --- what a user brings along ---
