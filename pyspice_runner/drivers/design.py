@@ -22,7 +22,6 @@ from typing import Any, Literal, Unpack
 import numpy as np
 
 from pyspice_runner.circuit.law import ContactLaw
-from pyspice_runner.circuit.source import GROUPS
 from pyspice_runner.circuit.state import Motion
 from pyspice_runner.drivers import parts as stock
 from pyspice_runner.drivers.driver import BRIDGES, HEADROOM, MOST_VOLTAGE, Driver, NetworkKind
@@ -84,6 +83,8 @@ class RangePoint:
     b: GroupPoint | None  # not there for one channel
     motional_current_a: float | None = None  # amplitude of group A of a transducer
     detuning: float = 0.0  # relative to the frequency of the drive
+    # error of the torque where the periodic motion is unstable, so that all values are time averages
+    average_error_n_m: float | None = None
 
     def group(self, name: str) -> GroupPoint:
         """Return group ``"a"`` or ``"b"``."""
@@ -296,6 +297,8 @@ class Design:
             pins = ", ".join(f"{group.upper()} {point.group(group).voltage_v:.4g} V" for group in self.wanted_v)
             rate, unit = _units(self.motor)
             shaft = f"{point.speed_rad_s:.4g} {rate}, {engineering(point.torque_n_m, unit)}"
+            if point.average_error_n_m is not None:
+                shaft += f" ± {engineering(point.average_error_n_m, unit)} (time average)"
             still = point.speed_rad_s == point.torque_n_m == 0.0  # as a transducer, which has no shaft
             if point.motional_current_a is not None:
                 pins += f"; motional current {engineering(point.motional_current_a, 'A')}"
@@ -304,6 +307,13 @@ class Design:
         if self.motor is None or not self.motor.is_transducer:
             found["starts from rest"] = {True: "yes", False: "no", None: "not shown"}[self.starts]
         return found
+
+    @property
+    def averages(self) -> str:
+        """Which states of the range are time averages, in a sentence; empty if none is."""
+        found = [point.state for point in self.points if point.average_error_n_m is not None]
+        words = f"{len(found)} of {len(self.points)} states of the range ({'; '.join(found)}) have an unstable periodic"
+        return f"{words} motion: their values are time averages." if found else ""
 
     def ran(
         self, runs: Sequence[Sequence[PartLoad]], speed_rad_s: float | None, volts: Mapping[str, float], motor: Motor,
@@ -374,20 +384,11 @@ SOURCE_OHM = 50.0  # Ω, of high-frequency amplifiers and of a network l by defa
 ACCURACY = 1e-2  # of the torque, of the friction torque under the preload: the design needs voltages and currents
 
 
-def _phasor(values: Any, time: Any, frequency: float) -> complex:
-    return complex(2j * frequency * np.trapezoid(values * np.exp(-2j * pi * frequency * time), time))
-
-
 def range_point(name: str, state: SteadyState, driver: Driver | None) -> RangePoint:
     """Return a steady state with the power factor at the outputs of the stages; without a driver that of the pins."""
-    waves = state.waveforms
-    assert waves is not None
-    frequency, pins = 1.0 / waves.drive_period_s, {}
-    for group in GROUPS:
-        columns = (groups.column("voltage", group, "v"), groups.column("current", group, "a"))
-        volts, amperes = (_phasor(getattr(waves, column), waves.time_s, frequency) for column in columns)
-        pins[group] = volts, amperes
-    return _point_of(name, pins, driver, state.power_a_w + state.power_b_w, state.speed_rad_s, state.torque_n_m)
+    power_w, average = state.power_a_w + state.power_b_w, state.torque_error_n_m if not state.stable else None
+    point = _point_of(name, state.pins, driver, power_w, state.speed_rad_s, state.torque_n_m)
+    return replace(point, average_error_n_m=average)
 
 
 def linear_point(name: str, motor: Motor, drive: TwoPhaseDrive, driver: Driver | None) -> RangePoint:
@@ -529,8 +530,9 @@ def driver_state(
         settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
-        ``torque_n_m``, ``speed_rad_s``, amplitudes ``voltage_a_v`` and ``current_a_a`` at the pins of each group,
-        ``power_w`` into both, ``stage_power_w`` and ``power_factor`` of the fundamentals of the stages.
+        ``torque_n_m`` with ``torque_error_n_m``, ``speed_rad_s``, amplitudes ``voltage_a_v`` and ``current_a_a`` at the
+        pins of each group, ``power_w`` into both, ``stage_power_w`` and ``power_factor`` of the fundamentals of the
+        stages, ``cautions``.
 
     Raises:
         ParameterError: for an invalid value.
@@ -542,7 +544,7 @@ def driver_state(
     # a start with the voltages of the stages at the pins, which a network that is tuned to the drive passes
     pins = TwoPhaseDrive(**two_phases(stage) | {"frequency": point.source.frequencies[0]})
     ideal = Point.of(point.motor, pins, audit=False, **settings)
-    (pins_held,) = steady_states([ideal], accuracy=ACCURACY, averages=False)
+    (pins_held,) = steady_states([ideal], accuracy=ACCURACY, averages=False)  # as a start
     (state,) = _solved([point], [pins_held.solution])
     if not _steady(state):
         raise SimulationError("There is no stable steady state behind this driver.")
@@ -552,7 +554,8 @@ def driver_state(
         for group in driver.groups for name, unit in (("voltage", "v"), ("current", "a"))
     }  # fmt: skip
     names = ("speed_rad_s", "torque_n_m", "power_w", "stage_power_w", "power_factor")
-    return {name: getattr(found, name) for name in names} | of_groups
+    error = {"torque_error_n_m": state.torque_error_n_m, "cautions": list(state.cautions)}
+    return {name: getattr(found, name) for name in names} | of_groups | error
 
 
 PIN_BAND = 0.2  # by which the voltage of a pin may differ from the wanted one, from stall to no load
@@ -675,7 +678,7 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
     """Return the steady states at stall, at the operating point and at no load with the wanted voltages at the pins."""
     held, free = replace(ideal, load=Load(speed=0.0)), replace(ideal, load=Load())
     given = ideal.load.speed is not None or ideal.load.torque != 0.0
-    how: Any = {"accuracy": ACCURACY, "waveforms": True, "averages": False}  # unstable states are refused
+    how: Any = {"accuracy": ACCURACY}
     stall, idle, *rest = steady_states([held, free, *([ideal] if given else [])], **how)
     if not rest and idle.converged:
         middle = replace(ideal, load=Load(speed=0.5 * idle.speed_rad_s))
@@ -685,14 +688,14 @@ def _range(ideal: Point) -> dict[str, SteadyState]:
 
 
 def _steady(state: SteadyState) -> bool:
-    return state.converged and (state.stable or state.held_by_friction)
+    return state.reached or (state.converged and state.held_by_friction)
 
 
 def _solved(points: Sequence[Point], starts: Sequence[Orbit | None]) -> list[SteadyState]:
     """Return steady states behind a driver; one that is not found from its start is searched for from rest."""
-    found = steady_states(points, accuracy=ACCURACY, waveforms=True, starts=starts)
+    found = steady_states(points, accuracy=ACCURACY, starts=starts)
     lost = [place for place, state in enumerate(found) if not _steady(state)]
-    again = steady_states([points[place] for place in lost], accuracy=ACCURACY, waveforms=True)
+    again = steady_states([points[place] for place in lost], accuracy=ACCURACY)
     for place, state in zip(lost, again, strict=True):
         found[place] = state
     check_runs(found)

@@ -241,6 +241,8 @@ class DriveReport(Balance, Result):
                 )
         if self.design and not self.design.feasible:
             yield f"Do not build this driver. {self.design.reason}"
+        if self.design and self.design.averages:
+            yield self.design.averages
         for group, port in (self.operating or self).groups.items() if self.driver["network"] != "none" else ():
             if port.voltage_thd > SQUARE_THD:
                 worst = max(port.harmonics[1:], key=lambda harmonic: harmonic.voltage_v)
@@ -502,6 +504,7 @@ def _operating(setup: Point, design: Design | None, vectors: list[str]) -> tuple
         away = float(np.abs(setup.motor.pressed_stator.damped()[0] - frequency).min())
         # with the nearest resonance of the running motor
         beat = min(max(round(frequency / max(away, 1.0)), AVERAGED_PERIODS), _LONGEST_BEAT)
+        beat = _LONGEST_BEAT if design and design.averages else beat  # or over an irregular motion
         return measured(running(held, orbit, _SETTLING + beat, _vectors(held, driver)), beat), sources
     phasors = two_phasors(driver.equivalent)
     sources = np.array([phasors[group] for group in driver.groups])

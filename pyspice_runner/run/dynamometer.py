@@ -103,6 +103,7 @@ class Dynamometer:
     """A motor and its source on the dynamometer, which replaces the load."""
 
     setup: Point  # motor, source, contact and solver
+    length: float | None = None  # of a block, s, if it is another one
 
     @property
     def speed(self) -> float:
@@ -113,7 +114,7 @@ class Dynamometer:
     def duration(self) -> float:
         """Length of a block in s: ten drive periods, or more until the slowest mode or the carrier decays by e."""
         period = self.setup.source.period
-        return max(FEWEST_PERIODS, ceil(self.setup.motor.decay_s / period)) * period
+        return self.length or max(FEWEST_PERIODS, ceil(self.setup.motor.decay_s / period)) * period
 
     def rest(self) -> Motion:
         """Return preloaded rest on a turning rotor, before the source is switched on."""
@@ -281,6 +282,11 @@ def stored_energy(
 
 def quantities(blocks: list[Block]) -> dict[str, float]:
     """Return the quantities of :data:`UNITS` over successive blocks, all of them metered."""
+    return quantities_of(blocks[0].bench.setup.motor, metered(blocks))
+
+
+def metered(blocks: list[Block]) -> dict[str, float]:
+    """Return the means of :func:`quantities_of` over successive blocks, all of them metered."""
     bench = blocks[0].bench
     mean = {name: sum(block.means[name] for block in blocks) / len(blocks) for name in blocks[0].means}
     touching = bench.setup.motor.touching
@@ -315,7 +321,7 @@ def quantities(blocks: list[Block]) -> dict[str, float]:
             groups.named("current_square", group): mean[f"{meter}square_i"],
             groups.named("peak", group): max(block.peaks[group] for block in blocks),
         }
-    return quantities_of(bench.setup.motor, found)
+    return found
 
 
 def quantities_of(motor: Motor, mean: Mapping[str, float]) -> dict[str, float]:

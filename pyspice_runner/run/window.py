@@ -65,15 +65,20 @@ class Window:
 
     def harmonics(self, values: Array) -> NDArray[np.complex128]:
         """Return the phasors of orders 1 to :data:`HARMONICS`: V_k of Im(V_k e^{jkωt})."""
-        cut, time = self.cut(values), self.time
+        cut, time, turns = self.cut(values), self.time, self._turns
         omega = 2.0 * pi / self.period * np.arange(1, HARMONICS + 1)
-        turns = np.exp(-1j * np.outer(omega, time))
         if self.uniform:
             return np.asarray(2j / self.length * np.trapezoid(cut * turns, time, axis=1))
         # by parts: ∫ v e^{-jωt} dt = [v e^{-jωt}] j/ω + Σ slope (e^{-jωt₁} − e^{-jωt₀})/ω²
         slopes = np.diff(cut) / np.diff(time)
         ends = 1j / omega * (cut[-1] * turns[:, -1] - cut[0] * turns[:, 0])
         return np.asarray(2j / self.length * (ends + np.diff(turns, axis=1) @ slopes / omega**2))
+
+    @cached_property
+    def _turns(self) -> NDArray[np.complex128]:
+        """e^{-jkωt} of all orders k at the points of the window."""
+        once = np.exp(-2j * pi / self.period * self.time)
+        return np.cumprod(np.broadcast_to(once, (HARMONICS, len(once))), axis=0)
 
     def slew_rate(self, values: Array) -> float:
         """Return the largest rate of a signal, measured over 1/2000 of a period."""

@@ -8,9 +8,11 @@ therefore measured in decks whose copies have their steps in common, one of them
 
 from __future__ import annotations
 
+from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil, pi, sqrt
+from functools import partial
+from math import ceil, degrees, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -18,14 +20,28 @@ from numpy.typing import NDArray
 
 from pyspice_runner.circuit.motor import require_linear
 from pyspice_runner.circuit.source import GROUPS
-from pyspice_runner.errors import ParameterError
+from pyspice_runner.errors import ParameterError, SimulationError
 from pyspice_runner.motor import groups, strength
-from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, quantities
+from pyspice_runner.run.dynamometer import Block, Dynamometer, ammeter, metered
 from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
+from pyspice_runner.run.waveforms import interpolated
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, PRIMARY, Copy, Plant, copy_name, driven_bench
-from pyspice_runner.steady.period_map import PeriodMap, cores, current, in_threads, modal, rubbing
+from pyspice_runner.steady.period_map import (
+    PeriodMap,
+    cores,
+    current,
+    fundamental,
+    in_threads,
+    modal,
+    of_contacts,
+    phasors,
+    quantities,
+    rubbing,
+    speed,
+)
+from pyspice_runner.steady.settling import AVERAGE, time_averages
 from pyspice_runner.steady.shooting import NEWTON, Orbit, Shooting, start_point
 
 Array = NDArray[np.float64]
@@ -155,7 +171,27 @@ class Answer:
     error: float = float("nan")  # estimated error of the torque, N·m
     speed: float | None = None  # mean speed of the rotor, rad/s; ``None`` for a held shaft
     method: str = ""  # of quantities that are not those of the point
+    running: Orbit | None = None  # of a time average behind a driver, a period of the running motor
+    pins: Mapping[str, tuple[complex, complex]] = field(default_factory=dict)  # as in :class:`.SteadyState`
     contacts: tuple[dict[str, Any], ...] = ()  # of each of several contacts, as in :class:`.SteadyState`
+
+    @property
+    def unstable(self) -> bool:
+        """Whether it has the quantities of an unstable motion of a contact."""
+        multipliers = self.point.multipliers if self.found and self.point.plant.law else np.zeros(1)
+        return float(np.abs(multipliers).max(initial=0.0)) >= 1.0
+
+
+def answer_of(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
+    """Return the answer for means and the error of the friction force in N."""
+    torque_error = point.plant.motor.rotor.radius_m * error
+    pins, contacts = phasors(found), of_contacts(point.plant, found)
+    ahead = {
+        groups.column("current", group, "phase_deg"): degrees(phase(amperes / volts))
+        for group, (volts, amperes) in pins.items()
+    }
+    values = quantities(point.plant, found) | ahead
+    return Answer(point, period_map, values, torque_error, found["speed"], pins=pins, contacts=contacts)
 
 
 def check_driven(setup: Point) -> None:
@@ -178,6 +214,8 @@ def driven_answers(
     near: Sequence[Orbit | None],
     accuracy: float,
     processes: KeptProcesses,
+    *,
+    averages: bool = True,
 ) -> tuple[list[Answer], tuple[PeriodMap, ...]]:
     """Solve operating points of motors behind drivers of the same frequency; return the answers and the maps.
 
@@ -211,25 +249,49 @@ def driven_answers(
     stability = DrivenShooting(points, maps[0])
     stability.solve_by([point for point in points if point.guessed], "newton")
     answers = [Answer(point, maps[1]) for point in points]
-    before = _metered(setups, points, maps[0])
-    pending = list(range(len(points)))
     torques = [point.plant.friction_n * point.plant.motor.rotor.radius_m for point in points]
-    for period_map in maps[1:]:
-        some = [points[place] for place in pending]
-        DrivenShooting(some, period_map).solve([point for point in some if point.done])
-        stability._renew([point for point in some if point.done and point.far])
-        found = _metered([setups[place] for place in pending], some, period_map)
-        for place, point, fine in zip(pending, some, found, strict=True):
-            answers[place] = Answer(point, period_map)
-            if fine and before[place] and point.trace is not None:
-                speed = float(point.trace.states[point.plant.inner - 1].mean()) if point.plant.turns else None
-                error = abs(fine["torque_n_m"] - before[place]["torque_n_m"])
-                answers[place] = Answer(point, period_map, fine, error, speed)
-            before[place] = fine
-        pending = [place for place in pending if answers[place].error > accuracy * torques[place]]
-        if not pending:
-            break
+    before: dict[int, tuple[dict[str, float], Copy]] = {}
+    pending = dict(enumerate(points))
+    for period_map in maps:
+        if period_map is not maps[0]:
+            DrivenShooting([*pending.values()], period_map).solve([one for one in pending.values() if one.done])
+            stability._renew([point for point in pending.values() if point.done and point.far])
+        copies = {place: Copy(point.plant, point.state) for place, point in pending.items() if point.done}
+        found = _metered(setups, copies, period_map)
+        for place in found.keys() & before.keys():
+            (fine, _), (coarse, _) = found[place], before[place]
+            error = abs(fine["friction"] - coarse["friction"])
+            answers[place] = answer_of(points[place], period_map, fine, error)
+        pending = {
+            place: point for place, point in pending.items() if not answers[place].error <= accuracy * torques[place]
+        }
+        before = found
+    unstable = {place: points[place] for place, one in enumerate(answers) if averages and one.unstable}
+    if unstable:
+        averaged, blocks, ends = time_averages(unstable, maps[0], accuracy, partial(_metered, setups))
+        maps += blocks
+        moved = maps[0].traces([ends[place] for place in averaged])
+        for (place, average), trace in zip(averaged.items(), moved, strict=True):
+            running = replace(points[place], state=ends[place].state, trace=trace) if trace else None
+            mean = answer_of(points[place], blocks[0], *average)
+            answers[place] = replace(mean, map=answers[place].map, method=AVERAGE, running=running)
     return answers, tuple(maps)
+
+
+def _metered(
+    setups: Sequence[Point], copies: Mapping[int, Copy], period_map: PeriodMap
+) -> dict[int, tuple[dict[str, float], Copy]]:
+    """Do behind a driver what :func:`.run_block` does, with the meters of the dynamometer."""
+
+    def measured(place: int) -> tuple[dict[str, float], Copy] | None:
+        try:
+            return _measured(setups[place], copies[place], period_map)
+        except SimulationError as error:
+            period_map.effort.fail(error)
+            return None
+
+    found = zip(copies, in_threads(measured, list(copies), cores()), strict=True)
+    return {place: one for place, one in found if one is not None}
 
 
 def running(setup: Point, start: Orbit, periods: int, vectors: Sequence[str]) -> dict[str, Array]:
@@ -298,44 +360,28 @@ def _scale(plant: Plant) -> Array:
     return np.array([*start_point(plant).scale, *(volts,) * plates, *stores])
 
 
-def _metered(setups: Sequence[Point], points: Sequence[Orbit], period_map: PeriodMap) -> list[dict[str, float]]:
-    """Return the quantities of solved points over a period with the meters of the dynamometer; of others nothing."""
-
-    def measured(place: int) -> dict[str, float]:
-        return _quantities(setups[place], points[place], period_map) if points[place].done else {}
-
-    return in_threads(measured, range(len(points)), cores())
-
-
-class _Period(Dynamometer):
-    """A dynamometer that runs for one period."""
-
-    @property
-    def duration(self) -> float:
-        return self.setup.source.period
-
-
-def _quantities(setup: Point, point: Orbit, period_map: PeriodMap) -> dict[str, float]:
-    bench = _Period(setup.with_step(period_map.step))
+def _measured(setup: Point, copy: Copy, period_map: PeriodMap) -> tuple[dict[str, float], Copy]:
+    """Return the means of a copy over the period of a map, as :func:`.means`, and the copy a period later."""
+    plant = copy.plant
+    bench = Dynamometer(setup.with_step(period_map.step), period_map.period)
     vectors = [*bench.integrals(meters=True), *bench.setup.state_vectors(), *(ammeter(group) for group in "ab")]
-    inside = {name: _inside(name) for name in vectors}
-    found = run_bench(
-        driven_bench([Copy(point.plant, point.state)], period_map.discretisation, meters=True), list(inside.values()),
-        period_map.timeout, "transient", transient_timing(period_map.step, period_map.duration),
-        processes=period_map.processes,
-    ).vectors()  # fmt: skip
-    window = period_map.window(found["time"])
-    assert window is not None
-    first, last = window.start, window.stop - 1
-    start, end = ({name: float(found[own][at]) for name, own in inside.items()} for at in (first, last))
-    means = bench.means({name: end[name] - start[name] for name in end})
-    peaks = {group: float(np.abs(found[inside[ammeter(group)]][first : last + 1]).max()) for group in "ab"}
-    block = Block(bench, means, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
-    result = quantities([block])
-    plant, trace = point.plant, point.trace
-    assert trace is not None
-    worn = rubbing(plant, trace, period_map.discretisation, result["friction_loss_w"])
-    result |= strength.peak_of_motion(plant.motor, modal(plant, trace)[0])
-    points = np.array([one.multiplicity for one in plant.motor.touching])
-    loads = zip((trace.normal.max(axis=1) / points).tolist(), worn, strict=True)
-    return result | strength.worst_contact(plant.motor, loads)
+    inside = {one: _inside(one) for one in vectors}
+    raw, trace, window = period_map.metered(copy, list(inside.values()))
+    edges = window.start, window.stop - 1
+    start, end = ({one: float(raw[own][at]) for one, own in inside.items()} for at in edges)
+    integrals = bench.means({one: end[one] - start[one] for one in end})
+    peaks = {group: float(np.abs(raw[inside[ammeter(group)]][window]).max()) for group in "ab"}
+    block = Block(bench, integrals, peaks, bench.setup.motion(start), bench.setup.motion(end), bench.duration, "")
+    found = metered([block]) | strength.peak_of_motion(plant.motor, modal(plant, trace)[0])
+    found["speed"] = float(np.mean(speed(plant, trace)[1:]))
+    worn = rubbing(plant, trace, period_map.discretisation, found["work"] - found["given"])
+    for at, (one, rubbed) in enumerate(zip(plant.motor.touching, worn, strict=True)):
+        found[f"normal_{at}"] = float(trace.normal[at, 1:].mean())
+        found[f"touching_{at}"] = integrals[f"xcontactmeter{one.suffix}.v_contact"]
+        found[f"greatest_{at}"] = float(trace.normal[at].max()) / one.multiplicity
+        found[f"rubbing_{at}"] = rubbed
+    for group in GROUPS:
+        volts, amperes = (trace.pins[name][1:] for name in (f"v({group})", groups.current("pin", group)))
+        found |= fundamental(group, trace.time[1:], 1.0 / plant.drive.period, volts, amperes)
+    later = interpolated(trace.time, trace.states, plant.begins * plant.drive.period + period_map.period)
+    return found, replace(copy, state=later)

@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
-from math import atan2, ceil, degrees, nan
+from math import ceil, nan
 from threading import Lock
 from time import perf_counter
 from typing import Any, TypeVar
@@ -30,7 +30,6 @@ from pyspice_runner.circuit.law import MOST_SLIDERS, reached
 from pyspice_runner.circuit.state import Discretisation, pushes, static_places
 from pyspice_runner.errors import SimulationError
 from pyspice_runner.motor import groups, strength
-from pyspice_runner.motor.drive import Tone
 from pyspice_runner.motor.groups import GROUPS
 from pyspice_runner.motor.stator import carriers
 from pyspice_runner.run.dynamometer import quantities_of, stored_energy
@@ -58,6 +57,7 @@ _LONG = 1000  # steps that take longer than the start
 # shortens the last two
 _LEAD = 5.5
 _MORE = 4.5  # steps beyond the period, where it has a lead of its own: ngspice 46 shortens the last two of a run
+_PHASORS = ("volts", "amperes")  # beginnings of the names of the means that are parts of phasors
 _PEAKS = ("peak_", "greatest_")  # beginnings of the names of the means that are maxima over time
 CONTACT = ("normal{}", "friction{}", "state{}", "slider{}", "xcontact{}.delta")  # vectors, by the suffix of a contact
 
@@ -176,7 +176,8 @@ class PeriodMap:
 
     def of(self, period: float, steps: int) -> PeriodMap:
         """Return the map over another period in s, or with another number of steps, in the same processes."""
-        return PeriodMap(period, steps, self.timeout, self.workers, self.processes)
+        lead = self.lead * self.period / period
+        return PeriodMap(period, steps, self.timeout, self.workers, self.processes, self.uniform, lead)
 
     @property
     def step(self) -> float:
@@ -289,6 +290,23 @@ class PeriodMap:
         self.effort.add(len(copies), duration, str(bench.circuit.raw_spice), outcome)
         return self._traces(copies, outcome.vectors(), whole=whole)
 
+    def metered(self, copy: Copy, vectors: Sequence[str]) -> tuple[dict[str, Array], Trace, slice]:
+        """Return a run of a copy behind a driver, with further vectors of its meters, its trace and the points of that.
+
+        Raises:
+            SimulationError: if ngspice fails.
+        """
+        timing = transient_timing(self.step, self.duration)
+        names = dict.fromkeys([*self._vectors(0, copy.plant, whole=True), *vectors])
+        bench = driven_bench([copy], self.discretisation, meters=True)
+        outcome = run_bench(bench, list(names), self.timeout, "transient", timing, processes=self.processes)
+        self.effort.add(1, self.duration, str(bench.circuit.raw_spice), outcome)
+        raw = outcome.vectors()
+        (trace,), window = self._traces([copy], raw, whole=True), self.window(raw["time"])
+        assert trace is not None
+        assert window is not None
+        return raw, trace, window
+
     def _vectors(self, number: int, plant: Plant, *, whole: bool) -> list[str]:
         """Return the vectors to record of a copy: its states, and of a whole period its contact and driven pins."""
         copy = copy_name(number)
@@ -330,7 +348,7 @@ class PeriodMap:
         even = np.linspace(time[first], time[last], self.steps + 1) if last > first else time[last:]
         rows = np.array([np.interp(even, time, row) for row in values])
         pins = {name: np.interp(even, time, raw[vector]) for name, vector in plant.pins(copy).items() if last > first}
-        begun = even + plant.begins * self.period  # since the control of group A had the phase 0
+        begun = even + plant.begins * plant.drive.period  # since the control of group A had the phase 0
         contact = rows[plant.order :].reshape(len(CONTACT), -1, len(even))
         return replace(Trace(begun, rows[: plant.order], *contact), pins=pins)
 
@@ -531,33 +549,30 @@ def means(plant: Plant, trace: Trace, discretisation: Discretisation) -> dict[st
             groups.named("voltage_square", group): float(voltage @ voltage) / points,
             groups.named("current_square", group): float(amperes @ amperes) / points,
             groups.named("peak", group): float(np.abs(amperes).max()),
-            **_fundamental(group, tones, trace, voltage, amperes),
         }
+        frequencies = {tone.frequency for tone in tones if tone.amplitude}
+        if len(frequencies) == 1:
+            found |= fundamental(group, trace.time[1:], frequencies.pop(), voltage, amperes)
     return found
 
 
-def _fundamental(group: str, tones: Sequence[Tone], trace: Trace, voltage: Array, amperes: Array) -> dict[str, float]:
-    """Return the parts in V·A of a group's current at its drive frequency, in phase with its voltage and 90° ahead.
-
-    Empty for a group without a voltage, or with tones at two frequencies.
-    """
-    frequencies = {tone.frequency for tone in tones if tone.amplitude}
-    if len(frequencies) != 1:
-        return {}
-    turning = np.exp(-2j * np.pi * frequencies.pop() * trace.time[1:])
-    product = np.vdot(voltage @ turning, amperes @ turning) / len(amperes) ** 2
-    return {groups.named("in_phase", group): float(product.real), groups.named("ahead", group): float(product.imag)}
+def fundamental(group: str, time: Array, frequency: float, voltage: Array, amperes: Array) -> dict[str, float]:
+    """Return the parts of the phasors of a group's voltage and current at a frequency, over whole periods."""
+    turning, found = 2j * np.exp(-2j * np.pi * frequency * time), dict[str, float]()
+    for name, wave in zip(_PHASORS, (voltage, amperes), strict=True):
+        phasor = complex(np.mean(turning * wave))
+        found |= {groups.named(f"{name}_real", group): phasor.real, groups.named(f"{name}_imag", group): phasor.imag}
+    return found
 
 
-def phases(found: Mapping[str, float]) -> dict[str, float]:
-    """Return the phase in degrees of each group's current ahead of its voltage at its drive frequency, from means."""
-    return {
-        groups.column("current", group, "phase_deg"): degrees(
-            atan2(found[groups.named("ahead", group)], found[groups.named("in_phase", group)])
-        )
-        for group in "ab"
-        if groups.named("ahead", group) in found
-    }
+def phasors(found: Mapping[str, float]) -> dict[str, tuple[complex, complex]]:
+    """Return the phasors of voltage (V) and current (A) of each group with a tone, from means."""
+
+    def of(group: str, name: str) -> complex:
+        return complex(*(found[groups.named(f"{name}_{part}", group)] for part in ("real", "imag")))
+
+    own = [group for group in GROUPS if groups.named(f"{_PHASORS[0]}_real", group) in found]
+    return {group: (of(group, _PHASORS[0]), of(group, _PHASORS[1])) for group in own}
 
 
 def rubbing(plant: Plant, trace: Trace, discretisation: Discretisation, loss_w: float) -> list[float]:

@@ -28,6 +28,7 @@ from pyspice_runner.steady.shooting import Orbit, rest
 
 Progress = Callable[[int, int], None]
 Means = dict[str, float]
+Run = Callable[[Mapping[int, Copy], PeriodMap], Mapping[int, tuple[Means, Copy]]]  # as :func:`run_block`
 
 TOLERANCE = 1e-3
 PATIENCE = 40
@@ -171,15 +172,26 @@ def settle_points(
     in_threads(settled, list(points), cores(), stop.set)
 
 
+def run_block(copies: Mapping[int, Copy], blocks: PeriodMap) -> dict[int, tuple[Means, Copy]]:
+    """Return by place the means over a block of the copies that ngspice can run, and the copies at its end."""
+    found = {}
+    for (place, copy), trace in zip(copies.items(), blocks.traces(list(copies.values())), strict=True):
+        if trace is not None:
+            after = replace(copy, state=trace.states[:, -1], begun=float(trace.time[-1]))
+            found[place] = means(copy.plant, trace, blocks.discretisation), after
+    return found
+
+
 def time_averages(
-    points: Mapping[int, Orbit], period_map: PeriodMap, accuracy: float
-) -> tuple[dict[int, tuple[Means, float]], list[PeriodMap]]:
-    """Return by place the means of running motors with the error of the mean friction force (N), and the maps.
+    points: Mapping[int, Orbit], period_map: PeriodMap, accuracy: float, run: Run = run_block
+) -> tuple[dict[int, tuple[Means, float]], list[PeriodMap], dict[int, Copy]]:
+    """Return by place the means of running motors with the error of the mean friction force (N), the maps, the ends.
 
     The motors run until the means of each vary by less than ``accuracy`` times the friction under the preload, or for
     :data:`_MOST` blocks that count: the second half, since they start from rest. They go on at half the step, for the
     means at a vanishing step. The error is what the means vary, and the difference to the finer step. A motor that
-    ngspice cannot run is left out.
+    ngspice cannot run is left out. What ``run`` measures behind a driver, whose steps are not uniform, is not
+    extrapolated, and network and plates start as in the periodic motion.
     """
     longest = max(point.plant.motor.decay_s for point in points.values())
     periods = max(FEWEST_PERIODS, ceil(longest / period_map.period))
@@ -187,30 +199,35 @@ def time_averages(
     for place, point in points.items():
         state, turning = rest(point.plant), point.plant.places["rotor"]
         state[turning] = point.state[turning]
+        if point.plant.driver:
+            state[point.plant.inner :] = point.state[point.plant.inner :]
         copies[place] = Copy(point.plant, state)
     steps = round(periods * (period_map.steps + GOLDEN))  # which move through the period, so that rounding averages out
     coarse, fine = (period_map.of(periods * period_map.period, finer * steps) for finer in (1, 2))
-    before = _averages(copies, coarse, accuracy, settled=False)
+    before = _averages(copies, coarse, accuracy, run, settled=False)
     found = {}
-    for place, (mean, error) in _averages(copies, fine, accuracy, settled=True).items():
-        limit = extrapolated(mean, before[place][0], fine.steps / coarse.steps)
-        found[place] = limit, max(error, before[place][1]) + abs(limit["friction"] - mean["friction"])
-    return found, [coarse, fine]
+    for place, (mean, error) in _averages(copies, fine, accuracy, run, settled=True).items():
+        rough, driven = before[place][0], copies[place].plant.driver
+        limit = mean if driven else extrapolated(mean, rough, fine.steps / coarse.steps)
+        change = mean["friction"] - (rough if driven else limit)["friction"]
+        found[place] = limit, max(error, before[place][1]) + abs(change)
+    return found, [coarse, fine], copies
 
 
 def _averages(
-    copies: dict[int, Copy], blocks: PeriodMap, accuracy: float, *, settled: bool
+    copies: dict[int, Copy], blocks: PeriodMap, accuracy: float, run: Run, *, settled: bool
 ) -> dict[int, tuple[Means, float]]:
     """Run copies, leave them at their ends, and return their means with what these vary, in N."""
     passed: dict[int, list[Means]] = {place: [] for place in copies}
     found: dict[int, tuple[Means, float]] = {}
     for number in range(1, (1 if settled else 2) * _MOST + 1):
-        for (place, copy), trace in zip(list(copies.items()), blocks.traces(list(copies.values())), strict=True):
-            if trace is None:
+        after = run(copies, blocks)
+        for place in list(copies):
+            if place not in after:
                 del copies[place]
                 continue
-            passed[place].append(means(copy.plant, trace, blocks.discretisation))
-            copies[place] = replace(copy, state=trace.states[:, -1], begun=float(trace.time[-1]))
+            mean, copies[place] = after[place]
+            passed[place].append(mean)
         first = 0 if settled else number // 2
         if number - first < _FEWEST or number % _CHECKED:
             continue

@@ -79,7 +79,7 @@ def speed_torque(
     """Measure torque, power and losses over speed, in all four quadrants.
 
     The steady states of all points are found together by shooting (:func:`.steady_state`), with time averages where
-    the motion is unstable. A point without one, or with an unstable one behind a driver, is left to settle.
+    the motion is unstable. A point without one is left to settle.
 
     A point that settles starts from preloaded rest, on a rotor that turns at its speed, and runs in blocks of whole
     drive periods, each as long as the slowest mode takes to decay. It is settled when the means do not change from
@@ -206,7 +206,7 @@ def held_points(points: Sequence[tuple[Motor, Drive, Mapping[str, Any]]]) -> lis
         with suppress(ParameterError, SimulationError, TypeError, ValueError):
             benches[place] = _held(motor, drive, **settings)
     try:
-        found, _ = _steady(list(benches.values()))
+        found = _steady(list(benches.values()))
     except (ParameterError, SimulationError):
         return [None] * len(points)
     answers: list[dict[str, Any] | None] = [None] * len(points)
@@ -254,12 +254,11 @@ def _measured(
     """Return the outcomes by place, and the error or interrupt if some are missing."""
     tell = progress or (lambda *_: None)
     found: dict[int, dict[str, Any]] = {}
-    multipliers: dict[int, float] = {}
     fault: KeyboardInterrupt | SimulationError | None = None
     try:
         if mode == "steady":
             tell(0, len(points))
-            found, multipliers = _steady(points)
+            found = _steady(points)
         others = {place: bench for place, bench in enumerate(points) if place not in found}
         finished = len(found)
         if others:
@@ -268,8 +267,6 @@ def _measured(
             tell(len(points), len(points))
     except (KeyboardInterrupt, SimulationError) as error:
         fault = error
-    for place in found.keys() & multipliers.keys():
-        found[place]["largest_multiplier"] = multipliers[place]
     for place in sorted(found):
         bench = points[place]
         if bench.setup.solver.audit and found[place]["findings"]:
@@ -280,23 +277,20 @@ def _measured(
     return found, fault
 
 
-def _steady(points: Sequence[Dynamometer]) -> tuple[dict[int, dict[str, Any]], dict[int, float]]:
-    """Return by place the outcomes of points whose values need no settling, and the multipliers of all found."""
+def _steady(points: Sequence[Dynamometer]) -> dict[int, dict[str, Any]]:
+    """Return by place the outcomes of points whose values need no settling."""
     setups = [replace(bench.setup, solver=replace(bench.setup.solver, audit=False)) for bench in points]
-    states = {place: state for place, state in enumerate(steady_states(setups)) if state.converged}
-    multipliers = {place: state.largest_multiplier for place, state in states.items()}
-    outcomes = {
+    return {
         place: {
             **state.quantities, "settled": True, "audit_passed": bool(state.audit.passed),
             "findings": state.audit.findings, "torque_error_n_m": state.torque_error_n_m,
-            "largest_multiplier": multipliers[place], "torque_drift_n_m": 0.0,
+            "largest_multiplier": state.largest_multiplier, "torque_drift_n_m": 0.0,
             "simulated_s": state.provenance["simulated_s"], "deck_sha256": state.provenance["deck_sha256"],
             "method": state.method,
         }
-        for place, state in states.items()
+        for place, state in enumerate(steady_states(setups))
         if state.reached
     }  # fmt: skip
-    return outcomes, multipliers
 
 
 # --- axes ---

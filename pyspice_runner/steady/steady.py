@@ -37,7 +37,7 @@ from pyspice_runner.run.recording import VECTORS, Recording
 from pyspice_runner.run.waveforms import Array, Waveforms, described
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import Copy, Plant, drive_voltage
-from pyspice_runner.steady.driven import ROUGH, Answer, check_driven, driven_answers
+from pyspice_runner.steady.driven import ROUGH, Answer, answer_of, check_driven, driven_answers
 from pyspice_runner.steady.period_map import (
     CONTACT,
     Effort,
@@ -49,9 +49,6 @@ from pyspice_runner.steady.period_map import (
     in_threads,
     mean_of,
     means,
-    of_contacts,
-    phases,
-    quantities,
     speed,
 )
 from pyspice_runner.steady.settling import AVERAGE, time_averages
@@ -77,7 +74,7 @@ class SteadyState(Quantities, Result):
         drive: the voltages of both groups, or the driver.
         speed_rad_s: mean speed of the rotor.
         current_a_phase_deg, current_b_phase_deg: phase of a group's current ahead of its voltage, both at the drive's
-            frequency: 90° of a capacitance; NaN without a voltage, with tones at two frequencies, and behind a driver.
+            frequency: 90° of a capacitance; NaN without a voltage, and with tones at two frequencies.
         torque_error_n_m: estimated error of the torque by the time step, of a time average also by its scatter.
         floquet_multipliers: eigenvalues of the map over one period, the largest first.
         converged: whether there is a solution at every step that was used.
@@ -92,9 +89,10 @@ class SteadyState(Quantities, Result):
             solution.
         provenance: settings, numbers of runs and hashes, JSON-ready.
         solution: the solved point at the coarse step; ``None`` without a solution, and behind a driver.
-        behind: the solved point behind a driver; else ``None``.
+        behind: the solved point behind a driver, or a period of the motor where it is unstable; else ``None``.
         failure: the first failure of ngspice if every run failed, else ``None``.
-        contacts: name, mean normal force and separated share of each of several contacts; not known behind a driver.
+        contacts: name, mean normal force and separated share of each of several contacts.
+        pins: group → phasors of its voltage in V and current in A, of a tone at the drive's frequency.
     """
 
     motor: Motor = field(repr=False)
@@ -116,6 +114,7 @@ class SteadyState(Quantities, Result):
     current_a_phase_deg: float = float("nan")
     current_b_phase_deg: float = float("nan")
     contacts: tuple[dict[str, Any], ...] = ()
+    pins: Mapping[str, tuple[complex, complex]] = field(default_factory=dict, repr=False)
 
     @property
     def stable(self) -> bool:
@@ -204,7 +203,7 @@ class SteadyState(Quantities, Result):
         elif not self.stable:
             yield f"The steady state is not stable: {self.instability}."
             average, own = "time averages of the motor that runs from rest", "those of the unstable motion"
-            yield f"Its values are {average if self.reached else f'{own}; speed_torque has time averages'}."
+            yield f"Its values are {average if self.reached else own}."
         if self.held_by_friction:
             yield STUCK
             bounds = (engineering(value, "N·m") for value in (self.torque_min_n_m, self.torque_max_n_m))
@@ -259,8 +258,8 @@ def steady_state(
         settings: load, contact and solver, as in :class:`.Settings`.
 
     Returns:
-        The steady state; the quantities of an unstable one are time averages, except behind a driver. ``converged`` is
-        false if none was found; then they are NaN.
+        The steady state; the quantities of an unstable one are time averages. ``converged`` is false if none was found;
+        then they are NaN.
 
     Raises:
         ParameterError: for an invalid value, or for tones without a common period.
@@ -327,10 +326,11 @@ def steady_states(
             found |= zip(part.setups, states, strict=True)
         for places in behind.values():
             some, begun = [setups[place] for place in places], [near[place] for place in places]
-            answers, maps = driven_answers(some, begun, _free_shafts(some, begun), accuracy or ACCURACY, processes)
+            moving = _free_shafts(some, begun)
+            answers, maps = driven_answers(some, begun, moving, accuracy or ACCURACY, processes, averages=averages)
             for place, answer in zip(places, answers, strict=True):
                 state = _result(setups[place], answer.point, answer, maps, waveforms=waveforms)
-                found[place] = replace(state, behind=answer.point if state.converged else None)
+                found[place] = replace(state, behind=(answer.running or answer.point) if state.converged else None)
     return list(found.values())
 
 
@@ -341,7 +341,7 @@ def _free_shafts(setups: Sequence[Point], starts: Sequence[Orbit | None]) -> lis
     """
     free = [place for place, setup in enumerate(setups) if setup.load.speed is None and starts[place] is None]
     ideal = [replace(setups[place], source=DriveSource(Plant.of(setups[place]).drive)) for place in free]
-    found = {place: state.solution for place, state in zip(free, steady_states(ideal), strict=True) if state.stable}
+    found = {place: state.solution for place, state in zip(free, steady_states(ideal, averages=False), strict=True)}
     return [found.get(place) for place in range(len(setups))]
 
 
@@ -431,20 +431,17 @@ def solve_part(
     Shooting(points, maps[0]).search()
     if accuracy is None:  # the coarse step alone, of which no error is known
         answers = {
-            place: _answer(point, maps[0], means(point.plant, point.trace, maps[0].discretisation), float("nan"))
+            place: answer_of(point, maps[0], means(point.plant, point.trace, maps[0].discretisation), float("nan"))
             for place, point in enumerate(points)
             if point.done and point.trace
         }
     else:
         answers = _answers(points, maps, steps, accuracy)
-        unstable = {
-            place: points[place] for place, one in answers.items()
-            if averages and points[place].plant.law and np.abs(one.point.multipliers).max(initial=0.0) >= 1.0
-        }  # fmt: skip
-        averaged, blocks = time_averages(unstable, maps[0], accuracy) if unstable else ({}, [])
+        unstable = {place: points[place] for place, one in answers.items() if averages and one.unstable}
+        averaged, blocks, _ = time_averages(unstable, maps[0], accuracy) if unstable else ({}, [], {})
         maps += blocks
         for place, average in averaged.items():
-            mean = _answer(answers[place].point, blocks[0], *average)
+            mean = answer_of(answers[place].point, blocks[0], *average)
             answers[place] = replace(mean, map=answers[place].map, method=AVERAGE)
     found = []
     for place, (setup, point) in enumerate(zip(setups, points, strict=True)):
@@ -467,7 +464,7 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
         for place, (found, spread) in averages.items():  # the coarse step alone does where the contact stays closed
             error = FROM_SPREAD * spread
             if found["touching"] >= 1.0 and error <= accuracy * points[place].plant.friction_n:
-                answers[place] = _answer(level[place][0], maps[0], found, error)
+                answers[place] = answer_of(level[place][0], maps[0], found, error)
         pending = [place for place in pending if place not in answers]
     for refinement in range(MOST_REFINEMENTS + 1):
         if not pending:
@@ -487,20 +484,11 @@ def _answers(points: Sequence[Orbit], maps: list[PeriodMap], steps: int, accurac
             ratio = maps[-1].steps / maps[-2].steps
             limit = extrapolated(fine, rough, ratio) if ratio > 1.0 else fine
             error = abs(limit["friction"] - fine["friction"]) + 0.5 * spread
-            answers[place] = _answer(level[place][0], maps[-1], limit, error)
+            answers[place] = answer_of(level[place][0], maps[-1], limit, error)
             if error > accuracy * points[place].plant.friction_n and points[place].plant.law:
                 still.append(place)
         pending = still
     return answers
-
-
-def _answer(point: Orbit, period_map: PeriodMap, found: Mapping[str, float], error: float) -> Answer:
-    """Return the answer for means and the error of the friction force in N."""
-    torque_error = point.plant.motor.rotor.radius_m * error
-    values = quantities(point.plant, found) | phases(found)
-    return Answer(
-        point, period_map, values, torque_error, found["speed"], contacts=of_contacts(point.plant, found)
-    )  # fmt: skip
 
 
 def _between(points: Mapping[int, Orbit], period_map: PeriodMap) -> dict[int, list[Orbit]]:
@@ -577,7 +565,8 @@ def _result(
         residual=last.residual, iterations=point.iterations, step_s=step,
         method=(answer.method or point.method) if found else "",
         audit=audit, waveforms=_waveforms(setup, answer, provenance) if found and waveforms else None,
-        provenance=provenance, contacts=answer.contacts, solution=None, behind=None, failure=coarse.failure,
+        provenance=provenance, contacts=answer.contacts, pins=answer.pins, solution=None, behind=None,
+        failure=coarse.failure,
     )  # fmt: skip
 
 

@@ -17,8 +17,10 @@ from pyspice_runner.run.kernel import run_bench, transient_timing
 from pyspice_runner.run.point import Point
 from pyspice_runner.spice.process import KeptProcesses
 from pyspice_runner.steady.copies import LEAD, Copy, Plant, driven_bench
+from pyspice_runner.steady.driven import _metered
 from pyspice_runner.steady.period_map import PeriodMap
 from pyspice_runner.steady.speed_torque import held_point
+from pyspice_runner.steady.steady import steady_states
 from tests.motors import BEAM40, friction_torque, recommended
 
 pytestmark = pytest.mark.xdist_group("steady states")
@@ -46,6 +48,21 @@ def test_an_ideal_driver_has_the_steady_state_of_its_voltages(speed: float | Non
     for name in ("power_a_w", "current_b_rms_a", "peak_pressure_pa"):
         assert getattr(ours, name) == pytest.approx(getattr(plain, name), rel=5e-3), name
     assert abs(ours.balance_residual) < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["linear", pytest.param("half-bridge", marks=pytest.mark.soak)])
+def test_blocks_with_meters_continue_the_motion_behind_a_driver(kind: str) -> None:
+    """Of a stable motion a block of ten periods has the means of one, and leaves it where it was."""
+    point = Point.of(HELD, driver(kind, "inductor"), speed=6.0)
+    (state,) = steady_states([point])
+    assert state.behind is not None
+    period = point.source.period
+    blocks = PeriodMap(period, 140, uniform=point.source.uniform, lead=LEAD).of(10 * period, 1400)
+    mean, after = _metered([point], {0: Copy(state.behind.plant, state.behind.state)}, blocks)[0]
+    assert HELD.rotor.radius_m * mean["friction"] == pytest.approx(state.torque_n_m, abs=5e-3 * friction_torque(HELD))
+    assert mean["power_a"] == pytest.approx(state.power_a_w, rel=5e-3)
+    moved = np.delete((after.state - state.behind.state) / state.behind.scale, after.plant.sliders[0])
+    assert moved == pytest.approx(0.0, abs=1e-2)  # but the slider, whose distance beyond its limit is one of the step
 
 
 @pytest.mark.soak
