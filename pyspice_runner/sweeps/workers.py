@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 from collections import Counter, deque
@@ -20,6 +21,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from types import ModuleType
 from typing import Any
 
 from pyspice_runner.errors import require
@@ -70,7 +72,9 @@ def _by_processes(tasks: Mapping[str, Task], number: int) -> Iterator[tuple[str,
     waiting = deque(tasks)
     deaths: Counter[str] = Counter()
     in_a_row = 0
-    with _processes() as start:
+    # a worker executes the user's script only for a function or a class of it; one without a guard would sweep again
+    of_script = b"__main__" in pickle.dumps(next(iter(tasks.values())))
+    with _processes(sys.modules["__main__"] if of_script else ModuleType("__main__")) as start:
         idle: list[Connection] = []
         busy: dict[Connection, str] = {}
         while in_a_row < _MOST_DEATHS and (waiting or busy):
@@ -133,8 +137,11 @@ def _start_of_workers() -> Iterator[None]:
 
 
 @contextmanager
-def _processes() -> Iterator[Callable[[], Connection]]:
-    """Yield a function that starts a worker process. All workers end with this process, even if it is killed."""
+def _processes(script: ModuleType) -> Iterator[Callable[[], Connection]]:
+    """Yield a function that starts a worker process, which executes the file of a script if the module has one.
+
+    All workers end with this process, even if it is killed.
+    """
     spawn = multiprocessing.get_context("spawn")
     theirs, ours = spawn.Pipe(duplex=False)
     with _start_of_workers():
@@ -146,7 +153,11 @@ def _processes() -> Iterator[Callable[[], Connection]]:
         here, there = spawn.Pipe()
         with held(), _start_of_workers():
             process = spawn.Process(target=_work, args=(there, theirs))
-            process.start()
+            own, sys.modules["__main__"] = sys.modules["__main__"], script
+            try:
+                process.start()
+            finally:
+                sys.modules["__main__"] = own
             started.append((process, here))
         there.close()
         return here

@@ -418,17 +418,18 @@ def test_a_sweep_that_is_killed_and_resumed_gives_the_same_file(kills: int, valu
 
 
 def test_workers_execute_no_file_of_the_working_folder(tmp_path: Path) -> None:
-    """Not even one with the name of a module that Python itself imports when it starts a worker."""
+    """Not even one named as a module that Python imports when it starts a worker, nor a script without a guard."""
     for name in ("signal", "pickle", "socket", "queue", "tempfile", "multiprocessing"):
         (tmp_path / f"{name}.py").write_text("open('executed', 'a').write(__name__)\n", encoding="utf-8")
     command = tmp_path / "bin" / "piezomotor"  # as pip writes it; `python -m` would search the working folder itself
     command.parent.mkdir()
-    command.write_text("from pyspice_runner.__main__ import main\nif __name__ == '__main__':\n    main()\n")
+    command.write_text("print('once')\nfrom pyspice_runner.__main__ import main\nmain()\n")
     words = [sys.executable, command, *COMMAND, "--over", "drive.voltage=10", "--store", "points", "--workers", "1"]
     environment = {**os.environ, "PYTHONPATH": str(processes.ROOT)}
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert not (tmp_path / "executed").exists()
     assert done.returncode == 0, done.stderr
+    assert done.stdout.count("once") == 1
 
 
 # --- a Dask cluster ---
