@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import cycle
 from math import inf, log, nan
 
 import numpy as np
@@ -53,7 +54,7 @@ class Search:
         resumed: place of an interrupted search.
         keep: is called with each place at which the difference to ngspice is taken.
         tolerances: where the search ends.
-        start: coordinates to start from; NaN where no better value than the first is known.
+        start: coordinates to start from, and others in further rows; NaN where no better value than the first is known.
     """
 
     def __init__(
@@ -63,7 +64,8 @@ class Search:
         self.predictor, self.resumed, self.keep, self.tolerances = predictor, resumed, keep, tolerances
         self.bounds = np.array([unknown.bounds for unknown in predictor.unknowns]).T
         self.prior = np.array([unknown.weight for unknown in predictor.unknowns])
-        self.start = np.full(len(self.prior), nan) if start is None else start
+        rows: Array = np.full((1, len(self.prior)), nan) if start is None else start
+        self.start, self.others = rows[0], rows[1:]
         self.spectra = tuple(one for one in predictor.curves if one.smooth)
         self.found: dict[bytes, Prediction] = {}
         self.slopes: dict[bytes, Array] = {}
@@ -121,7 +123,9 @@ class Search:
         """Return the best of several starts."""
         cube = qmc.Sobol(len(x), seed=0).random(1 << (starts - 1).bit_length())[: starts - 1]
         reach = START_REACH * np.isnan(self.start)
-        starting = [x, *(np.clip(x + reach * (2.0 * row - 1.0), *self.bounds) for row in cube)]
+        places = [x, *(np.clip(np.nan_to_num(one), *self.bounds) for one in self.others)]
+        around = zip(cycle(reversed(places)), cube, strict=False)
+        starting = [*places, *(np.clip(one + reach * (2.0 * row - 1.0), *self.bounds) for one, row in around)]
         self.found = dict(zip([one.tobytes() for one in starting], self.predictor.at(starting), strict=True))
 
         def badness(one: Array) -> tuple[int, float]:
@@ -131,10 +135,10 @@ class Search:
 
         if self.spectra:  # they need no steady state, and most minima are theirs
             alone = Search(replace(self.predictor, points=None, curves=self.spectra))
-            for one in sorted(starting, key=badness)[:_DESCENDED]:
+            for one in sorted(starting, key=badness)[: _DESCENDED + len(self.others)]:
                 alone._begin(one, alone.prediction(one))
                 starting.append(alone._descended(one))
-            ends = starting[starts:]
+            ends = starting[len(places) + len(cube) :]
             self.found |= zip([one.tobytes() for one in ends], self.predictor.at(ends), strict=True)
         best: Array = min(starting, key=badness)
         if starts > 1 and not self.found[best.tobytes()].known:

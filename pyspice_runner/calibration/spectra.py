@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from math import copysign, pi, sqrt
 from typing import Any, ClassVar, get_args
 
@@ -45,6 +46,7 @@ _FAR_ABOVE = 3.0  # times the noise of a spectrum (RMS), beyond which a motor do
 _FINE = 4001  # points of a sweep from which a spectrum with uneven frequencies is interpolated
 _OPPOSED = 1e3  # distance, as a logarithm of frequencies, of a mode that the groups drive in another way
 _COUPLED = 0.01  # the same for a coupling that differs by a factor of e
+_EXCHANGED = 4.0  # half-power widths between modes, below which one port may show them in another order
 _LEAST = 1e-9  # N/(V·√kg), added to couplings that may be 0
 _BANDWIDTHS = 8.0 / 3.0  # γ a² Q of a resonance that leans by its own bandwidth: ¾ γ a² is twice the relative shift
 
@@ -211,7 +213,8 @@ def fitted(
 ) -> Array:
     """Return the coordinates of modes and capacitances by the fit of the first free spectrum; NaN for other parameters.
 
-    Without a spectrum that can be fitted there are none. One port gives the size of the coupling through it.
+    Without a spectrum that can be fitted there are none. One port gives the size of the coupling through it, and does
+    not show which of two close modes is which: each further row has such a pair exchanged.
     """
     from pyspice_runner.impedance.one_port_fit import fit_one_port  # takes long to load
     from pyspice_runner.impedance.two_port_fit import TwoPortFit, fit_groups
@@ -228,17 +231,25 @@ def fitted(
     elif fit is not None:
         rows = [(one.series_resonance_hz, one.inductance_h**-0.5, 0.0, one.quality_factor) for one in fit.resonances]
     weights = np.array(COUPLING[connection])
-    for row, place in matched([row[:3] for row in rows], motor):
-        (frequency, a, b, quality), mode = rows[row], motor.modes[place]
-        couplings, root = np.array(mode.couplings), sqrt(mode.mass_kg)
-        if b:
-            couplings = copysign(root, couplings[0]) * np.array([a, b])
-        elif through := abs(float(weights @ couplings)):
-            couplings = np.where(weights, root * a / through, 1.0) * couplings
-        values = {"frequency_hz": frequency, "stiffness_n_per_m": mode.mass_kg * (2.0 * pi * frequency) ** 2}
-        values |= {"quality_factor": quality, **dict(zip(COUPLINGS, couplings.tolist(), strict=True))}
-        found |= {f"modes.{place}.{key}": value for key, value in values.items()}
-    return np.array([one.coordinate(found[one.path]) if one.path in found else np.nan for one in unknowns])
+    pairs = matched([row[:3] for row in rows], motor)
+    own, places = [rows[row] for row, _ in pairs], [place for _, place in pairs]
+    orders, starts = [places], list[list[float]]()
+    for k, ((low, *_), (high, _, b, quality)) in enumerate(pairwise(own)):
+        if not b and high - low < _EXCHANGED * high / quality:
+            orders.append([*places[:k], places[k + 1], places[k], *places[k + 2 :]])
+    for order in orders:
+        for (frequency, a, b, quality), place in zip(own, order, strict=True):
+            mode = motor.modes[place]
+            couplings, root = np.array(mode.couplings), sqrt(mode.mass_kg)
+            if b:
+                couplings = copysign(root, couplings[0]) * np.array([a, b])
+            elif through := abs(float(weights @ couplings)):
+                couplings = np.where(weights, root * a / through, 1.0) * couplings
+            values = {"frequency_hz": frequency, "stiffness_n_per_m": mode.mass_kg * (2.0 * pi * frequency) ** 2}
+            values |= {"quality_factor": quality, **dict(zip(COUPLINGS, couplings.tolist(), strict=True))}
+            found |= {f"modes.{place}.{key}": value for key, value in values.items()}
+        starts.append([one.coordinate(found[one.path]) if one.path in found else np.nan for one in unknowns])
+    return np.array(starts)
 
 
 def matched(found: Sequence[tuple[float, ...]], motor: Motor) -> list[tuple[int, int]]:
